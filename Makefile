@@ -35,10 +35,10 @@ endef
 OUT ?= out
 
 # What the oldest versions must do: everything that a user touches, against the reference cases.
-FLOOR_TESTS := tests/scene tests/catalogue tests/sinks tests/statics tests/cli tests/oracles/test_oracles.py
+FLOOR_TESTS := tests/scene tests/catalogue tests/io tests/statics tests/cli tests/oracles/test_oracles.py
 # Signals, damaged bytes, random files and own algorithms are the same with other versions.
 FLOOR_IGNORE := tests/cli/test_trouble.py tests/scene/test_fuzz.py tests/statics/test_properties.py \
-  tests/sinks/test_bag_failures.py tests/sinks/test_bag_salvage.py tests/sinks/test_bag_damage.py
+  tests/io/test_bag_failures.py tests/io/test_bag_salvage.py tests/io/test_bag_damage.py
 FLOOR_TOOLS := pytest pytest-xdist hypothesis
 # These want an empty stderr, where `rb_sim run` notes here that Rerun is absent.
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots

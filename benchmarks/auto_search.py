@@ -23,9 +23,9 @@ from rb_sim import load_scene
 from rb_sim.accuracy import auto
 from rb_sim.accuracy.checked import checked_run
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.errors import pose_difference
+from rb_sim.accuracy.differences import pose_difference
 from rb_sim.accuracy.runs import sample_times
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 from rb_sim.scene.compile import compile_scene
 
 RUNS, SECOND = 5.0, 1.0

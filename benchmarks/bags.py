@@ -24,14 +24,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rb_sim.analysis.analyze import analyze
+from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.readings import Readings
-from rb_sim.engine.samples import SampleBlock, SampleLayout, empty_block
+from rb_sim.io.bag.batches import BagScan
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.sink import BagSink
+from rb_sim.mechanics.samples import SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
-from rb_sim.sinks.bag import BagSink
-from rb_sim.sinks.bag_batches import BagScan
-from rb_sim.sinks.bag_reader import BagReader
 
 SAMPLES = 200_000
 LARGE = 3_300_000

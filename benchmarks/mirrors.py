@@ -12,20 +12,20 @@ STEPPING = (
     "tests/contact/stepping/test_laws_of_a_step.py",
     "tests/contact/test_time_stepping.py",
 )
-ONE_BODY = ("tests/engine/test_one_body_laws.py",)
+ONE_BODY = ("tests/mechanics/test_one_body_laws.py",)
 BETWEEN = ("tests/properties/test_between_bodies.py",)
 EFFECTS = ("tests/catalogue/test_effects.py", *ONE_BODY)
-SERIES = ("tests/engine/test_series_variables.py",)
+SERIES = ("tests/mechanics/test_series_variables.py",)
 JOINTS = ("tests/catalogue/test_joints.py",)
 ROWS = ("tests/properties/test_catalogue.py::test_rows_agree_with_differences", *ONE_BODY)
 SPLINES = (
-    "tests/engine/test_guide_laws.py",
-    "tests/engine/test_guides.py::test_the_slope_of_the_nearest_parameter",
+    "tests/mechanics/test_guide_laws.py",
+    "tests/mechanics/test_guides.py::test_the_slope_of_the_nearest_parameter",
     "tests/catalogue/test_curves.py",
 )
-MANY_BODIES = ("tests/engine/test_many_body_laws.py", "tests/engine/test_manifold_laws.py")
+MANY_BODIES = ("tests/mechanics/test_many_body_laws.py", "tests/mechanics/test_manifold_laws.py")
 CHOICE = tuple(
-    f"tests/engine/test_choice.py::test_{law}"
+    f"tests/mechanics/test_choice.py::test_{law}"
     for law in (
         "the_choice_is_that_of_cholesky_with_pivots",
         "of_equal_lines_round_off_does_not_choose",
@@ -34,8 +34,8 @@ CHOICE = tuple(
 )
 """Tests that many modules of a package share: of its tables, of its steps, of its laws."""
 TARGETS: dict[str, tuple[str, ...]] = {
-    "rb_sim/maths/cubic.py": ("tests/maths/test_cubic.py",),
-    "rb_sim/maths/vectors.py": ("tests/maths/test_vectors.py",),
+    "rb_sim/integrate/quadrature.py": ("tests/numerics/test_cubic.py",),
+    "rb_sim/numerics/vectors.py": ("tests/numerics/test_vectors.py",),
     "rb_sim/catalogue/effects/spring.py": (
         "tests/catalogue/test_spring.py",
         "tests/catalogue/test_effects.py",
@@ -46,92 +46,106 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/catalogue/test_effects.py",
         "tests/properties/test_between_bodies.py",
     ),
-    "rb_sim/contact/friction.py": (
+    "rb_sim/catalogue/contacts/friction.py": (
         "tests/contact/test_friction.py",
         "tests/contact/test_lines.py",
     ),
-    "rb_sim/contact/geometry/rims.py": ("tests/contact/geometry/test_rims.py",),
-    "rb_sim/contact/system/swings.py": ("tests/contact/system/test_swings.py",),
-    "rb_sim/contact/geometry/pairs.py": (
-        "tests/contact/geometry/test_pairs.py",
-        "tests/contact/geometry/test_solids.py",
-    ),
-    "rb_sim/contact/geometry/curved.py": (
-        "tests/contact/geometry/test_curved.py",
+    "rb_sim/catalogue/geometry/corners_and_rims.py": (
+        "tests/catalogue/geometry/test_rims.py",
+        "tests/catalogue/geometry/test_points_on_solids.py",
+        "tests/catalogue/geometry/test_rims_on_cylinders.py",
         "tests/contact/test_every_pair.py",
     ),
-    "rb_sim/contact/geometry/shapes.py": ("tests/contact/geometry/test_shapes.py",),
-    "rb_sim/contact/geometry/solids.py": ("tests/contact/geometry/test_solids.py",),
-    "rb_sim/contact/geometry/points_on_solids.py": (
-        "tests/contact/geometry/test_points_on_solids.py",
+    "rb_sim/mechanics/contact/near_flat_rims.py": ("tests/mechanics/contact/test_swings.py",),
+    "rb_sim/catalogue/geometry/pairs.py": (
+        "tests/catalogue/geometry/test_pairs.py",
+        "tests/catalogue/geometry/test_solids.py",
     ),
-    "rb_sim/contact/geometry/rims_on_cylinders.py": (
-        "tests/contact/geometry/test_rims_on_cylinders.py",
+    "rb_sim/catalogue/geometry/curved.py": (
+        "tests/catalogue/geometry/test_curved.py",
         "tests/contact/test_every_pair.py",
     ),
-    "rb_sim/contact/geometry/carriers.py": ("tests/contact/geometry/test_carriers.py",),
-    "rb_sim/contact/geometry/hull.py": ("tests/contact/geometry/test_solids.py",),
-    "rb_sim/contact/system/accelerations.py": (
-        "tests/contact/system/test_accelerations.py",
+    "rb_sim/catalogue/geometry/smooth_surfaces.py": ("tests/catalogue/geometry/test_shapes.py",),
+    "rb_sim/catalogue/geometry/solids.py": ("tests/catalogue/geometry/test_solids.py",),
+    "rb_sim/catalogue/geometry/carriers.py": ("tests/catalogue/geometry/test_carriers.py",),
+    "rb_sim/catalogue/geometry/hull.py": ("tests/catalogue/geometry/test_solids.py",),
+    "rb_sim/mechanics/contact/accelerations.py": (
+        "tests/mechanics/contact/test_accelerations.py",
         "tests/contact/test_between_bodies.py",
-        "tests/contact/system/test_manifold.py",
+        "tests/mechanics/contact/test_manifold.py",
         "tests/contact/test_every_pair.py",
     ),
-    "rb_sim/contact/system/bodies.py": (*SYSTEM, "tests/contact/events/test_delassus.py"),
-    "rb_sim/contact/system/layout.py": SYSTEM,
-    "rb_sim/contact/system/levels.py": (
-        "tests/contact/system/test_levels.py",
+    "rb_sim/mechanics/contact/contact_bodies.py": (
+        *SYSTEM,
+        "tests/contact/events/test_delassus.py",
+    ),
+    "rb_sim/mechanics/contact/constraint_tables.py": (*SYSTEM,),
+    "rb_sim/mechanics/contact/event_functions.py": (
+        "tests/mechanics/contact/test_levels.py",
         "tests/contact/events/test_dips.py",
     ),
-    "rb_sim/contact/system/lines.py": SYSTEM,
-    "rb_sim/contact/system/manifold.py": ("tests/contact/system/test_manifold.py",),
-    "rb_sim/contact/system/rates.py": ("tests/contact/system/test_rates.py", *SYSTEM),
-    "rb_sim/contact/system/terms.py": (*SYSTEM, "tests/contact/events/test_delassus.py"),
-    "rb_sim/contact/system/touch.py": ("tests/contact/system/test_touch.py", *SYSTEM),
+    "rb_sim/mechanics/contact/contact_projection.py": ("tests/mechanics/contact/test_manifold.py",),
+    "rb_sim/mechanics/contact/motion_kernels.py": (
+        "tests/mechanics/contact/test_rates.py",
+        *SYSTEM,
+    ),
+    "rb_sim/mechanics/contact/contact_kinematics.py": (
+        *SYSTEM,
+        "tests/contact/events/test_delassus.py",
+    ),
+    "rb_sim/mechanics/contact/contact_table.py": ("tests/mechanics/contact/test_touch.py", *SYSTEM),
     "rb_sim/contact/stepping/after.py": ("tests/contact/stepping/test_after.py", *STEPPING),
-    "rb_sim/contact/stepping/apart.py": ("tests/contact/stepping/test_apart.py", *STEPPING),
-    "rb_sim/contact/stepping/bends.py": (
+    "rb_sim/contact/stepping/step_kernels.py": (
+        "tests/contact/stepping/test_apart.py",
+        *STEPPING,
+        "tests/contact/stepping/test_loop.py",
+        "tests/contact/stepping/test_motion.py",
+        "tests/contact/stepping/test_aims.py",
+        "tests/contact/stepping/test_thrown.py",
+    ),
+    "rb_sim/contact/stepping/normal_change.py": (
         "tests/contact/stepping/test_bends.py",
         "tests/contact/stepping/test_after.py",
     ),
-    "rb_sim/contact/geometry/boxes.py": ("tests/contact/stepping/test_boxes.py",),
+    "rb_sim/catalogue/geometry/boxes.py": ("tests/contact/stepping/test_boxes.py",),
     "rb_sim/contact/stepping/geometry.py": (
         "tests/contact/stepping/test_geometry.py",
         "tests/contact/stepping/test_slots.py",
         "tests/contact/stepping/test_joints.py",
         *STEPPING,
     ),
-    "rb_sim/contact/stepping/joints.py": (
+    "rb_sim/contact/stepping/stepping_motion.py": (
         "tests/contact/stepping/test_motion.py",
         "tests/contact/stepping/test_joints.py::test_laws_of_the_joints_are_the_kernels",
     ),
-    "rb_sim/contact/stepping/lines.py": ("tests/contact/stepping/test_lines.py", *STEPPING),
-    "rb_sim/contact/stepping/loop.py": (
-        "tests/contact/stepping/test_loop.py",
-        "tests/contact/stepping/test_motion.py",
+    "rb_sim/contact/stepping/constraint_rows.py": (
+        "tests/contact/stepping/test_lines.py",
         *STEPPING,
     ),
-    "rb_sim/contact/stepping/motion.py": ("tests/contact/stepping/test_motion.py",),
-    "rb_sim/contact/stepping/rebounds.py": ("tests/contact/stepping/test_rebounds_by_hand.py",),
-    "rb_sim/contact/stepping/room.py": ("tests/contact/stepping/test_room.py",),
-    "rb_sim/contact/stepping/parts.py": (
-        "tests/contact/stepping/test_aims.py",
-        "tests/contact/stepping/test_thrown.py",
+    "rb_sim/contact/stepping/step.py": (
+        "tests/contact/stepping/test_rebounds_by_hand.py",
+        "tests/contact/stepping/test_step.py",
+        *STEPPING,
     ),
-    "rb_sim/contact/stepping/step.py": ("tests/contact/stepping/test_step.py", *STEPPING),
-    "rb_sim/contact/stepping/tables.py": ("tests/contact/stepping/test_geometry.py", *STEPPING),
-    "rb_sim/sinks/contact_power.py": ("tests/sinks/test_contact_power.py",),
+    "rb_sim/contact/stepping/step_workspace.py": ("tests/contact/stepping/test_room.py",),
+    "rb_sim/contact/stepping/scene_tables.py": (
+        "tests/contact/stepping/test_geometry.py",
+        *STEPPING,
+    ),
+    "rb_sim/io/contact_power.py": ("tests/io/test_contact_power.py",),
     "rb_sim/contact/events/search.py": (
         "tests/contact/events/test_dips.py",
         "tests/contact/events/test_grazes.py",
         "tests/contact/events/test_motion.py",
     ),
-    "rb_sim/contact/events/grazes.py": ("tests/contact/events/test_grazes.py",),
-    "rb_sim/contact/events/order.py": (
-        "tests/contact/events/test_order.py",
+    "rb_sim/contact/problem/order.py": (
         "tests/contact/events/test_grazes.py",
+        "tests/contact/events/test_order.py",
     ),
-    "rb_sim/maths/complementarity.py": ("tests/maths/test_complementarity.py",),
+    "rb_sim/numerics/complementarity.py": (
+        "tests/numerics/test_complementarity.py",
+        "tests/numerics/test_numbering.py",
+    ),
     "rb_sim/catalogue/effects/gravity.py": (
         "tests/scene/test_load.py",
         "tests/properties/test_catalogue.py",
@@ -139,91 +153,78 @@ TARGETS: dict[str, tuple[str, ...]] = {
     ),
     "rb_sim/catalogue/effects/drag.py": (*EFFECTS, *BETWEEN),
     "rb_sim/catalogue/effects/wrench.py": ("tests/catalogue/test_wrench.py", *EFFECTS),
-    "rb_sim/catalogue/inertia.py": ("tests/catalogue/test_spec.py",),
+    "rb_sim/scene/shapes.py": ("tests/catalogue/test_spec.py",),
     "rb_sim/catalogue/curves.py": (*SPLINES, *ONE_BODY),
-    "rb_sim/catalogue/splines.py": SPLINES,
-    "rb_sim/catalogue/spline_tables.py": SPLINES,
-    "rb_sim/catalogue/constraints/curve_row.py": ROWS,
+    "rb_sim/catalogue/splines.py": (*SPLINES,),
+    "rb_sim/catalogue/constraints/rows.py": (
+        *ROWS,
+        *JOINTS,
+    ),
     "rb_sim/catalogue/constraints/fixed_axis.py": JOINTS,
     "rb_sim/catalogue/constraints/joints.py": JOINTS,
     "rb_sim/catalogue/constraints/rolling.py": ("tests/catalogue/test_rolling.py", *JOINTS, *ROWS),
-    "rb_sim/catalogue/constraints/rows.py": (*JOINTS, *ROWS),
     "rb_sim/catalogue/constraints/simple.py": JOINTS,
     "rb_sim/catalogue/constraints/translation.py": ONE_BODY,
-    "rb_sim/engine/one_body.py": ONE_BODY,
-    "rb_sim/engine/systems/free.py": ONE_BODY,
-    "rb_sim/engine/systems/fixed_point.py": ONE_BODY,
-    "rb_sim/engine/systems/fixed_axis.py": ONE_BODY,
-    "rb_sim/engine/systems/free_rotor.py": ("tests/engine/test_polhode.py", *ONE_BODY),
-    "rb_sim/engine/systems/translation.py": ONE_BODY,
-    "rb_sim/engine/systems/rolling.py": ONE_BODY,
-    "rb_sim/maths/rank.py": ("tests/maths/test_rank.py",),
-    "rb_sim/maths/least_squares.py": ("tests/maths/test_least_squares.py",),
-    "rb_sim/maths/semidefinite.py": ("tests/maths/test_semidefinite.py",),
-    "rb_sim/maths/unsymmetric.py": ("tests/maths/test_unsymmetric.py",),
-    "rb_sim/maths/cones.py": ("tests/maths/test_cone_program.py",),
-    "rb_sim/maths/cone_polish.py": ("tests/maths/test_cone_program.py",),
-    "rb_sim/maths/cone_program.py": ("tests/maths/test_cone_program.py",),
-    "rb_sim/maths/complementarity_search.py": (
-        "tests/maths/test_numbering.py",
-        "tests/maths/test_complementarity.py",
+    "rb_sim/mechanics/systems/one_body.py": ONE_BODY,
+    "rb_sim/mechanics/systems/free.py": (
+        *ONE_BODY,
+        "tests/mechanics/test_polhode.py",
     ),
-    "rb_sim/engine/systems/multibody.py": MANY_BODIES,
-    "rb_sim/engine/systems/many_bodies.py": MANY_BODIES,
-    "rb_sim/engine/systems/multipliers.py": MANY_BODIES,
-    "rb_sim/engine/systems/elimination.py": ("tests/engine/test_elimination.py", *MANY_BODIES),
-    "rb_sim/engine/systems/free_spin.py": ("tests/engine/test_polhode.py",),
-    "rb_sim/engine/systems/least_norm.py": ("tests/engine/test_least_norm.py",),
-    "rb_sim/engine/systems/choice.py": (*CHOICE, *MANY_BODIES),
-    "rb_sim/engine/multibody_laws.py": MANY_BODIES,
-    "rb_sim/engine/solved_lines.py": MANY_BODIES,
-    "rb_sim/engine/object_tables.py": MANY_BODIES,
-    "rb_sim/engine/hubs.py": MANY_BODIES,
-    "rb_sim/engine/independent.py": (
+    "rb_sim/mechanics/systems/fixed_point.py": ONE_BODY,
+    "rb_sim/mechanics/systems/fixed_axis.py": ONE_BODY,
+    "rb_sim/mechanics/systems/translation.py": ONE_BODY,
+    "rb_sim/mechanics/systems/rolling.py": ONE_BODY,
+    "rb_sim/numerics/rank.py": ("tests/numerics/test_rank.py",),
+    "rb_sim/numerics/linear_solves.py": (
+        "tests/numerics/test_least_squares.py",
+        "tests/numerics/test_semidefinite.py",
+        "tests/numerics/test_unsymmetric.py",
+    ),
+    "rb_sim/numerics/cone_program.py": ("tests/numerics/test_cone_program.py",),
+    "rb_sim/mechanics/systems/multibody.py": MANY_BODIES,
+    "rb_sim/mechanics/systems/many_bodies.py": MANY_BODIES,
+    "rb_sim/mechanics/systems/multipliers.py": MANY_BODIES,
+    "rb_sim/mechanics/systems/elimination.py": (
+        "tests/mechanics/test_elimination.py",
+        *MANY_BODIES,
+        "tests/mechanics/test_least_norm.py",
         *CHOICE,
-        "tests/engine/test_independent.py::"
+    ),
+    "rb_sim/mechanics/multibody_laws.py": (*MANY_BODIES,),
+    "rb_sim/mechanics/independent.py": (
+        *CHOICE,
+        "tests/mechanics/test_independent.py::"
         "test_the_lines_left_are_as_many_as_the_rank_and_well_conditioned",
         *MANY_BODIES,
     ),
-    "rb_sim/engine/methods/registry.py": ("tests/engine/test_registry.py",),
-    "rb_sim/engine/velocities.py": ("tests/engine/test_velocities.py",),
-    "rb_sim/engine/manifold.py": MANY_BODIES,
-    "rb_sim/engine/turning.py": (
-        "tests/engine/test_turning.py",
-        "tests/engine/test_small_motions.py",
+    "rb_sim/mechanics/methods.py": ("tests/mechanics/test_registry.py",),
+    "rb_sim/mechanics/error_scales.py": (
+        "tests/mechanics/test_velocities.py",
+        "tests/mechanics/test_turning.py",
+        "tests/mechanics/test_small_motions.py",
+        "tests/mechanics/test_pairs.py",
+        "tests/mechanics/test_relative_motions.py",
     ),
-    "rb_sim/engine/small_motions.py": (
-        "tests/engine/test_turning.py",
-        "tests/engine/test_pairs.py",
-        "tests/engine/test_small_motions.py",
-    ),
-    "rb_sim/engine/relative_motions.py": (
-        "tests/engine/test_pairs.py",
-        "tests/engine/test_relative_motions.py",
-    ),
-    "rb_sim/engine/guides.py": ("tests/engine/test_guide_laws.py",),
+    "rb_sim/mechanics/initial_projection.py": MANY_BODIES,
+    "rb_sim/mechanics/systems/guides.py": ("tests/mechanics/test_guide_laws.py",),
     "rb_sim/engine/series/__init__.py": SERIES,
-    "rb_sim/engine/series/fixed_axis.py": SERIES,
-    "rb_sim/engine/series/rolling_disk.py": SERIES,
-    "rb_sim/engine/series/rolling_sphere.py": SERIES,
-    "rb_sim/engine/tables/laws.py": MANY_BODIES,
-    "rb_sim/engine/tables/blocks.py": MANY_BODIES,
-    "rb_sim/engine/tables/block_kernels.py": MANY_BODIES,
-    "rb_sim/engine/tables/block_products.py": MANY_BODIES,
-    "rb_sim/engine/tables/graph_of_lines.py": (
+    "rb_sim/mechanics/taylor_variables.py": (*SERIES,),
+    "rb_sim/mechanics/tables/table_laws.py": MANY_BODIES,
+    "rb_sim/mechanics/tables/blocks.py": (
+        *MANY_BODIES,
         *(
-            f"tests/engine/test_tables.py::test_{law}"
+            f"tests/mechanics/test_tables.py::test_{law}"
             for law in (
                 "hubs_are_bodies_whose_arms_hold_nothing_else",
                 "the_elimination_of_a_chain_meets_one_neighbour_a_link",
                 "the_hub_of_a_star_goes_after_its_arms_which_are_no_neighbours",
             )
         ),
+    ),
+    "rb_sim/mechanics/tables/program_rows.py": (*MANY_BODIES,),
+    "rb_sim/mechanics/tables/local.py": (
+        "tests/mechanics/test_local_tables.py",
         *MANY_BODIES,
     ),
-    "rb_sim/engine/tables/kinds.py": MANY_BODIES,
-    "rb_sim/engine/tables/lines.py": MANY_BODIES,
-    "rb_sim/engine/tables/local.py": ("tests/engine/test_local_tables.py", *MANY_BODIES),
-    "rb_sim/engine/tables/local_lines.py": MANY_BODIES,
 } | BY_HAND
 """Modules, and the tests that mirror them: files, or a test as FILE::NAME."""

@@ -21,7 +21,7 @@ OF_WATCHES = {
     "violated": ("violated",),
     "watched": ("watched",),
 }
-"""Test -> modules of rb_sim/watches."""
+"""Test -> modules of rb_sim/checks."""
 OF_EVENTS = {
     "delassus": ("delassus", "held"),
     "decompositions": ("choice", "decompositions"),
@@ -82,7 +82,7 @@ BY_HAND |= {
     )
 }
 BY_HAND |= {
-    "rb_sim/contact/events/dense.py": (
+    "rb_sim/contact/problem/delassus.py": (
         "tests/contact/events/test_delassus.py",
         "tests/contact/events/test_forces.py",
     ),
@@ -93,20 +93,22 @@ BY_HAND |= {
         )
         for module in ("laws", "touching")
     },
-    "rb_sim/contact/events/impacts.py": (
+    "rb_sim/contact/problem/impacts.py": (
         "tests/contact/events/test_rules_of_impact.py",
         "tests/contact/events/test_impacts.py",
     ),
-    "rb_sim/contact/events/missed.py": (
+    "rb_sim/contact/problem/order.py": (
         "tests/contact/events/test_missed_by_hand.py",
         "tests/contact/events/test_notes.py",
     ),
     "rb_sim/contact/events/shares.py": (
         "tests/contact/events/test_shared_loads.py::test_the_bounds_of_contacts_by_hand",
     ),
-    "rb_sim/contact/grid.py": ("tests/contact/events/test_grid.py",),
-    "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
-    "rb_sim/contact/points.py": ("tests/contact/test_grid_motion.py",),
+    "rb_sim/contact/grid_motion.py": (
+        "tests/contact/events/test_grid.py",
+        "tests/contact/test_grid_motion.py",
+    ),
+    "rb_sim/scene/compile_contacts.py": ("tests/contact/test_grid_motion.py",),
     **{
         f"rb_sim/contact/solvers/{module}.py": (
             "tests/contact/solvers/test_relaxing.py",
@@ -114,47 +116,47 @@ BY_HAND |= {
         )
         for module in ("gauss_seidel", "graph")
     },
-    "rb_sim/contact/solvers/together.py": (
+    "rb_sim/contact/solvers/hybrid.py": (
         "tests/contact/solvers/test_together.py",
         "tests/contact/solvers/test_solvers.py::test_sweeps_tell_how_near_they_are",
     ),
-    "rb_sim/contact/problem.py": ("tests/contact/solvers/test_problem.py",),
-    "rb_sim/contact/solvers/arrays.py": ("tests/contact/solvers/test_problem.py",),
-    "rb_sim/contact/solvers/joint_block.py": (
+    "rb_sim/contact/solvers/newton.py": ("tests/contact/solvers/test_problem.py",),
+    "rb_sim/contact/solvers/graph.py": ("tests/contact/solvers/test_problem.py",),
+    "rb_sim/contact/solvers/gauss_seidel.py": (
         "tests/contact/solvers/test_joint_block.py",
         "tests/contact/solvers/test_joints_that_follow.py",
     ),
-    "rb_sim/contact/solvers/body_blocks.py": ("tests/contact/solvers/test_body_blocks.py",),
-    "rb_sim/contact/sides.py": (
+    "rb_sim/contact/solvers/proximal_newton.py": ("tests/contact/solvers/test_body_blocks.py",),
+    "rb_sim/contact/tunnelling.py": (
         "tests/contact/test_depths_of_sides.py",
         "tests/contact/test_sides.py",
     ),
     **{
-        f"rb_sim/contact/system/{module}.py": (f"tests/contact/system/test_{module}.py",)
+        f"rb_sim/mechanics/contact/{module}.py": (f"tests/mechanics/contact/test_{module}.py",)
         for module in ("creep", "jacobian", "start_of_step")
     },
-    "rb_sim/contact/system/choice.py": tuple(
-        f"tests/contact/system/test_choice.py::test_{law}"
+    "rb_sim/contact/events/steps.py": tuple(
+        f"tests/mechanics/contact/test_choice.py::test_{law}"
         for law in (
             "the_lines_chosen_are_those_of_cholesky_with_pivots",
             "lines_that_leave_no_choice_stay_as_they_were",
         )
     ),
-    "rb_sim/compiler/kept_laws.py": ("tests/compiler/test_kept_laws.py",),
-    "rb_sim/engine/laws.py": (
-        "tests/engine/test_reduced_laws.py",
-        "tests/engine/test_series_variables.py",
+    "rb_sim/mechanics/initial_projection.py": ("tests/compiler/test_kept_laws.py",),
+    "rb_sim/mechanics/laws.py": (
+        "tests/mechanics/test_reduced_laws.py",
+        "tests/mechanics/test_series_variables.py",
     ),
-    "rb_sim/engine/traced.py": (
-        "tests/engine/test_laws.py::test_a_run_in_parts_is_the_run_in_one_bit_for_bit",
-        "tests/engine/test_laws.py::test_every_method_gives_the_same_numbers_interpreted",
-        "tests/engine/test_small_swings.py",
-        "tests/engine/test_traced.py",
-        "tests/loops/test_worst.py",
+    "rb_sim/motion/traced.py": (
+        "tests/mechanics/test_laws.py::test_a_run_in_parts_is_the_run_in_one_bit_for_bit",
+        "tests/mechanics/test_laws.py::test_every_method_gives_the_same_numbers_interpreted",
+        "tests/mechanics/test_small_swings.py",
+        "tests/mechanics/test_traced.py",
+        "tests/integrate/test_worst.py",
     ),
-    "rb_sim/engine/tangent_laws.py": ("tests/engine/test_tangent_laws.py",),
-    "rb_sim/engine/places.py": ("tests/engine/test_places.py",),
-    "rb_sim/engine/samples.py": ("tests/engine/test_samples.py",),
+    "rb_sim/simulation/sensitivity.py": ("tests/mechanics/test_tangent_laws.py",),
+    "rb_sim/mechanics/inputs.py": ("tests/mechanics/test_places.py",),
+    "rb_sim/mechanics/samples.py": ("tests/mechanics/test_samples.py",),
     **{
         f"rb_sim/contact/{module}.py": (
             "tests/contact/test_scales.py",
@@ -163,20 +165,25 @@ BY_HAND |= {
         for module, test in (("compile", "start"), ("start", "start"), ("looks", "looks"))
     },
     **{
-        f"rb_sim/contact/scene/{module}.py": (f"tests/contact/scene/test_{module}.py",)
+        f"rb_sim/catalogue/contacts/{module}.py": (f"tests/catalogue/contacts/test_{module}.py",)
         for module in ("contact", "sides", "surfaces", "touching")
     },
-    "rb_sim/contact/events/motion.py": tuple(
-        f"tests/contact/events/test_{test}.py"
-        for test in (
-            "motion_by_hand",
-            "lifting",
-            "tasks",
-            "leap",
-            "painleve",
-            "rims_that_lie",
-            "motion",
-        )
+    "rb_sim/contact/events/event_motion.py": (
+        *(
+            tuple(
+                f"tests/contact/events/test_{test}.py"
+                for test in (
+                    "motion_by_hand",
+                    "lifting",
+                    "tasks",
+                    "leap",
+                    "painleve",
+                    "rims_that_lie",
+                    "motion",
+                )
+            )
+        ),
+        "tests/contact/events/test_over_edges.py",
     ),  # fmt: skip
     "rb_sim/contact/events/stepping.py": (
         "tests/contact/events/test_stepping.py",
@@ -187,22 +194,21 @@ BY_HAND |= {
         "tests/contact/events/test_task_by_task.py",
         "tests/contact/events/test_tasks.py",
     ),
-    "rb_sim/contact/system/compiled.py": ("tests/contact/system/test_compiled.py",),
-    "rb_sim/contact/motion.py": ("tests/contact/test_motion.py",),
-    "rb_sim/contact/events/leaving.py": ("tests/contact/events/test_over_edges.py",),
-    "rb_sim/maths/own_time.py": ("tests/maths/test_own_time.py",),
-    "rb_sim/engine/lanes.py": ("tests/sweeps/test_lanes.py",),
+    "rb_sim/mechanics/contact/contact_laws.py": ("tests/mechanics/contact/test_compiled.py",),
+    "rb_sim/contact/choose_motion.py": ("tests/contact/test_motion.py",),
+    "rb_sim/numerics/kernels.py": ("tests/numerics/test_own_time.py",),
+    "rb_sim/mechanics/lane_motions.py": ("tests/sweeps/test_lanes.py",),
     "rb_sim/catalogue/spec.py": ("tests/catalogue/test_spec.py",),
-    "rb_sim/engine/recent.py": ("tests/engine/test_recent.py",),
-    "rb_sim/watches/advice.py": ("tests/test_forecast.py",),
-    "rb_sim/watches/balance.py": (
-        "tests/watches/test_ledger.py",
-        "tests/watches/test_watch_list.py",
+    "rb_sim/scene/compiled.py": ("tests/mechanics/test_recent.py",),
+    "rb_sim/checks/step_search.py": ("tests/accuracy/test_forecast.py",),
+    "rb_sim/checks/balance.py": (
+        "tests/checks/test_ledger.py",
+        "tests/checks/test_watch_list.py",
     ),
-    "rb_sim/watches/dead_point.py": ("tests/watches/test_dead_point.py",),
-    "rb_sim/watches/watch_list.py": (
-        "tests/watches/test_watch_list.py",
-        "tests/watches/test_pace.py",
-        "tests/watches/test_corrupted.py",
+    "rb_sim/checks/singular_configuration.py": ("tests/checks/test_dead_point.py",),
+    "rb_sim/checks/check_list.py": (
+        "tests/checks/test_watch_list.py",
+        "tests/checks/test_pace.py",
+        "tests/checks/test_corrupted.py",
     ),
 }

@@ -36,7 +36,7 @@ BARE = """
 import sys, time
 import rclpy
 from rb_sim import Simulation
-from rb_sim.ros.topic_sink import TopicSink
+from rb_sim.ros.topics.topic_sink import TopicSink
 rclpy.init()
 node = rclpy.create_node("rb_sim")
 simulation = Simulation(sys.argv[1])

@@ -115,7 +115,8 @@ def main() -> None:
     """Print the figures."""
     import rclpy
 
-    from rb_sim.ros import build_interfaces, interfaces
+    from rb_sim.ros import build_interfaces
+    from rb_sim.ros import build_interfaces as interfaces
 
     parser = argparse.ArgumentParser(description="How soon the node answers.")
     parser.add_argument("--count", type=int, default=500, help="of wrenches, and of requests")

@@ -149,7 +149,7 @@ def judged(ticks: np.ndarray, sent: np.ndarray, period: float) -> tuple[int, int
 
 def _in_bag(bag: Path, rate: float) -> np.ndarray:
     """Numbers of the samples in the bag."""
-    from rb_sim.sinks.bag_reader import BagReader
+    from rb_sim.io.bag.reader import BagReader
 
     stamps = np.concatenate([block.t for block in BagReader(bag).blocks()])
     return np.unique(np.rint(stamps * rate).astype(np.int64))

@@ -82,8 +82,8 @@ def add_synthetic(count: int) -> None:
 
 def without_reactions() -> None:
     """Let the sample of a body on a fixed point report no reaction."""
-    from rb_sim.engine import system
-    from rb_sim.engine.systems import fixed_point
+    from rb_sim.mechanics import system
+    from rb_sim.mechanics.systems import fixed_point
 
     @system.sample.register(fixed_point.FixedPointBody)
     def sample(system, t, y, out):
@@ -99,10 +99,10 @@ def child(kinds: int, what: str) -> None:
     add_synthetic(kinds - shipped)
     if what == "top without reactions":
         without_reactions()
+    from rb_sim.accuracy.costs import nanoseconds
+    from rb_sim.motion.traced import TracedMotion
     from rb_sim.scene.compile import compile_method, compile_scene
     from rb_sim.scene.load import scene_from_mapping
-    from rb_sim.step_costs import nanoseconds
-    from rb_sim.traced_motion import TracedMotion
 
     scene = scene_from_mapping(FREE if what == "free" else TOP)
     options = scene.simulation

@@ -4,8 +4,8 @@
 
 For the shipped scenes of one body and for chains, at the tolerances TOLERANCES: CPU time of a
 simulated second by the series of the coordinates; over it by that of the variables that rb_sim
-takes instead (`engine.series`), if it does, and by dopri853; and what a step along the series costs
-in steps of dopri853.
+takes instead (`mechanics.taylor_variables`), if it does, and by dopri853; and what a step along
+the series costs in steps of dopri853.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Any
 
 from benchmarks.many_body_scenes import chain
 from rb_sim import load_scene
-from rb_sim.engine.laws import ReducedLaws
-from rb_sim.engine.methods.dopri853 import AdaptiveDopri853
-from rb_sim.engine.methods.taylor import AdaptiveTaylor
+from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853
+from rb_sim.integrate.methods.taylor import AdaptiveTaylor
+from rb_sim.mechanics.laws import ReducedLaws
+from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
-from rb_sim.traced_motion import TracedMotion
 
 SCENES = (
     "free_tumble",

@@ -23,8 +23,8 @@ import numpy as np
 
 from benchmarks.fuzz.random_scenes import scene as random_scene
 from rb_sim import Simulation, Trajectory
-from rb_sim.errors import RbSimError
-from rb_sim.watches.second_run import apart
+from rb_sim.base.errors import RbSimError
+from rb_sim.checks.second_run import apart
 
 RIGHT, WRONG, GROSS, SAME = 1e-3, 1e-2, 0.1, 1e-4
 

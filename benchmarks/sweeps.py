@@ -26,11 +26,10 @@ import numpy as np
 
 from benchmarks import machine
 from rb_sim import Simulation
-from rb_sim.engine.lanes import Lanes
+from rb_sim.mechanics.lane_motions import Lanes
 from rb_sim.sweeps.batch import BatchRunner
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.points import points
+from rb_sim.sweeps.plan import load_plan, points
 from rb_sim.sweeps.sweep import _looks, _row, sweep
 
 BODIES = {"free_tumble": "angular_velocity[0]", "heavy_top": "mass", "pendulum": "mass"}

@@ -32,9 +32,9 @@ import numpy as np
 
 from benchmarks import many_body_scenes
 from rb_sim import Simulation, load_scene
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
 from rb_sim.scene.load import as_run_text
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.watch_list import WatchList
 
 CASES: tuple[tuple[Any, dict[str, Any]], ...] = (
     ("free_tumble", {}),
@@ -171,8 +171,8 @@ def scene_of(name: str) -> Any:
         return many_body_scenes.chain(int(name.rsplit(" ", 1)[1]))
     if "/" not in name:
         return name
-    from rb_sim.cli.hard_cases import shipped
-    from rb_sim.hard_cases.case import load_cases
+    from rb_sim.cli.verbs.hard_cases import shipped
+    from rb_sim.hard_cases.judge import load_cases
 
     return load_cases(shipped(), [name.split("/")[1]])[0].scene
 

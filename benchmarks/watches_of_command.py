@@ -17,14 +17,14 @@ from typing import Any
 METHODS = ("__init__", "add", "finish")
 """Of a WatchList, as a run calls them."""
 
-MODULES = "rb_sim.watches", "rb_sim.half_steps", "rb_sim.step_probe"
+MODULES = "rb_sim.checks", "rb_sim.checks.step_doubling", "rb_sim.checks.step_doubling"
 """Of the watches and what they ask."""
 
 
 def main() -> int:
     path, duration = sys.argv[1], float(sys.argv[2])
-    from rb_sim.cli.run import RunOptions, run
-    from rb_sim.watches.watch_list import WatchList
+    from rb_sim.checks.check_list import WatchList
+    from rb_sim.cli.verbs.run import RunOptions, run
 
     spent: list[float] = []
     for name in METHODS:

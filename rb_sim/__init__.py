@@ -12,18 +12,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rb_sim.errors import AccuracyWarning, RbSimError, SceneError, SceneWarning, SimulationError
-    from rb_sim.public import analyze, compare, fit, linearize, statics
-    from rb_sim.scene.builder import SceneBuilder
+    from rb_sim.base.errors import (
+        AccuracyWarning,
+        RbSimError,
+        SceneError,
+        SceneWarning,
+        SimulationError,
+    )
+    from rb_sim.cli.public import analyze, compare, fit, linearize, statics
     from rb_sim.scene.listing import list_scenes as scenes
-    from rb_sim.scene.load import load_scene
+    from rb_sim.scene.load import SceneBuilder, load_scene
     from rb_sim.scene.schema import Scene
-    from rb_sim.simulation import Simulation
-    from rb_sim.states import State
-    from rb_sim.statics.in_motion import reaction_ranges
-    from rb_sim.statics.load import load_statics
+    from rb_sim.simulation.reaction_ranges import reaction_ranges
+    from rb_sim.simulation.simulation import Simulation
+    from rb_sim.statics.model import load_statics
     from rb_sim.sweeps.sweep import sweep
-    from rb_sim.trajectory import Trajectory
+    from rb_sim.trajectory.states import State
+    from rb_sim.trajectory.trajectory import Trajectory
 
 __all__ = [
     "AccuracyWarning",
@@ -50,22 +55,22 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOMES = {
-    "AccuracyWarning": "rb_sim.errors",
-    "RbSimError": "rb_sim.errors",
+    "AccuracyWarning": "rb_sim.base.errors",
+    "RbSimError": "rb_sim.base.errors",
     "Scene": "rb_sim.scene.schema",
-    "SceneBuilder": "rb_sim.scene.builder",
-    "SceneError": "rb_sim.errors",
-    "SceneWarning": "rb_sim.errors",
-    "Simulation": "rb_sim.simulation",
-    "SimulationError": "rb_sim.errors",
-    "State": "rb_sim.states",
-    "Trajectory": "rb_sim.trajectory",
-    "analyze": "rb_sim.public",
-    "compare": "rb_sim.public",
-    "linearize": "rb_sim.public",
+    "SceneBuilder": "rb_sim.scene.load",
+    "SceneError": "rb_sim.base.errors",
+    "SceneWarning": "rb_sim.base.errors",
+    "Simulation": "rb_sim.simulation.simulation",
+    "SimulationError": "rb_sim.base.errors",
+    "State": "rb_sim.trajectory.states",
+    "Trajectory": "rb_sim.trajectory.trajectory",
+    "analyze": "rb_sim.cli.public",
+    "compare": "rb_sim.cli.public",
+    "linearize": "rb_sim.cli.public",
     "load_scene": "rb_sim.scene.load",
-    "load_statics": "rb_sim.statics.load",
-    "reaction_ranges": "rb_sim.statics.in_motion",
+    "load_statics": "rb_sim.statics.model",
+    "reaction_ranges": "rb_sim.simulation.reaction_ranges",
     "scenes": "rb_sim.scene.listing",
     "sweep": "rb_sim.sweeps.sweep",
 }
@@ -76,7 +81,10 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("fit", "statics"):  # packages that are functions, too (rb_sim.called)
+    if name in (
+        "fit",
+        "statics",
+    ):  # packages that are functions, too (rb_sim.base.callable_package)
         return import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

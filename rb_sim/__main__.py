@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 
-from rb_sim.cli.signals import EARLY
+from rb_sim.simulation.signals import EARLY
 
 YOUNG = 50_000
 """New objects between two collections: imports and the trace of laws make many, which stay."""
@@ -21,7 +21,7 @@ def main() -> None:
 
                 run()
             except (ImportError, AttributeError, TypeError):
-                from rb_sim.installed import complaint
+                from rb_sim.base.installed import complaint
 
                 if not (line := complaint()):
                     raise

@@ -39,7 +39,7 @@ def two_bodies(own: Mapping, **more: Mapping) -> Mapping:
 def random_motion(system: Any, y: np.ndarray, rng: np.random.Generator, posed: bool) -> np.ndarray:
     """Random velocities and, if `posed`, places and attitudes of all bodies, brought onto the
     manifold."""
-    from rb_sim.engine.system import settle
+    from rb_sim.mechanics.system import settle
 
     y = y.copy()
     for i in range(system.bodies.shape[0]):
@@ -69,8 +69,8 @@ class Balance(NamedTuple):
 
 def balance_at(compiled: Any, y: np.ndarray) -> Balance:
     """From the samples at y and near it, along the accelerations of the equations."""
-    from rb_sim.engine.system import rate_into, sample
-    from rb_sim.motion import row_width
+    from rb_sim.mechanics.system import rate_into, sample
+    from rb_sim.motion.motion import row_width
 
     system, reactions = compiled.system, len(compiled.layout.reactions)
     slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))

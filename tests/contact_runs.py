@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.motion import ContactEvent
-from rb_sim.engine.samples import block_of
-from rb_sim.errors import RbSimError
-from rb_sim.trajectory import Trajectory
+from rb_sim.base.errors import RbSimError
+from rb_sim.contact.events.event_motion import ContactEvent
+from rb_sim.mechanics.samples import block_of
+from rb_sim.trajectory.trajectory import Trajectory
 from tests.interpreted import interpreted
 
 

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as published
 
-from rb_sim.engine.samples import block_of, row_width
-from rb_sim.engine.system import rate, sample, settle
+from rb_sim.mechanics.samples import block_of, row_width
+from rb_sim.mechanics.system import rate, sample, settle
 
 Long = np.longdouble
 # the module; its package has the step under the same name
-dopri853: ModuleType = importlib.import_module("rb_sim.loops.methods.dopri853")
+dopri853: ModuleType = importlib.import_module("rb_sim.integrate.methods.dopri853")
 MODULES = ("rb_sim.graph.functions",)
 """Where kernels call `math`."""
 

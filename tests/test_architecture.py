@@ -17,13 +17,13 @@ import pytest
 
 from rb_sim.compiler.kinds import INTEGER, REAL
 from rb_sim.compiler.unit import Unit
-from rb_sim.loops.compiled import LOOP, STEP
-from rb_sim.loops.methods.dopri853 import dopri853
-from rb_sim.loops.methods.euler import euler
-from rb_sim.loops.methods.gauss6 import gauss6
-from rb_sim.loops.methods.radau5 import radau5
-from rb_sim.loops.methods.rk4 import rk4
-from rb_sim.loops.record import record_into
+from rb_sim.integrate.loop import record_into
+from rb_sim.integrate.methods.dopri853 import dopri853
+from rb_sim.integrate.methods.euler import euler
+from rb_sim.integrate.methods.gauss6 import gauss6
+from rb_sim.integrate.methods.radau5 import radau5
+from rb_sim.integrate.methods.rk4 import rk4
+from rb_sim.numerics.kernels import LOOP, STEP
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "rb_sim"
@@ -32,10 +32,10 @@ SCENES = """
 import json, sys
 import numpy as np
 from benchmarks.pay_for_use import listings, mnemonics
-from rb_sim.maths.jit import on_compilation
+from rb_sim.numerics.kernels import on_compilation
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.traced_motion import TracedMotion
+from rb_sim.motion.traced import TracedMotion
 
 NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.01, 2.0, 0.01]}
 FREE = {
@@ -63,11 +63,11 @@ BARE = """
 # Newton and Euler for one free body, with nothing around them: the least that a step can be.
 from typing import NamedTuple
 from rb_sim.catalogue.types import BodyState
-from rb_sim.engine.one_body import put_balance, put_state, quaternion_defect
-from rb_sim.engine.system import CONFIGURATION, inside, rate, sample, settle
-from rb_sim.engine.systems.free import unit_if_needed
-from rb_sim.engine.systems.free_rotor import on_polhode, rotor_state
-from rb_sim.maths.vectors import conjugate, quaternion_product, quaternion_rate, rotate, scale
+from rb_sim.mechanics.systems.one_body import put_balance, put_state, quaternion_defect
+from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.mechanics.systems.free import unit_if_needed
+from rb_sim.mechanics.systems.free import on_polhode, rotor_state
+from rb_sim.numerics.vectors import conjugate, quaternion_product, quaternion_rate, rotate, scale
 
 class Bare(NamedTuple):
     body: object
@@ -334,7 +334,7 @@ def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:
     print(json.dumps(sorted(homes)))
     """
     called = json.loads(run_python(code, tmp_path))
-    assert any(name.endswith("rb_sim/traced_motion.py") for name in called)  # the watch works
+    assert any(name.endswith("rb_sim/motion/traced.py") for name in called)  # the watch works
     absent = ("sinks/", "ros/", "contact/", "accuracy/", "watches/watch_list")
     assert [name for name in called if any(f"/rb_sim/{part}" in name for part in absent)] == []
 

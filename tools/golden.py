@@ -164,7 +164,7 @@ def documented(path: str) -> list[Line]:
 def sampled(mapping: dict[str, Any]) -> str:
     """Outcome and digest of a scene run through the Python interface, with a tab between."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.errors import RbSimError
+    from rb_sim.base.errors import RbSimError
 
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():

@@ -27,13 +27,12 @@ import rb_sim
 from rb_sim import RbSimError, Simulation
 from rb_sim.compiler import program, ship
 from rb_sim.compiler.marshal import words_of
-from rb_sim.engine.methods.registry import METHODS
+from rb_sim.io.messages.topics import TopicTable
+from rb_sim.mechanics.methods import METHODS
 from rb_sim.scene.load import load_scene
-from rb_sim.sinks.topics import TopicTable
-from rb_sim.sweeps.lanes import LaneRunner
+from rb_sim.sweeps.lane_runs import LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.points import points
+from rb_sim.sweeps.plan import load_plan, points
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 STEPPING = "time_stepping"

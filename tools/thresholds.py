@@ -19,11 +19,13 @@ LARGEST = 1e-5
 """Number up to which a named constant is taken for a threshold."""
 
 NONE_OF_THEM = {
-    ("accuracy/prices.py", "REDUCED"), ("accuracy/prices.py", "BODY"),
-    ("accuracy/prices.py", "LINE"), ("accuracy/prices.py", "SOLVE"),  # seconds of CPU
+    ("accuracy/choice.py", "REDUCED"), ("accuracy/choice.py", "BODY"),
+    ("accuracy/choice.py", "LINE"), ("accuracy/choice.py", "SOLVE"),  # seconds of CPU
     ("bags/info.py", "NANO"),  # a unit
-    ("scene/schema.py", "DEFAULT_TOLERANCE"), ("sensitivity.py", "TOLERANCE"),  # accuracies to ask
-    ("fit/limits.py", "STEP"), ("contact/system/bodies.py", "NUDGE"),  # lengths of differences
+    ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
+    ("simulation/sensitivity.py", "TOLERANCE"),
+    ("fit/unknowns.py", "STEP"),  # lengths of differences
+    ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip
 """Small constants that decide nothing."""
 
@@ -34,7 +36,7 @@ Made from the sources by `make docs`: all named constants up to 1e-5 by which th
 between two cases (prices, units and the lengths of differences are none). What each is relative to
 stands in its row; *natural units* are those of the scene, made of its length and speed.
 
-Whether lines depend on each other is decided in one file, `maths/rank.py`: lines are scaled to
+Whether lines depend on each other is decided in one file, `numerics/rank.py`: lines are scaled to
 length 1 first, so that neither units nor mass ratios decide.
 """
 

@@ -113,7 +113,7 @@ def how(rng: np.random.Generator, w: float, end: float, fixed: bool) -> tuple[di
 def judged(found: StickSlip) -> tuple[str, float]:
     """("fine" or what is wrong, largest distance of a stick from the closed form in slips)."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.errors import RbSimError
+    from rb_sim.base.errors import RbSimError
 
     simulation = Simulation(load_scene(found.mapping))
     try:

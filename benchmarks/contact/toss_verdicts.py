@@ -51,7 +51,7 @@ def run(mapping: dict[str, Any], go: Callable[[Any], Any] | None = None) -> Any:
     """The trajectory that `go` (left out: `run`) makes of the simulation, or in a line why there is
     none."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.errors import RbSimError
+    from rb_sim.base.errors import RbSimError
 
     try:
         with np.errstate(all="ignore"):

@@ -15,14 +15,14 @@ import numpy as np
 
 from benchmarks.fuzz.newton_euler import broken_law
 from rb_sim import load_scene
-from rb_sim.errors import RbSimError
-from rb_sim.forecast import Forecast
+from rb_sim.base.errors import RbSimError
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
+from rb_sim.motion.pieces import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.yaml_reader import parse
-from rb_sim.simulation import Simulation
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.watch_list import WatchList
+from rb_sim.simulation.simulation import Simulation
 
 SILENT = 3e-2
 """Relative error of the energy balance that no run may keep to itself; the widest bound of any

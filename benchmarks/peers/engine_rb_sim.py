@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.peers.engine import Run, Samples, Way, steps, tolerances
 from benchmarks.peers.scenes import Array, Scene
 from rb_sim import Simulation, load_scene
-from rb_sim.engine.methods.registry import METHODS
+from rb_sim.mechanics.methods import METHODS
 from rb_sim.scene.compile import compile_scene
 
 PACKAGE = "rb_sim"

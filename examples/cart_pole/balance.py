@@ -27,7 +27,7 @@ from scipy.signal import cont2discrete
 from std_srvs.srv import SetBool
 
 import rb_sim
-from rb_sim.ros.interfaces import need
+from rb_sim.ros.build_interfaces import need
 
 SCENE = Path(__file__).with_name("cart_pole.yaml")
 RATE = 100.0

@@ -7,12 +7,16 @@ the grid of steps does not depend on the samples.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from typing import NamedTuple
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.certify.quantities import differences
+from rb_sim.accuracy.certify import differences
 from rb_sim.accuracy.checked import (
     TIGHTEST,
     CheckedRun,
@@ -21,16 +25,55 @@ from rb_sim.accuracy.checked import (
     sharper,
     sharpest_adaptive,
 )
-from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.choice import Choice, Setting, evaluations
 from rb_sim.accuracy.counted import CountedRunner, affordable_times
-from rb_sim.accuracy.errors import pose_difference
-from rb_sim.accuracy.perturbed import ulp_growth
-from rb_sim.accuracy.runs import dividing
-from rb_sim.accuracy.worth import worth_a_run
-from rb_sim.engine.methods.registry import METHODS, tried
-from rb_sim.forecast import ENDLESS
+from rb_sim.accuracy.differences import pose_difference
+from rb_sim.accuracy.runs import dividing, ulp_growth
+from rb_sim.compiler import shipped
+from rb_sim.graph import store
+from rb_sim.graph.taylor import NoSeriesError
+from rb_sim.mechanics.methods import METHODS, tried
+from rb_sim.mechanics.tables.table_laws import BODIES
+from rb_sim.motion.pieces import ENDLESS
 from rb_sim.scene.compiled import Compiled
-from rb_sim.scene.schema import SimulationOptions
+from rb_sim.scene.schema import Scene, SimulationOptions
+
+# Whether `auto` makes a run of a method that is seldom the cheapest: a run of it is a wait for its
+# machine code, too, so its price is asked first.
+
+
+STRETCH, GROWTH = 0.25, 1.0 / 8.0
+"""A step along a series is hardly longer than max(1, STRETCH tolerance^-GROWTH) steps of dopri853,
+which fall with their tolerance: it is 1.3, 2.3 and 4 of them at 1e-5, 1e-9 and 1e-12 on chains."""
+
+
+def worth_a_run(setting: Setting, compiled: Compiled, factor: float) -> bool:
+    """Whether the method may come within the factor of what dopri853 costs with its tolerance.
+
+    Asked only of methods with which `auto` does not begin (`weighed` of the registry).
+    """
+    entry, tolerance = METHODS[setting.name], setting.tolerance
+    if entry.weighed(compiled.system) or tolerance is None:
+        return True
+    longer = max(1.0, STRETCH * tolerance**-GROWTH)
+    dearer = evaluations(setting.name, tolerance, compiled)
+    dearer /= evaluations("dopri853", tolerance, compiled)
+    return dearer <= factor * longer and (entry.family != "taylor" or expands(compiled))
+
+
+def expands(compiled: Compiled) -> bool:
+    """Whether the laws have a Taylor series that is not longer to make than any run takes.
+
+    From BODIES bodies on the laws are made kind by kind, but their series from the whole graph.
+    """
+    if len(compiled.layout.bodies) >= BODIES:
+        return False
+    laws: object = compiled.laws
+    try:
+        return getattr(laws, "series", None) is not None
+    except NoSeriesError:
+        return False
+
 
 SAFETY = 0.7
 """Share of the target that the measured error may use."""
@@ -345,3 +388,55 @@ def shortfall(
         f"{noise:.1e}; two independent methods part by {true.agreement:.1e}{until}; "
         "this is the best there is"
     )
+
+
+# Choices of `method: auto` kept on disk by the scene's hash: the search is made once.
+
+
+FOLDER = "auto"
+
+
+def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
+    """The choice for this scene, from disk if it was made before with these sources."""
+    path = place_of(scene, compiled)
+    known = read(path)
+    if known is not None:
+        return known
+    choice = choose(compiled, scene.simulation)
+    write(path, choice)
+    return choice
+
+
+def place_of(scene: Scene, compiled: Compiled) -> Path | None:
+    """The file of the choice: named after what the motion depends on, in a folder named after the
+    sources; None where nothing can be kept."""
+    text = scene.model_dump_json(exclude={"description"}, warnings=False)
+    digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
+    folder = store.version_folder(FOLDER, shipped.digest())
+    return None if folder is None else folder / f"{digest.hexdigest()[:32]}.json"
+
+
+def read(path: Path | None) -> Choice | None:
+    """The choice in the file; None if there is none, or none that can be read."""
+    if path is None:
+        return None
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        known: dict[str, Any] = {field.name: values[field.name] for field in fields(Choice)}
+        known["errors"] = tuple(known["errors"])
+        return Choice(**known)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def write(path: Path | None, choice: Choice) -> None:
+    """Keep the choice; where the folder cannot be written it is made again next time."""
+    if path is None:
+        return
+    part = path.with_name(f"{path.name}.{id(choice)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(choice.as_dict()), encoding="utf-8")
+        part.replace(path)  # another process may write the same
+    except OSError:
+        return

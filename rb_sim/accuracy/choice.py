@@ -1,12 +1,96 @@
-"""A setting of a method, and a choice among settings with its reason."""
+"""A setting of a method, what it costs, and the choice among settings."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
-from rb_sim.engine.methods.registry import METHODS, build
+import numpy as np
+
+from rb_sim.mechanics.methods import METHODS, build
+from rb_sim.scene.compiled import Compiled
+
+# What a step of each method costs, in evaluations of the right side: written down, not timed.
+#
+# A choice among methods that went by a clock would change from run to run.  The prices are medians
+# of measured ones (`python -m benchmarks.steps`, six scenes of one body, a quiet machine): they
+# hold to a factor of two.
+
+
+FIXED = {"euler": 2.0, "rk4": 4.0, "dopri853": 12.0, "gauss6": 24.0, "time_stepping": 6.0}
+"""Evaluations of a fixed step; an iteration's are a mean."""
+
+ADAPTIVE = {"dopri853": 15.0, "radau5": 60.0}
+"""Evaluations of an attempted step, the error estimate included."""
+
+UNKNOWN = 40.0
+"""Of a method without a written price."""
+
+TAYLOR_STEP, TAYLOR_DIGIT = 10.0, 3.5
+"""A step of the Taylor method, and what each decimal digit of its tolerance adds to it."""
+
+JOINTED_STEP, JOINTED_DIGIT = 40.0, 17.0
+"""The same in maximal coordinates with lines of constraints, whose elimination has no order in
+which its sums could be few (chains of 2 and 5 rods: `python -m benchmarks.series`)."""
+
+REDUCED = 25e-9
+"""CPU time of one evaluation of a body in reduced coordinates [s]."""
+
+BODY, LINE = 150e-9, 100e-9
+"""The same in maximal coordinates, of each body and each line of constraints [s]; the elimination
+adds LINE / 10 for each pair of lines."""
+
+SHARED = 25e-6
+"""The same where contacts may bear a body by more lines than it has freedoms, as a box on its face:
+how they share its load is found in every evaluation [s, of each such body]; one to three boxes at
+rest, to a factor of 1.4 (`python -m benchmarks.auto_search --family resting`: CPU and counted)."""
+
+SOLVE = 4.5e-11
+"""CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
+[s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
+
+EVENT = 2e-3
+"""CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
+
+
+def evaluations(name: str, tolerance: float | None, compiled: Compiled) -> float:
+    """Right sides that an attempted step of the method is worth; tolerance: None of a fixed one."""
+    if METHODS[name].family == "taylor" and tolerance is not None:
+        jointed = isinstance(compiled.y, np.ndarray) and compiled.rows > 0
+        step, digit = (JOINTED_STEP, JOINTED_DIGIT) if jointed else (TAYLOR_STEP, TAYLOR_DIGIT)
+        return step - digit * math.log10(tolerance)
+    table = FIXED if tolerance is None else ADAPTIVE
+    return table.get(name, UNKNOWN) + _solving(name, compiled)
+
+
+def _solving(name: str, compiled: Compiled) -> float:
+    """What the linear systems of a step are worth in evaluations; nothing where they are small."""
+    if METHODS[name].family != "radau" or not isinstance(compiled.y, np.ndarray):
+        return 0.0
+    return SOLVE * len(compiled.y) ** 3 / seconds_of_evaluation(compiled)
+
+
+def seconds_of_evaluation(compiled: Compiled) -> float:
+    """CPU time of one right side of the scene, about [s]."""
+    if not isinstance(compiled.y, np.ndarray):
+        return REDUCED
+    bodies, lines = len(compiled.layout.bodies), compiled.rows
+    free = BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
+    return free + SHARED * overdetermined(compiled)
+
+
+def overdetermined(compiled: Compiled) -> int:
+    """Number of bodies that contacts may hold by more lines than the six of their freedoms."""
+    if not compiled.contact_laws:
+        return 0
+    ends = np.asarray(compiled.system.lines)[:, :2].ravel()
+    return int((np.bincount(ends[ends >= 0]) > 6).sum())
+
+
+# A setting of a method, and a choice among settings with its reason.
+
 
 QUANTITIES = ("position", "rotation", "linear_velocity", "angular_velocity", "force", "torque")
 UNITS = ("m", "rad", "m/s", "rad/s", "N", "N m")

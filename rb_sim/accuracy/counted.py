@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.prices import (
+from rb_sim.accuracy.choice import (
     ADAPTIVE,
     EVENT,
+    Setting,
     evaluations,
     overdetermined,
     seconds_of_evaluation,
 )
 from rb_sim.accuracy.runs import Runner, sample_times
-from rb_sim.engine.methods.registry import METHODS
-from rb_sim.engine.samples import Array, row_width
-from rb_sim.errors import SimulationError
-from rb_sim.motion import Motion, nothing
+from rb_sim.base.errors import SimulationError
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.mechanics.samples import Array, row_width
+from rb_sim.motion.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 

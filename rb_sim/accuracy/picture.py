@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from rb_sim.accuracy.ladder import Accuracy, Ladder
-from rb_sim.accuracy.pareto import front
+from rb_sim.accuracy.report import front
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F5539", "#444444")
 """Okabe and Ito's colours, told apart with any colour vision."""

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.rates import LONG
+from rb_sim.bags.message_rates import LONG
 from rb_sim.bags.tracks import SAME, Track
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 
 ALIGN = ("none", "first", "offset", "clock")
 """Clocks as recorded; first stamps together; the offset that lays B best onto A;

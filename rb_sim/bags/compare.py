@@ -19,10 +19,29 @@ from rb_sim.bags.alignment import (
     overlap,
     wanted_at_ends,
 )
-from rb_sim.bags.compare_units import unit_note
-from rb_sim.bags.scales import floors
-from rb_sim.bags.tracks import Track, Tracks, Wrenches
-from rb_sim.errors import RbSimError
+from rb_sim.bags.tracks import Track, Tracks, Wrenches, floors
+from rb_sim.base.errors import RbSimError
+
+# Whether one of two motions is in other units than metres: where it is the other one, enlarged.
+
+
+ENLARGEMENTS = {100.0: "cm", 1000.0: "mm"}
+NEAR = 0.1
+"""Of the larger motion: what the smaller one, enlarged, leaves of it at most (RMS)."""
+
+
+def unit_note(a: np.ndarray, b: np.ndarray) -> str:
+    """A line where positions b are those of a a hundred or a thousand times, or the other way
+    round, each about its mean; shapes (n, 3). Else ""."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    for (one, small), (two, large) in ((("A", a), ("B", b)), (("B", b), ("A", a))):
+        size = np.linalg.norm(large)
+        for factor, unit in ENLARGEMENTS.items():
+            if size > 0.0 and np.linalg.norm(large - factor * small) < NEAR * size:
+                times = f"{factor:.0f} times those of {one}"
+                return f"the positions of {two} are {times}: is {two} in {unit}?"
+    return ""
+
 
 UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
          "force": "N", "torque": "N m"}  # fmt: skip

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.rates import Rates
-from rb_sim.errors import SceneError, SinkError
+from rb_sim.bags.message_rates import Rates
+from rb_sim.base.errors import SceneError, SinkError
+from rb_sim.io.bag.batches import BagScan, Messages
+from rb_sim.io.bag.records import bag_paths, unlisted
+from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
+from rb_sim.io.messages.topic_names import RESETS
 from rb_sim.scene import yaml_reader
-from rb_sim.sinks.bag import RECORD, SUMMARY_RECORD, checksum, summary_in
-from rb_sim.sinks.bag_batches import BagScan
-from rb_sim.sinks.bag_messages import Messages
-from rb_sim.sinks.bag_records import bag_paths, unlisted
-from rb_sim.sinks.topic_names import RESETS
 
 NANO = 1e-9
 MOST_RESETS = 1000

@@ -10,22 +10,115 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.bags.clocks import Clocks
-from rb_sim.bags.composed import Composed
-from rb_sim.bags.fixed_frames import FixedFrames
-from rb_sim.bags.fractions import Fractions
-from rb_sim.bags.piece import IMU, POSE, SCALAR, TWIST, WRENCH, Piece
-from rb_sim.bags.schemas import layout_of
-from rb_sim.bags.sources import TRANSFORMS, Sources
-from rb_sim.bags.templates import LAYOUTS, Group, decode
-from rb_sim.bags.transform_tree import chains
-from rb_sim.errors import SinkError
-from rb_sim.sinks.bag_batches import BagScan
-from rb_sim.sinks.bag_messages import Batch, Messages
-from rb_sim.sinks.bag_records import bag_paths, unlisted
+from rb_sim.bags.messages import LAYOUTS, Group, decode, layout_of
+from rb_sim.bags.sources import IMU, POSE, SCALAR, TRANSFORMS, TWIST, WRENCH, Piece, Sources
+from rb_sim.bags.transforms import Composed, FixedFrames, chains, is_static
+from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.records import bag_paths, unlisted
 
 if TYPE_CHECKING:
     from mcap.records import Channel
+
+
+# Whether the header stamps of several sources are of one clock, told by when they were logged.
+
+
+APART = 0.5
+"""[s]: a message is rarely logged so much later than another one of its instant."""
+FIRST = 8
+"""Readings of a source that are asked."""
+
+
+class Clocks:
+    """Follows by how much the log's time is ahead of each source's stamps."""
+
+    def __init__(self) -> None:
+        self._ahead: dict[str, float] = {}
+
+    def add(self, piece: Piece) -> None:
+        """The next readings; the first ones of a source tell."""
+        if piece.source not in self._ahead and not is_static(piece.source):
+            ahead = piece.log[:FIRST] - piece.t[:FIRST]
+            self._ahead[piece.source] = float(np.median(ahead))
+
+    @property
+    def note(self) -> str:
+        """A line where the clocks differ, with the two that do most; or ""."""
+        if not self._ahead:
+            return ""
+        first = min(self._ahead, key=lambda source: self._ahead[source])
+        last = max(self._ahead, key=lambda source: self._ahead[source])
+        least, most = self._ahead[first], self._ahead[last]
+        if most - least <= APART:
+            return ""
+        return (
+            f"stamps of different clocks: those of {last} lie {most:.6g} s before the time of the "
+            f"log, those of {first} {least:.6g} s: what happened at once is not side by side"
+        )
+
+
+# Stamps whose `nanosec` holds microseconds or milliseconds, recognised by the times of the log.
+#
+# Such a stamp leaves each second by a thousandth or a millionth of what passes: the steps between
+# stamps are so many times shorter than those between the times at which they were logged.
+
+
+NANO = 1_000_000_000
+UNITS = {1_000: "microseconds", 1_000_000: "milliseconds"}
+"""Nanoseconds in the unit that `nanosec` holds."""
+LEAST = 8
+"""Readings of a source by which it is decided."""
+NEAR = 4.0
+"""Times by which steps of the log may differ from those of the stamps in their unit."""
+
+
+class Fractions:
+    """Gives stamps their nanoseconds; `notes` names the sources that hold another unit."""
+
+    def __init__(self) -> None:
+        self._factor: dict[str, int] = {}
+        self.notes: list[str] = []
+
+    def learn(self, pieces: list[Piece]) -> None:
+        """Decide by the first readings of each source."""
+        known: dict[str, list[Piece]] = {}
+        for piece in pieces:
+            if piece.source not in self._factor:
+                known.setdefault(piece.source, []).append(piece)
+        for source, parts in known.items():
+            stamp, log = (np.concatenate([getattr(p, name) for p in parts])
+                          for name in ("stamp", "log"))  # fmt: skip
+            if len(stamp) < LEAST:
+                continue
+            self._factor[source] = factor = _factor(stamp, log)
+            if factor > 1:
+                self.notes.append(f"{source}: nanosec of its stamps holds {UNITS[factor]}, by the "
+                                  "times of the log: taken as such")  # fmt: skip
+
+    def mended(self, piece: Piece) -> Piece:
+        """The readings with stamps in nanoseconds."""
+        self.learn([piece])
+        factor = self._factor.get(piece.source, 1)
+        if factor == 1:
+            return piece
+        whole, part = np.divmod(piece.stamp, NANO)
+        stamp = whole * NANO + part * factor
+        return piece._replace(stamp=stamp, t=stamp * 1e-9)
+
+
+def _factor(stamp: np.ndarray, log: np.ndarray) -> int:
+    """How many nanoseconds one of `nanosec` is: 1, or as in UNITS."""
+    steps, logged = np.diff(stamp), np.diff(log)
+    if not ((steps > 0).any() and (logged > 0).any()):
+        return 1
+    ratio = float(np.median(logged[logged > 0]) * NANO / np.median(steps[steps > 0]))
+    most = int((stamp % NANO).max())
+    for factor in UNITS:
+        if most * factor < NANO and factor / NEAR < ratio < factor * NEAR:
+            return factor
+    return 1
+
 
 KINDS = {
     "geometry_msgs/msg/PoseStamped": POSE,

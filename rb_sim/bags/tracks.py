@@ -3,23 +3,100 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import hypot
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.impacts import Impacts
-from rb_sim.bags.piece import POSE, TWIST, WRENCH, Piece
 from rb_sim.bags.readings import Readings
-from rb_sim.bags.scales import length_of
-from rb_sim.bags.sources import words
-from rb_sim.bags.transform_tree import plain
-from rb_sim.errors import RbSimError, SinkError
-from rb_sim.sinks.as_run import scene_as_run
-from rb_sim.sinks.bag_reader import BagReader
-from rb_sim.sinks.frames import centers_of_mass, origins, rotate
-from rb_sim.sinks.restarts import restarts
+from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
+from rb_sim.bags.transforms import plain
+from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.io.bag.as_run import scene_as_run
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.extent import reach_of
+from rb_sim.io.frames import centers_of_mass, origins, rotate
+from rb_sim.io.sink import restarts
+from rb_sim.mechanics.samples import ContactEvent
+from rb_sim.scene.schema import Scene
+
+# How large the quantities of two motions are, and what of their difference is rounding.
+
+
+ROUNDING = 1e-11
+"""Of the size of a quantity: what rounding makes of two runs of the same motion, or less."""
+
+STANDING = 1e-11
+"""[m]: a motion that covers less, of which no scene is known, only turns; its attitudes are then
+compared as of a body of 1 m."""
+
+
+def length_of(bodies: Iterable[Any]) -> float:
+    """How far a body of a scene reaches from its origin at most [m]."""
+    return max((hypot(*body.center_of_mass) + reach_of(body) for body in bodies), default=0.0)
+
+
+def floors(a: Tracks, b: Tracks) -> dict[str, float]:
+    """By quantity, the difference below which two motions are the same: ROUNDING of the largest
+    in both, where quantities that belong together lend each other their size (a torque that
+    vanishes is small against force times length)."""
+    tracks = [*a.bodies.values(), *b.bodies.values()]
+    covered = _largest(np.ptp(track.position, axis=0) for track in tracks)
+    length = max(a.length, b.length, covered if covered > STANDING else 0.0) or 1.0
+    spin = _largest(_present(track.angular_velocity for track in tracks))
+    speed = max(_largest(_present(track.linear_velocity for track in tracks)), spin * length)
+    wrenches = [w.values for w in (*a.reactions.values(), *b.reactions.values())]
+    torque = _largest(w[:, 3:] for w in wrenches)
+    force = max(_largest(w[:, :3] for w in wrenches), torque / length)
+    sizes = {
+        "position": length,
+        "angle": 1.0,
+        "velocity": speed,
+        "spin": max(spin, speed / length),
+        "force": force,
+        "torque": max(torque, force * length),
+    }
+    return {quantity: ROUNDING * size for quantity, size in sizes.items()}
+
+
+def _present(values: Iterable[np.ndarray | None]) -> Iterable[np.ndarray]:
+    return (value for value in values if value is not None)
+
+
+def _largest(values: Iterable[np.ndarray]) -> float:
+    """The largest number of all that are finite; 0 of none."""
+    finite = (np.abs(value[np.isfinite(value)]) for value in values)
+    return max((float(value.max(initial=0.0)) for value in finite), default=0.0)
+
+
+# Which bodies an impact of a run of ours strikes: all that constraints join to those it is of.
+
+
+class Impacts:
+    """The bodies of each constraint, and those that others join to them."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._joined = {name: {name} for name in scene.bodies}
+        self._of: dict[str, str] = {}
+        for name, spec in scene.constraints.items():
+            body, parent = spec.body, getattr(spec, "parent", None)  # type: ignore[attr-defined]
+            self._of[name] = body
+            if parent is not None and self._joined[body] is not self._joined[parent]:
+                whole = self._joined[body] | self._joined[parent]
+                self._joined |= dict.fromkeys(whole, whole)
+
+    def times(self, events: Iterable[ContactEvent]) -> dict[str, np.ndarray]:
+        """When each body is struck [s], those that are."""
+        found: dict[str, set[float]] = {}
+        for event in events:
+            if any(event.impulse):
+                for body in self._joined[self._of[event.contact.partition("/")[0]]]:
+                    found.setdefault(body, set()).add(event.t)
+        return {body: np.array(sorted(times)) for body, times in found.items()}
+
 
 Array = np.ndarray
 TOLD = 3
@@ -83,7 +160,7 @@ def tracks_of_bag(bag: Path) -> Tracks:
 
 def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None = None) -> Tracks:
     """The motion in samples; `reader` tells what was missing in them."""
-    from rb_sim.engine.samples import concatenate
+    from rb_sim.mechanics.samples import concatenate
 
     block = concatenate(blocks, layout)
     if not len(block):

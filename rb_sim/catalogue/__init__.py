@@ -1,0 +1,1 @@
+"""What a scene can name: constraints, effects, contacts and curves, each with its equations."""

@@ -10,9 +10,8 @@ import numpy as np
 from rb_sim.catalogue.splines import Pieces
 from rb_sim.catalogue.types import Vec3
 from rb_sim.graph.functions import call
-from rb_sim.maths.jit import dispatch
-from rb_sim.maths.scalars import atan2, cos, sin
-from rb_sim.maths.vectors import add, dot, scale, sub
+from rb_sim.numerics.kernels import dispatch
+from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 
 SPLINE_DEGREE = 7
 """Seventh degree: curvature, and the reaction with it, is sixth-order accurate in the spacing."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from rb_sim.maths.jit import dispatch
+from rb_sim.numerics.kernels import dispatch
 
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

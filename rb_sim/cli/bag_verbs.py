@@ -38,8 +38,8 @@ def replay(
     ] = None,
 ) -> int:
     """Show a recorded bag in the Rerun viewer, as a picture or film, or play its topics."""
-    from rb_sim.cli.replay import PlayOptions, play
-    from rb_sim.cli.replay import replay as show
+    from rb_sim.cli.verbs.replay import PlayOptions, play
+    from rb_sim.cli.verbs.replay import replay as show
 
     options = PlayOptions(rate, loop, start)
     if publish:
@@ -51,7 +51,7 @@ def replay(
 
 def info(bag: AnyBag, json: Json = False) -> int:
     """What is in a bag: scene, settings, versions, topics, rates, gaps, damage."""
-    from rb_sim.cli.info import info as tell
+    from rb_sim.cli.verbs.info import info as tell
 
     return tell(bag, json)
 
@@ -73,8 +73,8 @@ def resim(
     json: Json = False,
 ) -> int:
     """Simulate a recorded run again: the same to the last bit, or what if."""
-    from rb_sim.cli.resim import ResimOptions
-    from rb_sim.cli.resim import resim as again
+    from rb_sim.cli.verbs.resim import ResimOptions
+    from rb_sim.cli.verbs.resim import resim as again
 
     changes = tuple(change or ())
     return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json, overwrite))
@@ -108,8 +108,8 @@ def compare(
     json: Json = False,
 ) -> int:
     """Lay a recorded motion beside another one: how far apart, since when, how fast."""
-    from rb_sim.cli.compare import CompareOptions
-    from rb_sim.cli.compare import compare as beside
+    from rb_sim.cli.verbs.compare import CompareOptions
+    from rb_sim.cli.verbs.compare import compare as beside
 
     given = {"position": max_position, "angle": max_angle, "velocity": max_velocity,
              "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
@@ -140,8 +140,8 @@ def analyze(
     json: Json = False,
 ) -> int:
     """Rates, gaps, energy, momenta, wrenches, spectra of any bag with poses; a report."""
-    from rb_sim.cli.analyze import AnalyzeOptions
-    from rb_sim.cli.analyze import analyze as read
+    from rb_sim.cli.verbs.analyze import AnalyzeOptions
+    from rb_sim.cli.verbs.analyze import analyze as read
 
     topics = tuple(topic or ())
     return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
@@ -166,8 +166,8 @@ def fit(
     json: Json = False,
 ) -> int:
     """Find the numbers of a scene that make it follow a recorded motion."""
-    from rb_sim.cli.fit import FitOptions
-    from rb_sim.cli.fit import fit as solve
+    from rb_sim.cli.verbs.fit import FitOptions
+    from rb_sim.cli.verbs.fit import fit as solve
 
     return solve(FitOptions(bag, free, scene, out, tuple(match or ()), noise, json))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -11,13 +12,99 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from rb_sim import __version__
+from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
-from rb_sim.cli.signals import EARLY, TerminatedError, terminable
-from rb_sim.cli.usage import INTERRUPTED, OneLineErrors, PlainFlags
-from rb_sim.errors import RbSimError, SceneWarning, SimulationError
+from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
+
+# Errors of usage in one line, as all other errors: what was wrong, and whose --help to read.
+#
+# Help shows a flag as one: newer versions of typer write a type after it, as if it took a value.
+
+
+INTERRUPTED = 130
+"""Exit code after SIGINT."""
+
+
+class PlainFlags(TyperCommand):
+    """A verb whose help shows no type behind a flag."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The arguments and options, --help included."""
+        return _without_types(super().get_params(ctx))
+
+
+class OneLineErrors(TyperGroup):
+    """The verbs of the program; a wrong option or argument is told in one line, not in a box."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The options of the program itself, --help included."""
+        return _without_types(super().get_params(ctx))
+
+    def main(self, *arguments: Any, standalone_mode: bool = True, **keywords: Any) -> Any:
+        """Parse, call the verb and leave through sys.exit, as the base class does."""
+        if not standalone_mode:
+            return super().main(*arguments, standalone_mode=False, **keywords)
+        try:
+            code = super().main(*arguments, standalone_mode=False, **keywords)
+        except Exception as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):  # older versions of typer
+                print("interrupted", file=sys.stderr, flush=True)
+                sys.exit(INTERRUPTED)
+            # told by what it has, not by class: older versions of typer raise click's own classes,
+            # newer ones a copy of them
+            if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
+                raise
+            code = _complain(error)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    """The same options; flags have an empty name for the value that they do not take."""
+    for param in params:
+        if getattr(param, "is_flag", False):
+            param.metavar = ""
+    return params
+
+
+def _complain(error: Any) -> int:
+    """Print the error; its exit code."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":  # `rb_sim` alone: its message is the help
+        error.show()
+        return int(error.exit_code)
+    message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
+    program = "rb_sim" if context is None else context.command_path
+    print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
+    return int(error.exit_code)
+
+
+KINDS = {"float": "a number", "int": "a whole number", "integer": "a whole number"}
+"""By click's name of the type, or the first word of pydantic's for what was wrong (int_parsing)."""
+
+CLICKS_WORDS = re.compile(r"'(?P<value>.*)' is not a valid (?P<kind>float|integer)", re.DOTALL)
+"""Of click, with which older versions of typer read numbers; newer ones take pydantic."""
+
+
+def _bad_value(error: Any) -> str:
+    """Option, value and what is allowed, where a number cannot be read as one; else ""."""
+    names = getattr(getattr(error, "param", None), "opts", None)
+    if not names:
+        return ""
+    cause = error.__cause__ or error.__context__
+    details = cause.errors() if hasattr(cause, "errors") else []
+    clicks = CLICKS_WORDS.match(str(getattr(error, "message", "")))
+    if details:
+        kind, value = KINDS.get(details[0]["type"].split("_")[0]), details[0]["input"]
+    elif clicks is not None:
+        kind, value = KINDS[clicks["kind"]], clicks["value"]
+    else:
+        return ""
+    return f"{names[0]}: got {value!r}; must be {kind}" if kind else ""
+
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -59,7 +146,7 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     except RbSimError as error:
         code, line = BAD_INPUT, f"error: {error}"
     except ModuleNotFoundError as error:
-        from rb_sim.installed import complaint
+        from rb_sim.base.installed import complaint
 
         missing = f"error: this needs the Python module {error.name}, not installed"
         code, line = FAILED, complaint() or missing
@@ -140,8 +227,8 @@ def run(
 
     With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
     """
-    from rb_sim.cli.run import RunOptions
-    from rb_sim.cli.run import run as run_scene
+    from rb_sim.cli.verbs.run import RunOptions
+    from rb_sim.cli.verbs.run import run as run_scene
 
     return run_scene(
         RunOptions(
@@ -183,8 +270,8 @@ def scenes(
     ] = False,
 ) -> int:
     """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
-    from rb_sim.cli.scenes import find_moving_or_at_rest
-    from rb_sim.cli.scenes import scenes as list_them
+    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
+    from rb_sim.cli.verbs.scenes import scenes as list_them
 
     if show:
         if folder is None:
@@ -205,7 +292,7 @@ def warm(
     method: opt.Method = None,
 ) -> int:
     """Compile scenes ahead, so that their first run starts at once."""
-    from rb_sim.cli.warm import warm as warm_scenes
+    from rb_sim.cli.verbs.scenes import warm as warm_scenes
 
     return warm_scenes(scene or [], method)
 
@@ -216,7 +303,7 @@ def recover(
     directory: Annotated[Path | None, typer.Argument(help="Where to; else BAG_recovered.")] = None,
 ) -> None:
     """Make a readable bag of one that is damaged or was never finished (killed, disk full)."""
-    from rb_sim.cli.replay import recover as recover_bag
+    from rb_sim.cli.verbs.replay import recover as recover_bag
 
     recover_bag(bag, directory)
 
@@ -234,7 +321,7 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
 
     The same as rb_sim_node; its --help lists the parameters.
     """
-    from rb_sim.cli.scenes import find_moving
+    from rb_sim.cli.verbs.scenes import find_moving
     from rb_sim.ros.main import main as run_node
 
     return run_node([str(find_moving(scene)), *context.args])
@@ -254,8 +341,8 @@ def statics(
 
     Of a scene of motion: at its initial pose, without its velocities and commands.
     """
-    from rb_sim.cli.scenes import find_moving_or_at_rest
-    from rb_sim.cli.statics import statics as solve
+    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
+    from rb_sim.cli.verbs.statics import statics as solve
 
     path, at_rest = find_moving_or_at_rest(scene)
     return solve(path, out, at_rest=at_rest)
@@ -264,8 +351,8 @@ def statics(
 @verb()
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """What a scene consists of, and what each part costs."""
-    from rb_sim.cli.explain import explain as tell
-    from rb_sim.cli.scenes import find_moving
+    from rb_sim.cli.verbs.explain import explain as tell
+    from rb_sim.cli.verbs.scenes import find_moving
 
     return tell(find_moving(scene), out)
 
@@ -285,8 +372,8 @@ def linearize(
 
     With --out, DIR gets linear_model.npz, whose arrays python-control takes.
     """
-    from rb_sim.cli.linearize import linearize as tell
-    from rb_sim.cli.scenes import find_moving
+    from rb_sim.cli.verbs.linearize import linearize as tell
+    from rb_sim.cli.verbs.scenes import find_moving
 
     return tell(find_moving(scene), at, axes, turning, out, json)
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rb_sim.base.errors import RbSimError
 from rb_sim.cli import options as opt
-from rb_sim.errors import RbSimError
 
 
 def accuracy(
@@ -34,9 +34,9 @@ def accuracy(
 
     Of bodies at rest: how exact their reactions are.
     """
-    from rb_sim.cli.accuracy import accuracy as of_motion
-    from rb_sim.cli.accuracy import of_statics
-    from rb_sim.cli.scenes import find_moving_or_at_rest
+    from rb_sim.cli.verbs.accuracy import accuracy as of_motion
+    from rb_sim.cli.verbs.accuracy import of_statics
+    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
 
     path, at_rest = find_moving_or_at_rest(scene)
     return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
@@ -60,7 +60,7 @@ def hard_cases(
 
     With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
     """
-    from rb_sim.cli.hard_cases import hard_cases as run_cases
+    from rb_sim.cli.verbs.hard_cases import hard_cases as run_cases
 
     return run_cases(folder, only or (), out, quick, peers)
 
@@ -94,7 +94,7 @@ def sweep(
     ] = "cpu",
 ) -> int:
     """Run a scene many times with varied numbers; what DIR holds already is not run again."""
-    from rb_sim.cli import sweep as verbs
+    from rb_sim.cli.verbs import sweep as verbs
 
     if plan == "list":
         return verbs.sweep_plans()

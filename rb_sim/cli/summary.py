@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
-from rb_sim.contact.events.redundant import undetermined_at_start
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.contact.events.shares import undetermined_at_start
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rb_sim.finding import GlobalError
+    from rb_sim.base.diagnostic import GlobalError
+    from rb_sim.checks.check_list import WatchList
     from rb_sim.scene.schema import SimulationOptions
-    from rb_sim.simulation import Simulation
-    from rb_sim.watches.watch_list import WatchList
+    from rb_sim.simulation.simulation import Simulation
 
 SPELL = 0.02
 """Wall time of one measurement of the cost of a step, about [s]."""
@@ -109,7 +109,7 @@ def _ranges_at_start(simulation: Simulation) -> dict[str, dict[str, list[float]]
 
     Empty where there are many contacts, or none are known to hold. Sets the simulation back.
     """
-    from rb_sim.statics.in_motion import reaction_ranges
+    from rb_sim.simulation.reaction_ranges import reaction_ranges
 
     if len(simulation.layout.contacts) > MOST_RANGED:
         return {}

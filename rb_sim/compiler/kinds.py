@@ -94,7 +94,7 @@ class Array(Kind):
 
 @dataclass(frozen=True)
 class PackedSystem(Kind):
-    """A system behind the address of its packed layout; see `rb_sim.loops.tables`."""
+    """A system behind the address of its packed layout; see `rb_sim.integrate.layout`."""
 
     fields: Any = field(compare=False, default=None)
 

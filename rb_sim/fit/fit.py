@@ -6,41 +6,234 @@ over the free numbers, with the poses of the bodies' origins at the recorded ins
 noise s_p [m], s_q [rad] is not given, a first fit estimates it from what it leaves. With the
 Jacobian J of the weighted residuals r at the solution, cov = (J^T J)^-1 |r|^2 / (n - p), its roots
 are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is exact where the
-motion is smooth (rb_sim.sensitivity), else it is taken by differences: central ones, and to one
-side where the scene refuses the other. What lies at such a limit at the end is named.
+motion is smooth (rb_sim.simulation.sensitivity), else it is taken by differences: central ones,
+and to one side where the scene refuses the other. What lies at such a limit at the end is named.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.alignment import turn_between
+from rb_sim.bags.analysis.derivatives import NORMAL
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
-from rb_sim.errors import RbSimError, SceneError, SimulationError
-from rb_sim.fit.exact import raw_jacobian
-from rb_sim.fit.fitted import Fitted
-from rb_sim.fit.limits import Limits, differenced, differences, held_still, moving, negligible
-from rb_sim.fit.outliers import outliers
-from rb_sim.fit.parameters import (
+from rb_sim.base.errors import RbSimError, SceneError, SimulationError
+from rb_sim.fit.recording import Recording, followed, lost_by
+from rb_sim.fit.unknowns import (
+    Fitted,
     Free,
+    Limits,
     bounds,
+    differenced,
+    differences,
     free_numbers,
+    held_still,
+    moving,
+    negligible,
     slopes_of,
     start_of,
+    untold,
     values_of,
     with_numbers,
 )
-from rb_sim.fit.recording import Recording, followed, lost_by
-from rb_sim.fit.spread import noisy, spread_of
-from rb_sim.fit.whiteness import ROUNDING, SYSTEMATIC, correlation
+from rb_sim.mechanics.samples import SampleBlock, concatenate
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene, SimulationOptions
-from rb_sim.sensitivity import NotSmoothError
-from rb_sim.simulation import Simulation
+from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
+from rb_sim.simulation.simulation import Simulation
+
+# Whether what a fit leaves is noise: neighbours in time are then independent.
+#
+#     rho = sum r_k r_k+1 / sum r_k^2
+#
+# is about 0 for noise, with a standard deviation of 1 / sqrt(n), and near 1 for what a wrong model
+# or a search that ended elsewhere leaves (Durbin and Watson, Biometrika 37, 1950).
+
+
+FEW = 16
+"""Samples below which nothing is said."""
+SYSTEMATIC = 0.5
+"""Correlation of neighbours from which on the rest is not noise."""
+ROUNDING = 1e-7
+"""Of the largest way: residuals below are of rounding and tolerances."""
+
+
+def correlation(columns: Iterable[np.ndarray]) -> float:
+    """Of neighbours in columns of residuals, each shape (n, 3), by their squares; 0 for too few."""
+    products = squares = 0.0
+    for r in columns:
+        if len(r) >= FEW:
+            products += float(np.sum(r[1:] * r[:-1]))
+            squares += float(np.sum(r * r))
+    return products / squares if squares > 0.0 else 0.0
+
+
+# How sure the numbers of a fit are: standard errors, correlations, and what is not determined.
+#
+#     cov = D (J^T J)^-1 D^T s^2
+#
+# with J the Jacobian by the numbers of the search, D the derivatives of the numbers themselves by
+# these and s^2 the variance of the weighted residuals (Bard, Nonlinear Parameter Estimation, 1974,
+# ch. 7).
+
+
+SHARE = 0.1
+"""Of a combination without effect, from which on a number belongs to it."""
+NOISELESS = 1e-9
+"""Mean square of weighted residuals below which they are without noise."""
+
+
+class Spread(NamedTuple):
+    """Of the numbers of a fit."""
+
+    errors: np.ndarray
+    """standard errors, infinite for what is not determined."""
+    correlation: np.ndarray
+    undetermined: list[list[int]]
+    """which numbers belong to each combination without effect."""
+
+
+def spread_of(
+    J: np.ndarray, least: float, variance: float, slopes: np.ndarray, scales: np.ndarray
+) -> Spread:
+    """least: singular value of J, relative to the largest, that says nothing."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    weak = untold(s, least)
+    inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
+    covariance = slopes @ ((Vt.T * inverse) @ Vt * variance) @ slopes.T
+    errors = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.maximum(np.outer(errors, errors), 1e-300)
+    undetermined = []
+    for row in Vt[weak]:
+        way = np.abs(slopes @ row) / scales
+        moved = np.flatnonzero(way > SHARE * way.max())
+        errors[moved] = np.inf
+        undetermined.append(moved.tolist())
+    return Spread(errors, correlation, undetermined)
+
+
+def noisy(r: np.ndarray, is_angle: np.ndarray) -> int:
+    """How many residuals have noise: attitudes that are all written as the identity have none, and
+    would make the others' look smaller."""
+    kinds = [is_angle == k for k in (False, True)]
+    return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > NOISELESS)
+
+
+# Poses that lie far from all others beside the motion that was fitted: they draw the fit.
+#
+# Least squares takes one pose that is a hundred times as far off as ten thousand others. How far
+# the others are tells the median of the residuals' sizes, which a few outliers do not change
+# (Huber, Robust Statistics, 1981).
+
+
+FAR = 10.0
+"""Standard deviations of the noise: no sample of any size has one so far from noise."""
+MOST = 0.1
+"""Of the poses: more of them are no outliers, but another motion."""
+TOLD = 3
+
+Residuals = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
+    """A line for each body that has some. residuals: as of `Fitted`; rounding: what is no more than
+    that [m, rad] is none."""
+    lines = []
+    for body, (t, *parts) in residuals.items():
+        far = np.zeros(len(t), bool)
+        for part in parts:
+            size = np.abs(part)
+            sigma = np.median(size, axis=0) / NORMAL
+            far |= (size > np.maximum(FAR * sigma, rounding)).any(axis=1)
+        if far.any() and far.sum() <= MOST * len(t):
+            at = ", ".join(f"{x:.6g}" for x in t[far][:TOLD]) + ", ..." * bool(far.sum() > TOLD)
+            lines.append(
+                f"{body}: {far.sum()} of {len(t)} poses are off by more than {FAR:g} times the "
+                f"noise of the others (t = {at} s): they draw the fit and enlarge its errors"
+            )
+    return tuple(lines)
+
+
+# The Jacobian of the residuals from the derivatives that the motion carries along.
+
+
+SMALL = 0.03
+"""Size of a number, of its scale, below which the scenes beside do not come nearer: a number may
+begin at 0."""
+
+
+def raw_jacobian(
+    recording: Recording, scene_at: Callable[[np.ndarray], Scene], x: np.ndarray
+) -> np.ndarray:
+    """d (position, turn) of each pose in turn / d x, shape (6 poses, len(x)) [m, rad].
+
+    Raises NotSmoothError where the motion has no derivatives, SimulationError as a run does.
+    """
+    sizes = np.clip(np.abs(x), SMALL, 1.0)
+    simulation = TangentSimulation(scene_at, x, sizes.tolist())
+    made: list[SampleBlock] = []
+    parts: list[list[SampleBlock]] = []
+    for block in followed(simulation, recording):
+        made.append(block)
+        parts.append(simulation.take_derivatives(len(block)))
+    layout, scene = simulation.layout, simulation.scene
+    whole = concatenate(made, layout)
+    changes = [concatenate(blocks, layout) for blocks in zip(*parts, strict=True)]
+    tracks = tracks_of_blocks([whole], scene, layout, scene.name)
+    columns = [np.zeros(0)] * len(x)
+    for body, name in recording.pairs.items():
+        i, seen = layout.bodies.index(body), recording.tracks.bodies[name]
+        if len(tracks.bodies[body].t) != len(whole):
+            raise NotSmoothError("sensitivities: the recording was set back in between")
+        at = recording.samples(body, len(whole))
+        n, q = len(at), whole.orientation[at, i]
+        r = np.array(scene.bodies[body].center_of_mass)
+        for k, change in enumerate(changes):
+            dq, h = change.orientation[at, i], STEP * float(sizes[k])
+            dr = _center_change(scene_at, x, k, h, body)
+            part = np.zeros((len(seen.t), 6))
+            part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotated(q, dr)
+            part[:n, 3:] = _turn_change(seen.orientation[:n], q, dq)
+            columns[k] = np.append(columns[k], part.ravel())
+    return np.stack(columns, axis=1)
+
+
+def _center_change(
+    scene_at: Callable[[np.ndarray], Scene], x: np.ndarray, k: int, h: float, body: str
+) -> np.ndarray:
+    """d r_OC / d x_k; r_OC is a number of the scene itself, so that the difference is exact."""
+    ends = []
+    for side in (-h, h):
+        moved = x.copy()
+        moved[k] += side
+        ends.append(np.array(scene_at(moved).bodies[body].center_of_mass))
+    return (ends[1] - ends[0]) / (2.0 * h)
+
+
+def _turn_change(p: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """The change of turn_between(p, q), which is linear in q but for the sign of both."""
+    sign = np.where(np.sum(p * q, axis=1) < 0, -1.0, 1.0)[:, None]
+    same = np.where(np.sum(p * dq, axis=1) < 0, -1.0, 1.0)[:, None]
+    return sign * same * turn_between(p, dq)
+
+
+def rotated(q: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """R(q) a for unit quaternions (n, 4) and one vector, (n, 3)."""
+    u, w = q[:, :3], q[:, 3:]
+    t = 2.0 * np.cross(u, a)
+    return a + w * t + np.cross(u, t)
+
+
+def rotation_change(q: np.ndarray, dq: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """d (R(q) a) for the change dq."""
+    u, w, du, dw = q[:, :3], q[:, 3:], dq[:, :3], dq[:, 3:]
+    t, dt = 2.0 * np.cross(u, a), 2.0 * np.cross(du, a)
+    return dw * t + w * dt + np.cross(du, t) + np.cross(u, dt)
+
 
 MOST_RUNS = 200
 """Evaluations of a fit, those for J aside."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks
-from rb_sim.engine.samples import SampleBlock
+from rb_sim.checks.check_list import Watched
+from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.scene.schema import Scene
-from rb_sim.simulation import Simulation
-from rb_sim.watches.watched import Watched
+from rb_sim.simulation.simulation import Simulation
 
 
 @dataclass

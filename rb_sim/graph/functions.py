@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rb_sim.graph.path import Path
-from rb_sim.graph.symbols import Condition, External, Graph, Symbol, graph_of
+from rb_sim.graph.symbols import Condition, External, Graph, Path, Symbol, graph_of
 
 
 def sqrt(x: Any) -> Any:

@@ -12,7 +12,24 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.path import Path
+# The conditions on which a function branches while it runs on symbols.
+
+
+class Path:
+    """One way through a function that branches on symbols: what its conditions were taken to be."""
+
+    def __init__(self, given: list[tuple[Condition, bool]]) -> None:
+        self.decisions = list(given)
+        """in the order in which they were asked, each condition once."""
+        self._known = {condition.number: value for condition, value in given}
+
+    def taken(self, condition: Condition) -> bool:
+        """Whether the condition holds on this way; True where it has not been asked yet."""
+        if condition.number not in self._known:
+            self._known[condition.number] = True
+            self.decisions.append((condition, True))
+        return self._known[condition.number]
+
 
 INPUTS = ("t", "y", "p")
 """Nodes that are arguments: the time, a coordinate, an input that may change between steps."""

@@ -1,25 +1,214 @@
-"""Runs a case with each of its settings and measures what must hold."""
+"""Hard cases: read from a file, run with each of their settings, and judged."""
 
 from __future__ import annotations
 
+import ast
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from rb_sim.accuracy.errors import turn_between
-from rb_sim.errors import RbSimError
-from rb_sim.hard_cases.case import Case, Check, Setting
-from rb_sim.hard_cases.formula import largest
+from rb_sim.accuracy.differences import turn_between
+from rb_sim.base.errors import RbSimError
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
-from rb_sim.simulation import Simulation
-from rb_sim.trajectory import Trajectory
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.watch_list import WatchList
+from rb_sim.scene.schema import METHODS
+from rb_sim.scene.yaml_reader import parse, read_text
+from rb_sim.simulation.simulation import Simulation
+from rb_sim.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+
+
+# A case: a scene, how it is run, what must hold, and why it is hard; one YAML file each.
+
+
+SUFFIX = ".yaml"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Setting(_Strict):
+    """One way to run the scene."""
+
+    method: Literal[METHODS]  # type: ignore[valid-type]
+    step: float | None = Field(default=None, gt=0.0)
+    tolerance: float | None = Field(default=None, gt=0.0)
+    duration: float | None = Field(default=None, gt=0.0)
+    """instead of the scene's, where the method needs more steps [s]."""
+
+
+class Check(_Strict):
+    """What must hold of every run.
+
+    energy: change of energy less work, over what was exchanged. momentum: the worse of both
+    balances. residual: violation of constraints. formula: largest size of a formula over the
+    samples. against: largest pose difference to another setting. told: that a watch speaks, or the
+    run is refused; the figure is 0 then, else 1. refused: likewise, only by an error.
+    """
+
+    figure: Literal["energy", "momentum", "residual", "formula", "against", "told", "refused"]
+    formula: str = ""
+    against: Setting | None = None
+    words: str = ""
+    """what an error must say, of refused and told."""
+    bound: float = Field(default=0.5, gt=0.0)
+    because: str = ""
+    """how the bound follows from order, step and conditioning."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Check:
+        if self.figure == "formula" and not self.formula:
+            raise ValueError("figure formula needs a formula")
+        if self.figure == "against" and self.against is None:
+            raise ValueError("figure against needs a setting: against: {method: ...}")
+        return self
+
+
+class Case(_Strict):
+    """One hard case."""
+
+    title: str
+    why: str
+    """why it is hard."""
+    engines: Mapping[str, str] = {}
+    """engines known to fail it, and how; or to hold it, where they do."""
+    quick: bool = False
+    """whether it is cheap enough for `--quick` and for every run of the tests."""
+    limit: str = ""
+    """what is not held today, and why: the row is then told as it is and does not fail."""
+    scene: Mapping[str, Any] | str
+    """as in a scene file, or the name of a shipped scene."""
+    runs: tuple[Setting, ...] = Field(min_length=1)
+    checks: tuple[Check, ...] = Field(min_length=1)
+    name: str = ""
+
+
+def load_case(path: Path) -> Case:
+    """The case in a file. Raises RbSimError in one line for what is not one."""
+    mapping = parse(read_text(path), str(path))
+    if not isinstance(mapping, Mapping):
+        raise RbSimError(f"{path}: a case must be a mapping with title, why, scene, runs, checks")
+    try:
+        return Case.model_validate({**mapping, "name": path.stem})
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise RbSimError(f"{path}: {key}: {first['msg']}") from None
+
+
+def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
+    """The cases of a folder whose names have one of the parts `only`; all without.
+
+    Raises RbSimError if there are none, or none with one of the parts.
+    """
+    paths = sorted(folder.glob(f"*{SUFFIX}"))
+    allowed = ", ".join(path.stem for path in paths)
+    if not paths:
+        raise RbSimError(f"{folder}: has no case (a file *{SUFFIX})")
+    for part in only:
+        if not any(part in path.stem for path in paths):
+            what = f"case with {part!r} in its name"
+            raise RbSimError(f"{folder}: has no {what}; there are {allowed}")
+    wanted = [path for path in paths if not only or any(part in path.stem for part in only)]
+    return [load_case(path) for path in wanted]
+
+
+# What must be small in a case, written as a formula over the samples of a run.
+#
+# Names: t; for each body B: B_x B_y B_z, B_vx B_vy B_vz (centre of mass, world), B_wx B_wy B_wz
+# (body axes), B_qx B_qy B_qz B_qw; for each reaction R: R_fx R_fy R_fz, R_tx R_ty R_tz; energy,
+# kinetic, potential, residual; pi.  Functions: FUNCTIONS.  Nothing else of Python is understood.
+
+
+FUNCTIONS: dict[str, Any] = {
+    **{name: getattr(np, name) for name in ("sin", "cos", "tan", "cosh", "sinh", "tanh")},
+    **{name: getattr(np, name) for name in ("sqrt", "exp", "log", "abs", "hypot", "where")},
+    **{"atan": np.arctan, "atan2": np.arctan2, "acos": np.arccos, "max": np.maximum},
+}
+
+OPERATIONS: dict[type, Any] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+    ast.Lt: np.less,
+    ast.Gt: np.greater,
+}
+
+
+def largest(formula: str, block: SampleBlock, layout: SampleLayout) -> float:
+    """The largest size of the formula over the samples; infinite where it is not finite.
+
+    Raises RbSimError for a formula that is not one, or that names what the run has not.
+    """
+    names = columns(block, layout)
+    try:
+        tree = ast.parse(formula, mode="eval").body
+    except SyntaxError as error:
+        raise RbSimError(f"formula {formula!r}: {error.msg}") from None
+    with np.errstate(all="ignore"):
+        values = np.abs(np.asarray(value_of(tree, names, formula), dtype=float))
+    return float(np.nan_to_num(values, nan=np.inf, posinf=np.inf).max())
+
+
+def value_of(node: ast.AST, names: Mapping[str, Any], formula: str) -> Any:
+    """The value of a part of the formula."""
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id=name) if name in names:
+            return names[name]
+        case ast.UnaryOp(op=op, operand=operand) if type(op) in OPERATIONS:
+            return OPERATIONS[type(op)](value_of(operand, names, formula))
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATIONS:
+            both = value_of(left, names, formula), value_of(right, names, formula)
+            return OPERATIONS[type(op)](*both)
+        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in OPERATIONS:
+            both = value_of(left, names, formula), value_of(right, names, formula)
+            return OPERATIONS[type(op)](*both)
+        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
+            return FUNCTIONS[name](*(value_of(arg, names, formula) for arg in args))
+    what = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
+    raise RbSimError(f"formula {formula!r}: {what!r} is no name, number or function of a case")
+
+
+def columns(block: SampleBlock, layout: SampleLayout) -> dict[str, Any]:
+    """The names a formula may use."""
+    names: dict[str, Any] = {"t": block.t, "pi": np.pi, "residual": block.residual}
+    names |= {"energy": block.energy, "kinetic": block.kinetic_energy}
+    names["potential"] = block.potential_energy
+    for i, body in enumerate(layout.bodies):
+        names |= components(f"{body}_", block.position[:, i], "xyz")
+        names |= components(f"{body}_v", block.linear_velocity[:, i], "xyz")
+        names |= components(f"{body}_w", block.angular_velocity[:, i], "xyz")
+        names |= components(f"{body}_q", block.orientation[:, i], "xyzw")
+    for i, reaction in enumerate(layout.reactions):
+        names |= components(f"{reaction}_f", block.reaction_force[:, i], "xyz")
+        names |= components(f"{reaction}_t", block.reaction_torque[:, i], "xyz")
+    return names
+
+
+def components(start: str, values: Array, letters: str) -> dict[str, Array]:
+    """Columns by name."""
+    return {f"{start}{letter}": values[:, k] for k, letter in enumerate(letters)}
+
+
+# Runs a case with each of its settings and measures what must hold.
+
 
 HOLDS, FAILS, LIMIT = "holds", "FAILS", "limit"
 """Verdicts; limit: what is not held, and said so in the case."""
@@ -76,7 +265,7 @@ def rows_of(case: Case) -> Iterator[Row]:
 
 def run(case: Case, setting: Setting) -> Outcome:
     """The case under one setting, watched."""
-    from rb_sim.watch import Limits
+    from rb_sim.motion.pieces import Limits
 
     given = {
         name: value
@@ -103,7 +292,7 @@ def run(case: Case, setting: Setting) -> Outcome:
     except (RbSimError, ZeroDivisionError) as error:
         # plain Python divides by zero where compiled code goes on with infinity, then NaN
         return Outcome(None, watches, str(error) or "division", time.process_time() - began)
-    from rb_sim.engine.samples import concatenate
+    from rb_sim.mechanics.samples import concatenate
 
     whole = concatenate(blocks, simulation.layout)
     return Outcome(Trajectory(whole, simulation.layout), watches, "", seconds)

@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.hard_cases.case import Case
-from rb_sim.hard_cases.judge import FAILS, LIMIT, Row
+from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
 
 if TYPE_CHECKING:
     from rb_sim.hard_cases.peers.compare import PeerRow

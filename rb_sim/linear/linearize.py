@@ -14,23 +14,28 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.constraints.rows import HOLONOMIC
-from rb_sim.engine.samples import Array, SampleLayout
-from rb_sim.engine.systems.many_bodies import INERTIA, MASS, MultiBody, six, state_of
-from rb_sim.errors import SimulationError
-from rb_sim.linear.deviations import (
+from rb_sim.linear.equations import (
     Axes,
+    HeldMotion,
     block_diag,
+    derivatives,
+    equations,
     frame_of,
     from_world,
+    line_times,
+    on,
+    reactions,
     rotation,
     turned_spin,
     world_dynamics,
 )
-from rb_sim.linear.equations import HeldMotion, derivatives, equations, line_times, on, reactions
 from rb_sim.linear.state_space import LinearModel
-from rb_sim.maths.rank import Ranked, ranked, scaled_lines, solved
-from rb_sim.maths.vectors import add
+from rb_sim.mechanics.samples import Array, SampleLayout
+from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, MultiBody, six, state_of
+from rb_sim.numerics.rank import Ranked, ranked, scaled_lines, solved
+from rb_sim.numerics.vectors import add
 
 POSITIONS_FIRST = 8.0
 """Weight of positions over angles where either could be left to the constraints."""

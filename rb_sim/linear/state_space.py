@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import null_space, qr
 
-from rb_sim.engine.samples import Array
+from rb_sim.mechanics.samples import Array
 
 ZERO = 1e-12
 """Singular value of A, relative to the largest, at or below which a mode has the eigenvalue 0."""

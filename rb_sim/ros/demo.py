@@ -20,15 +20,65 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import rclpy
+from geometry_msgs.msg import Vector3, WrenchStamped
+from rclpy.duration import Duration
+from rclpy.utilities import try_shutdown
 from rich.console import Console
 from rich.table import Table
 
-from rb_sim.engine.samples import Array, SampleBlock, concatenate
-from rb_sim.errors import RbSimError
-from rb_sim.ros import commander
-from rb_sim.ros.commander import Wrench
+from rb_sim.base.errors import RbSimError
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.mechanics.samples import Array, SampleBlock, concatenate
 from rb_sim.scene.listing import find_scene
-from rb_sim.sinks.bag_reader import BagReader
+
+# Sends wrench commands to a running node, one after the other, and ends.
+
+
+PATIENCE = 60.0
+"""[s] for the node to be found, and to have taken a command."""
+
+
+class Wrench(NamedTuple):
+    """A command in world axes."""
+
+    force: tuple[float, float, float]
+    """[N]."""
+    torque: tuple[float, float, float]
+    """about the body origin [N m]."""
+
+
+def message(wrench: Wrench, frame: str) -> WrenchStamped:
+    """The command as the node takes it."""
+    command = WrenchStamped()
+    command.header.frame_id = frame
+    command.wrench.force = Vector3(**dict(zip("xyz", wrench.force, strict=True)))
+    command.wrench.torque = Vector3(**dict(zip("xyz", wrench.torque, strict=True)))
+    return command
+
+
+def send(topic: str, wrenches: list[Wrench], pause: float) -> None:
+    """Send each wrench and wait `pause` seconds after it.
+
+    Raises RbSimError if no node listens on the topic, or one does not take a command.
+    """
+    rclpy.init()
+    try:
+        node = rclpy.create_node("commander")
+        publisher = node.create_publisher(WrenchStamped, topic, 10)
+        end = time.monotonic() + PATIENCE
+        while not publisher.get_subscription_count():
+            if time.monotonic() > end:
+                raise RbSimError(f"nobody listens on {topic}")
+            time.sleep(0.01)
+        for wrench in wrenches:
+            publisher.publish(message(wrench, "world"))
+            if not publisher.wait_for_all_acked(Duration(seconds=PATIENCE)):
+                raise RbSimError(f"the listener on {topic} does not take commands")
+            time.sleep(pause)
+    finally:
+        try_shutdown()
+
 
 SCENE = "rolling_sphere_commanded"
 BODY, FLOOR = "ball", "floor"
@@ -156,7 +206,7 @@ def run(scene: Path, out: Path, console: Console) -> bool:
         topic = f"/rb_sim/{BODY}/wrench"
         console.print(f"[bold]commander[/bold] {len(COMMANDS)} wrenches on {topic}")
         spawn = multiprocessing.get_context("spawn")
-        sender = spawn.Process(target=commander.send, args=(topic, COMMANDS, PAUSE))
+        sender = spawn.Process(target=send, args=(topic, COMMANDS, PAUSE))
         sender.start()
         sender.join(RUN_LIMIT)
         if sender.exitcode != 0:

@@ -9,16 +9,15 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.time import Time
 
-from rb_sim.finding import Finding
-from rb_sim.ros.command import OVERTAKEN, Commands
-from rb_sim.ros.log_process import LogProcess
+from rb_sim.base.diagnostic import Finding
+from rb_sim.io.messages.topic_names import CLOCK
+from rb_sim.ros.logs.process import LogProcess
 from rb_sim.ros.offers import offer
-from rb_sim.ros.pacing import Pacer
-from rb_sim.ros.presence import twins
-from rb_sim.ros.priority import Priority
+from rb_sim.ros.pacing import Pacer, Priority
 from rb_sim.ros.stepper import Stepper
-from rb_sim.ros.watch_sink import WatchSink
-from rb_sim.sinks.topic_names import CLOCK
+from rb_sim.ros.topics.check_sink import WatchSink
+from rb_sim.ros.topics.command import OVERTAKEN, Commands
+from rb_sim.ros.topics.presence import twins
 
 PERIOD = 1.0
 """[s] of wall time."""

@@ -16,14 +16,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from rb_sim.cli.signals import Interruption
     from rb_sim.ros.live_settings import LiveSettings
-    from rb_sim.ros.presence import Presence
+    from rb_sim.ros.topics.presence import Presence
+    from rb_sim.simulation.signals import Interruption
 
 NODE_NAME = "rb_sim"
 NO_RCLPY = (
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _main(arguments)
     except ImportError:
-        from rb_sim.installed import complaint
+        from rb_sim.base.installed import complaint
 
         if not (line := complaint()):
             raise
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
-    from rb_sim.cli.signals import Interruption
+    from rb_sim.simulation.signals import Interruption
 
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -81,7 +81,7 @@ def run_node(
     scene_path: overrides the parameter `scene`. ros_arguments: with --ros-args. options: values of
     parameters by name (rb_sim.ros.parameters.Settings); None leaves the default.
     """
-    from rb_sim.cli.signals import Interruption
+    from rb_sim.simulation.signals import Interruption
 
     if scene_path is not None:
         options["scene"] = str(scene_path)
@@ -137,7 +137,7 @@ def _make_node(options: dict[str, Any]) -> tuple[Node, bool]:
     """The node, and whether it is one with a lifecycle."""
     from rclpy.parameter import Parameter
 
-    from rb_sim.ros.inbox import PollingNode
+    from rb_sim.ros.topics.inbox import PollingNode
 
     overrides = [Parameter(name, value=value) for name, value in options.items()]
     node = PollingNode(NODE_NAME, parameter_overrides=overrides)
@@ -164,7 +164,7 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
 
     Each import stands behind what is to be seen before it: state, time, parameters, description.
     """
-    from rb_sim.ros.presence import Presence
+    from rb_sim.ros.topics.presence import Presence
 
     began = time.monotonic()
     presence = Presence(node, publish_clock=_asked_early(node, "publish_clock", default=True))
@@ -175,7 +175,7 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
 
         asked = LiveSettings(node)
         if managed:
-            from rb_sim.ros.managed import ManagedNode, simulate_managed
+            from rb_sim.ros.lifecycle import ManagedNode, simulate_managed
 
             standing.close()
             assert isinstance(node, ManagedNode)
@@ -192,7 +192,7 @@ def _simulate_now(
     standing: ExitStack,
 ) -> int:
     """As `_simulate`, without a lifecycle. standing: shows a clock at zero until it is closed."""
-    from rb_sim.ros.services import Services
+    from rb_sim.ros.services.services import Services
     from rb_sim.ros.serving import Serving
 
     services = Services(node, paused=asked.now.start_paused)

@@ -11,29 +11,66 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from rb_sim.errors import RbSimError, SimulationError
-from rb_sim.ros import command
-from rb_sim.ros.conventions import asked_for
+from rb_sim.base.errors import RbSimError, SimulationError
+from rb_sim.motion.pieces import Limits
 from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.live_settings import LiveSettings
-from rb_sim.ros.log_process import LogProcess
-from rb_sim.ros.optional_services import offer_services
-from rb_sim.ros.pacing import SLICE, Pacer
-from rb_sim.ros.presence import Presence
-from rb_sim.ros.priority import Priority
-from rb_sim.ros.services import Services
+from rb_sim.ros.logs.process import LogProcess
+from rb_sim.ros.pacing import SLICE, Pacer, Priority
+from rb_sim.ros.services.optional import offer_services
+from rb_sim.ros.services.services import Services
 from rb_sim.ros.serving import Serving
 from rb_sim.ros.stepper import Stepper
-from rb_sim.ros.summary import summary_of
-from rb_sim.ros.topic_sink import TopicSink
-from rb_sim.ros.watch_sink import WatchSink
-from rb_sim.watch import Limits
+from rb_sim.ros.topics import command
+from rb_sim.ros.topics.check_sink import WatchSink
+from rb_sim.ros.topics.conventions import asked_for
+from rb_sim.ros.topics.presence import Presence
+from rb_sim.ros.topics.topic_sink import TopicSink
 
 if TYPE_CHECKING:
-    from rb_sim.cli.signals import Interruption
-    from rb_sim.placing import Placement
+    from signal import Signals
+
+    from rb_sim.accuracy.choice import Choice
     from rb_sim.ros.parameters import Settings
-    from rb_sim.simulation import Simulation
+    from rb_sim.ros.topics.command import Commands
+    from rb_sim.simulation.signals import Interruption
+    from rb_sim.simulation.simulation import Simulation
+    from rb_sim.simulation.state_override import Placement
+
+
+# What the logs of a node say at their end about how the run went.
+
+
+def summary_of(
+    stepper: Stepper,
+    commands: Commands,
+    pacer: Pacer,
+    watches: WatchSink,
+    choice: Choice | None,
+    cause: Signals | None,
+    failure: str,
+    dropped: int,
+) -> dict[str, object]:
+    """By name, as JSON takes it.
+
+    choice: of method and step, if one was made. cause: the signal that ended the run. failure: why
+    the motion could not go on, or "". dropped: samples that found the queue of the logs full.
+    """
+    return {
+        "choice": None if choice is None else choice.as_dict(),
+        "samples": stepper.samples + 1,
+        "steps": stepper.steps,
+        "duration": stepper.t,
+        "commands_applied": commands.applied,
+        "commands_refused": dict(commands.refused),
+        "overruns": pacer.overruns,
+        "slips": pacer.slips,
+        "samples_dropped": dropped,
+        "stopped_by": cause.name if cause else None,
+        "error": failure or None,
+        "warnings": [finding.as_dict() for finding in watches.look()],
+    }
+
 
 ENDING = "the node is ending"
 REPORT_PERIOD = 0.02

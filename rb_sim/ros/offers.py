@@ -22,7 +22,7 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rclpy.callback_groups import CallbackGroup

@@ -11,11 +11,11 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.io.bag.sink import LEAST_SPLIT
+from rb_sim.io.messages.topic_names import CLOCK, TF
 from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS
-from rb_sim.sinks.bag import LEAST_SPLIT
-from rb_sim.sinks.topic_names import CLOCK, TF
 
 OF_TOPICS = "qos_overrides."
 """How the parameters begin that ROS has for each topic: they are there once the topic is."""

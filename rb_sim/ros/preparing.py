@@ -6,26 +6,26 @@ import gc
 import time
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.cli.compiling import compiled
-from rb_sim.errors import RbSimError
-from rb_sim.ros import interfaces
-from rb_sim.ros.log_folder import TIME_FIELD, out_folder, own_folder
-from rb_sim.ros.log_frames import Plan
-from rb_sim.ros.log_process import LogProcess, unfinished
+from rb_sim.base.errors import RbSimError
+from rb_sim.ros import build_interfaces
+from rb_sim.ros.logs.folder import TIME_FIELD, out_folder, own_folder
+from rb_sim.ros.logs.process import LogProcess, unfinished
+from rb_sim.ros.logs.protocol import Plan
 from rb_sim.ros.parameters import OF_TOPICS, warn_of_unknown
-from rb_sim.ros.presence import is_alone
+from rb_sim.ros.topics.presence import is_alone
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
+from rb_sim.simulation.compiling import compiled
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from rb_sim.cli.signals import Interruption
     from rb_sim.ros.node import SimulationLoop
     from rb_sim.ros.parameters import Settings
-    from rb_sim.ros.presence import Presence
+    from rb_sim.ros.topics.presence import Presence
     from rb_sim.scene.schema import Scene
-    from rb_sim.simulation import Simulation
+    from rb_sim.simulation.signals import Interruption
+    from rb_sim.simulation.simulation import Simulation
 
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
 """Settings that a bag carries beside its scene."""
@@ -60,9 +60,9 @@ def prepared(
     def warn(line: str) -> None:
         logger.warning(line)
 
-    builds = interfaces.begin()
+    builds = build_interfaces.begin()
     simulation = compiled(scene, say)
-    interfaces.finish(builds, warn)
+    build_interfaces.finish(builds, warn)
     alone = is_alone(node, began, discovery, lambda: stop.cause is not None)
     if stop.cause is not None:
         raise RbSimError(f"ended by {stop.cause.name} before the first sample")

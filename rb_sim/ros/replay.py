@@ -17,16 +17,16 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from std_srvs.srv import SetBool
 
-from rb_sim.cli.signals import Interruption
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 from rb_sim.ros.pacing import SLICE, Pacer
 from rb_sim.ros.parameters import DISCOVERY
-from rb_sim.ros.presence import is_alone
-from rb_sim.ros.topic_sink import TopicSink
+from rb_sim.ros.topics.presence import is_alone
+from rb_sim.ros.topics.topic_sink import TopicSink
+from rb_sim.simulation.signals import Interruption
 
 if TYPE_CHECKING:
-    from rb_sim.engine.samples import SampleBlock
-    from rb_sim.sinks.bag_reader import BagReader
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.mechanics.samples import SampleBlock
 
 SERVE_PERIOD = 0.02
 """[s] of wall time between looks at services while samples are due."""

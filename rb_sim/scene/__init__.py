@@ -1,0 +1,1 @@
+"""From a scene file to the compiled system: reading, checking, compiling, the initial state."""

@@ -7,28 +7,25 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.types import Placed
-from rb_sim.engine.laws import traceable
-from rb_sim.engine.methods import registry
-from rb_sim.engine.samples import SampleLayout
-from rb_sim.engine.systems.free_spin import with_spins
-from rb_sim.engine.systems.multibody import multibody
-from rb_sim.errors import SceneError
+from rb_sim.mechanics import methods
+from rb_sim.mechanics.laws import traceable
+from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.mechanics.systems.free import with_spins
+from rb_sim.mechanics.systems.multibody import multibody
 from rb_sim.scene.compiled import Compiled
-from rb_sim.scene.dependent import undetermined
-from rb_sim.scene.initial import check_maximal, check_reduced
-from rb_sim.scene.place import InitialPlace
-from rb_sim.scene.principal import principal_axes
-from rb_sim.scene.reduced import projected_alone, reduce_scene
+from rb_sim.scene.initial import check_maximal, check_reduced, undetermined
+from rb_sim.scene.place import InitialPlace, along_parents, along_parents_if_close
+from rb_sim.scene.reduced import principal_axes, projected_alone, reduce_scene
 from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
-from rb_sim.scene.seats import along_parents, along_parents_if_close
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
     """The method named by the options; for `auto` it must have been chosen before."""
-    return registry.build(
+    return methods.build(
         options.method, step=options.step, tolerance=options.tolerance, largest_step=duration
     )
 
@@ -45,7 +42,7 @@ def compile_scene(
     """
     compiled = compile_motion(scene, coordinates, place)
     name = scene.simulation.method
-    method = registry.METHODS.get(name)  # none for auto
+    method = methods.METHODS.get(name)  # none for auto
     if method is not None and not method.suits(compiled.system):
         raise SceneError(
             f"got {name!r}; must be dopri853, auto or another: {name} integrates {method.domain}",
@@ -72,7 +69,7 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
         contact_names(scene, place),
     )
     if layout.contacts:
-        from rb_sim.contact.compile import compile_contacts
+        from rb_sim.scene.compile_contacts import compile_contacts
 
         return compile_contacts(scene, place, placed, commands, breakpoints, layout, outputs)
     reduced = reduce_scene(place, joints, rows) if coordinates == "auto" else None

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.spec import one_of
-from rb_sim.errors import SceneError
 
 Path = tuple[str | int, ...]
 

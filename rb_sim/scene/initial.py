@@ -6,13 +6,158 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from rb_sim.engine.manifold import relative, start_on_manifold
-from rb_sim.engine.systems.many_bodies import MultiBody
-from rb_sim.errors import SceneError
-from rb_sim.scene.dependent import dead_centre, hidden_by_masses
+from rb_sim.base.errors import SceneError
+from rb_sim.catalogue.constraints.rows import BIAS
+from rb_sim.mechanics.initial_projection import lines_matrix, relative, start_on_manifold
+from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.mechanics.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH, MultiBody
+from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.numerics.rank import Ranked, null_space, ranked
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit
 from rb_sim.scene.schema import Scene
+
+# Constraint lines that depend on each other: for good (redundant) or in one position only.
+#
+# A combination nu of lines with nu^T G = 0 stays one along every motion u that the lines allow if
+# nu^T dG/dt u = 0 for all such u.  Otherwise the position is singular, a dead centre: the lines
+# stop a motion that their first order allows, or let it branch, and neither accelerations nor
+# reactions are determined there.
+
+
+TAKES_PART = 1e-8
+"""Share in a combination of lines, relative to its largest, above which a line takes part."""
+
+CHANGES = 1e-7
+"""Rate at which a combination changes, relative to that at which its lines turn with the bodies."""
+
+INDEPENDENT = 1e-6
+"""Smallest singular value of lines of length 1, relative to the largest, of a joint that is none of
+the doubtful ones."""
+
+WIDE = 1e9
+"""Ratio of masses from which on it is asked whether it hides lines."""
+
+HIDDEN = 8e-12
+"""Smallest eigenvalue of A, scaled to a diagonal of ones and relative to the largest, below which
+its solution keeps some five digits at most: constraints are then lost from step to step."""
+
+MOTIONS = 4
+"""Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
+
+
+def joint_lines(system: Any) -> int:
+    """Lines of the constraints that always hold; contacts come after them."""
+    return int(system.first_row[len(system.constraints)])
+
+
+def rank_of_joints(system: Any, t: float, y: np.ndarray) -> Ranked:
+    """Of A = G M^-1 G^T at (t, y)."""
+    n = joint_lines(system)
+    return ranked(lines_matrix(system, t, y)[:n, :n])
+
+
+def jacobian(system: Any) -> np.ndarray:
+    """G on u = (v_C world, w body) of all bodies, (n, 6 N), as written last."""
+    n, bodies = joint_lines(system), len(system.bodies)
+    G = np.zeros((n, 6 * bodies))
+    for k in range(n):
+        for column, body in ((0, system.lines[k, BODY]), (6, system.lines[k, PARENT])):
+            if body >= 0:
+                G[k, 6 * body : 6 * body + 6] += system.rows[k, column : column + 6]
+    return G
+
+
+def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """The lines that depend on each other at (t, y), but not beside it; indices, maybe none.
+
+    Overwrites the lines in `system`.
+    """
+    rank = rank_of_joints(system, t, y)
+    n = joint_lines(system)
+    if rank.rank == n:
+        return np.zeros(0, int)
+    write_rows(system, t, y)
+    G = jacobian(system)
+    allowed = allowed_motions(system, G)
+    moved = np.zeros(rank.null.shape[1], bool)
+    random = np.random.default_rng(0)
+    for _ in range(MOTIONS if allowed.shape[1] else 0):
+        u = (allowed @ random.normal(size=allowed.shape[1])).reshape(-1, 6)
+        at = y.copy()
+        for i, velocity in enumerate(u):
+            at[WIDTH * i + 7 : WIDTH * i + 13] = velocity
+        write_rows(system, t, at)
+        change = np.abs(rank.null.T @ system.rows[:n, BIAS])
+        moved |= change > CHANGES * (np.abs(rank.null).T @ rates(system, G, u))
+    write_rows(system, t, y)
+    combinations = np.abs(rank.null[:, moved])
+    if combinations.size == 0:
+        return np.zeros(0, int)
+    return np.flatnonzero((combinations > TAKES_PART * combinations.max(axis=0)).any(axis=1))
+
+
+def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """|dG/dt u| of each line if it turned with the fastest body: its size times v^2 / length."""
+    length = system.length
+    speed = (np.linalg.norm(u[:, :3], axis=1) + length * np.linalg.norm(u[:, 3:], axis=1)).max()
+    parts = G.reshape(len(G), -1, 6)
+    sizes = (
+        np.linalg.norm(parts[:, :, :3], axis=2) + np.linalg.norm(parts[:, :, 3:], axis=2) / length
+    )
+    return sizes.max(axis=1) * speed**2 / length
+
+
+def hidden_by_masses(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """Lines that are independent, but that A at (t, y) cannot tell from dependent ones; indices.
+
+    A heavy body that hangs by a light one makes two lines alike but for the ratio of their masses.
+    """
+    masses, n = system.bodies[:, MASS], joint_lines(system)
+    if not n or not masses.max() > WIDE * masses.min():
+        return np.zeros(0, int)
+    A = np.array(lines_matrix(system, t, y)[:n, :n])
+    sizes = 1.0 / np.sqrt(np.diag(A))
+    values, vectors = np.linalg.eigh(A * sizes * sizes[:, None])
+    write_rows(system, t, y)
+    G = jacobian(system)
+    spread = np.linalg.svd(G / np.linalg.norm(G, axis=1, keepdims=True), compute_uv=False)
+    independent = n <= G.shape[1] and spread[-1] > INDEPENDENT * spread[0]
+    if not independent or values[0] > HIDDEN * values[-1]:
+        return np.zeros(0, int)
+    share = np.abs(vectors[:, 0])
+    return np.flatnonzero(share > 0.1 * share.max())
+
+
+def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
+    """Orthonormal basis, in the metric of M, of the u with G u = 0; (6 N, dimension)."""
+    roots = []
+    for body in system.bodies:
+        xx, yy, zz, xy, xz, yz = body[INERTIA : INERTIA + 6]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        roots += [np.eye(3) / body[MASS] ** 0.5, np.linalg.inv(np.linalg.cholesky(inertia)).T]
+    scaled = np.hstack([G[:, 3 * i : 3 * i + 3] @ root for i, root in enumerate(roots)])
+    free = null_space(scaled)
+    return np.vstack([root @ free[3 * i : 3 * i + 3] for i, root in enumerate(roots)])
+
+
+def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> tuple[str, ...]:
+    """Reactions whose lines take part in a linear dependence of the constraint lines.
+
+    Contacts are left out: whether they hold changes.
+    """
+    null = rank_of_joints(system, t, y).null
+    if null.shape[1] == 0:
+        return ()
+    moved = np.abs(null).max(axis=1) > TAKES_PART
+    first = system.first_row
+    names = []
+    for o, name in enumerate(layout.reactions):
+        parts = np.flatnonzero(system.members[o, 1 : 1 + len(system.constraints)])
+        if any(moved[first[p] : first[p + 1]].any() for p in parts):
+            names.append(name)
+    return tuple(names)
+
 
 MISFIT = 1e-6
 """Relative violation of a constraint up to which an initial state is taken as rounded."""

@@ -9,8 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.spec import one_of
-from rb_sim.errors import SceneError
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import scene_error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -13,18 +13,52 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.errors import SceneError, SceneWarning
 from rb_sim.catalogue.spec import one_of
-from rb_sim.errors import SceneError, SceneWarning
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
-from rb_sim.scene.habits import habits
 from rb_sim.scene.listing import find_scene
-from rb_sim.scene.schema import (
-    FIXED_STEP_METHODS,
-    TOLERANCE_METHODS,
-    Scene,
-    SimulationOptions,
-)
+from rb_sim.scene.schema import FIXED_STEP_METHODS, TOLERANCE_METHODS, Scene, SimulationOptions
+
+# Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
+
+
+FAR_FROM_UNIT = 1e-2
+"""Of the length of a quaternion: two digits of each component leave less."""
+
+
+def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
+    """One line for each: key, value, how it is read, what to write for the other meaning."""
+    for name in scene.bodies:
+        given = data["bodies"][name]
+        written = given.get("orientation") if isinstance(given, Mapping) else None
+        if isinstance(written, (list, tuple)) and len(written) == 4:
+            yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
+    still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
+    if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
+        yield (
+            "nothing moves: the scene has no effects, and no body a velocity; for weight give "
+            "effects: {weight: {type: gravity}}"
+        )
+
+
+def _quaternion(key: str, q: list[float]) -> Iterator[str]:
+    if q == [1.0, 0.0, 0.0, 0.0]:
+        yield (
+            f"{key}: [1, 0, 0, 0] is half a turn about x, as the order is [x, y, z, w]; for no "
+            "turn leave it out, for half a turn write {axis: [1, 0, 0], angle: 3.141592653589793}"
+        )
+    elif abs(math.hypot(*q) - 1.0) > FAR_FROM_UNIT:
+        yield (
+            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for roll, "
+            "pitch, yaw or degrees write {axis: [x, y, z], angle: radians}"
+        )
+
+
+def _drives(spec: Any) -> bool:
+    """Whether a constraint moves what it holds."""
+    return bool(getattr(spec, "rate", 0.0)) or getattr(spec, "motion", None) is not None
+
 
 OVERRIDES = ("duration", "method", "rate", "step", "tolerance")
 """Values of `simulation` that a caller may replace."""
@@ -169,3 +203,63 @@ def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
         return [_plain(entry, file, (*path, i)) for i, entry in enumerate(value)]
     allowed = "a number, text, true or false, a list or a mapping"
     raise scene_error(f"got {render(value)}; must be {allowed}", path, file)
+
+
+# A scene in code, entry by entry: a short way to the mapping that `load_scene` takes.
+
+
+class SceneBuilder:
+    """Collects what a scene file says; every call returns the builder, so that calls chain.
+
+    name: what the scene and its errors are called. Keys and values are those of a scene file
+    (docs/scenes.md); `build` checks them. Raises SceneError for a name that is taken, at once.
+    """
+
+    def __init__(self, name: str = "scene", description: str = "") -> None:
+        self._name = name
+        self._data: dict[str, Any] = {"bodies": {}, "constraints": {}, "effects": {}}
+        if description:
+            self._data["description"] = description
+
+    def __repr__(self) -> str:
+        parts = [
+            f"{section}: {', '.join(self._data[section])}"
+            for section in ("bodies", "constraints", "effects")
+            if self._data[section]
+        ]
+        return f"<SceneBuilder {self._name}: {'; '.join(parts) or 'nothing yet'}>"
+
+    def body(self, name: str, **values: Any) -> SceneBuilder:
+        """Add a body: mass, shape or inertia, initial pose and velocity."""
+        return self._put("bodies", name, values)
+
+    def constraint(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
+        """Add a constraint of a type of the catalogue; its reaction has the same name."""
+        return self._put("constraints", name, {"type": type, **values})
+
+    def effect(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
+        """Add an effect of a type of the catalogue."""
+        return self._put("effects", name, {"type": type, **values})
+
+    def simulate(self, **values: Any) -> SceneBuilder:
+        """Say how to integrate: duration, rate, method, step or tolerance."""
+        self._data["simulation"] = {**self._data.get("simulation", {}), **values}
+        return self
+
+    def as_dict(self) -> dict[str, Any]:
+        """The mapping that `load_scene` takes."""
+        return {key: value for key, value in self._data.items() if value}
+
+    def as_yaml(self) -> str:
+        """The text of a scene file that says the same. Raises SceneError as `build` does."""
+        return self.build().text
+
+    def build(self, **overrides: Any) -> Scene:
+        """The checked scene. Raises SceneError that names key, value and what is allowed."""
+        return scene_from_mapping(self.as_dict(), name=self._name, file=self._name, **overrides)
+
+    def _put(self, section: str, name: str, entry: dict[str, Any]) -> SceneBuilder:
+        if name in self._data[section]:
+            raise SceneError("is given twice", key=f"{section}.{name}", file=self._name)
+        self._data[section][name] = entry
+        return self

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from rb_sim.maths.vectors import norm
+from rb_sim.numerics.vectors import norm
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 

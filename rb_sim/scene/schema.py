@@ -24,7 +24,6 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from rb_sim.catalogue.inertia import SymmetricInertia
 from rb_sim.catalogue.spec import (
     Name,
     Positive,
@@ -37,10 +36,10 @@ from rb_sim.catalogue.spec import (
     refuse_at,
     spec_of_type,
 )
-from rb_sim.engine.methods import registry
-from rb_sim.scene.shapes import AnyShape
+from rb_sim.mechanics import methods
+from rb_sim.scene.shapes import AnyShape, SymmetricInertia
 
-METHODS: tuple[str, ...] = (*registry.METHODS, "auto")
+METHODS: tuple[str, ...] = (*methods.METHODS, "auto")
 """Methods that a scene may name; auto chooses one that keeps the tolerance."""
 
 
@@ -52,9 +51,9 @@ def _known_method(name: Any) -> str:
 
 Method = Annotated[str, PlainValidator(_known_method)]
 
-FIXED_STEP_METHODS = tuple(k for k, e in registry.METHODS.items() if e.adaptive is None)
-ADAPTIVE_METHODS = (*(k for k, e in registry.METHODS.items() if e.adaptive is not None), "auto")
-TOLERANCE_METHODS = (*(k for k, e in registry.METHODS.items() if e.fixed is None), "auto")
+FIXED_STEP_METHODS = tuple(k for k, e in methods.METHODS.items() if e.adaptive is None)
+ADAPTIVE_METHODS = (*(k for k, e in methods.METHODS.items() if e.adaptive is not None), "auto")
+TOLERANCE_METHODS = (*(k for k, e in methods.METHODS.items() if e.fixed is None), "auto")
 """Of the adaptive ones, those that take no fixed step."""
 DEFAULT_STEP = 1e-3
 """[s], for the fixed-step methods."""

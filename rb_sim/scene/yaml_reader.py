@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene.errors_text import scene_error
 
 MAX_BYTES = 4 * 1024 * 1024

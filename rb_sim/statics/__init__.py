@@ -2,9 +2,8 @@
 
 import sys
 
-from rb_sim.called import Called
-from rb_sim.statics.load import load_statics
-from rb_sim.statics.model import StaticsScene
+from rb_sim.base.callable_package import Called
+from rb_sim.statics.model import StaticsScene, load_statics
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult
 from rb_sim.statics.solve import solve
 

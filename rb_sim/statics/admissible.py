@@ -15,11 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.maths.cone_program import Optimum, minimise, moderate, widest
-from rb_sim.maths.cones import Cones, Objective, linear
-from rb_sim.maths.rank import LEAST_SINGULAR, split
-from rb_sim.statics.element import Bound, Element
+from rb_sim.numerics.cone_program import (
+    Cones,
+    Objective,
+    Optimum,
+    linear,
+    minimise,
+    moderate,
+    widest,
+)
+from rb_sim.numerics.rank import LEAST_SINGULAR, split
 from rb_sim.statics.equilibrium import Equilibrium
+from rb_sim.statics.model import Bound, Element
 
 Array = NDArray[np.float64]
 

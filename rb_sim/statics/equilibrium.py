@@ -14,9 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rb_sim.statics.element import Array, Element
-from rb_sim.statics.model import Gravity, StaticsScene, Wrench, placed
-from rb_sim.statics.supports import place_support
+from rb_sim.statics.model import (
+    Array,
+    Element,
+    Gravity,
+    StaticsScene,
+    Wrench,
+    place_support,
+    placed,
+)
 
 
 @dataclass(frozen=True)

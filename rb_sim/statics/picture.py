@@ -6,9 +6,10 @@ between +x, -y and +z (orthographic), with the axes in the corner.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from textwrap import fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,15 +17,163 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from rb_sim.scene import shapes
+from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.drawn import drawn_of
-from rb_sim.statics.element import Element
-from rb_sim.statics.model import StaticsScene, placed
-from rb_sim.statics.outline import projection, surface_points
+from rb_sim.statics.equilibrium import Equilibrium, assemble, load_in_world
+from rb_sim.statics.model import Element, Gravity, StaticBody, StaticsScene, placed, tangents
+from rb_sim.statics.of_scene import active_loads, at_rest, still
 from rb_sim.statics.result import StaticsResult
-from rb_sim.statics.supports import tangents
+
+# Where the points of a scene lie in its picture: the surfaces of shapes and the projection.
+
 
 Array = NDArray[np.float64]
+
+STEPS = 48
+"""points around a circle."""
+
+
+def surface_points(body: StaticBody) -> Array:
+    """Points whose convex hull is the shape, world [m], (n, 3); (0, 3) for a body without shape."""
+    shape = body.shape
+    if shape is None:
+        return np.zeros((0, 3))
+    local = np.array(shape.center_B) + _local_points(shape)
+    return np.array(body.position) + local @ body.rotation().T
+
+
+def _local_points(shape: shapes.Shape) -> Array:
+    match shape:
+        case shapes.Box():
+            half = 0.5 * np.array(shape.size)
+            return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+        case shapes.Sphere():
+            return shape.radius * _ball()
+        case shapes.Ellipsoid():
+            return np.array(shape.semi_axes) * _ball()
+        case shapes.Disk():
+            return shape.radius * _ring(shape.axis_B)
+        case shapes.Rod():
+            return _tube(0.5 * shape.draw_radius, shape.length, shape.axis_B)
+        case shapes.Cylinder():
+            return _tube(shape.radius, shape.length, shape.axis_B)
+    return np.zeros((0, 3))
+
+
+def _ball() -> Array:
+    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, STEPS // 2 + 1)[:, None]
+    longitude = np.linspace(0.0, 2.0 * np.pi, STEPS, endpoint=False)
+    x, y = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
+    return np.stack([x, y, np.sin(latitude) + 0.0 * x], axis=-1).reshape(-1, 3)
+
+
+def _ring(axis: tuple[float, float, float]) -> Array:
+    """Unit circle across the axis."""
+    n = np.array(axis)
+    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    first /= np.linalg.norm(first)
+    angle = np.linspace(0.0, 2.0 * np.pi, STEPS, endpoint=False)[:, None]
+    return np.cos(angle) * first + np.sin(angle) * np.cross(n, first)
+
+
+def _tube(radius: float, length: float, axis: tuple[float, float, float]) -> Array:
+    along = 0.5 * length * np.array(axis)
+    ring = radius * _ring(axis)
+    return np.concatenate([ring - along, ring + along])
+
+
+def projection(cloud: Array, vectors: Array) -> tuple[Array, tuple[str, str] | None]:
+    """Projection (2, 3) and names of the picture's axes; None for the oblique view."""
+    spread = np.ptp(cloud, axis=0)
+    largest = float(spread.max()) or 1.0
+    strongest = float(np.abs(vectors).max(initial=0.0)) or 1.0
+    sizes = np.abs(vectors).max(axis=0, initial=0.0) / strongest
+    for across, first, second in ((1, 0, 2), (0, 1, 2), (2, 0, 1)):
+        if spread[across] <= 0.05 * largest and sizes[across] <= 1e-9:
+            view = np.zeros((2, 3))
+            view[0, first] = view[1, second] = 1.0
+            return view, ("xyz"[first], "xyz"[second])
+    azimuth, elevation = np.radians(-58.0), np.radians(22.0)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    up = np.array(
+        [
+            -np.sin(elevation) * np.cos(azimuth),
+            -np.sin(elevation) * np.sin(azimuth),
+            np.cos(elevation),
+        ]
+    )
+    return np.array([right, up]), None
+
+
+# What the picture of a scene at rest shows, of a statics scene or an ordinary one.
+
+
+class Load(NamedTuple):
+    """One arrow."""
+
+    name: str
+    point: Array
+    """world [m], (3,)."""
+    force: Array
+    """world axes [N], (3,)."""
+    torque: Array
+    """free, world axes [N m], (3,)."""
+    pushes: bool
+    """drawn with its tip at the point; else it pulls from there."""
+
+
+class Drawn(NamedTuple):
+    """Everything but the answer."""
+
+    title: str
+    bodies: dict[str, StaticBody]
+    loads: list[Load]
+    system: Equilibrium
+
+
+def drawn_of(scene: StaticsScene | Scene) -> Drawn:
+    """What is drawn of a scene."""
+    title = scene.description or scene.name
+    if isinstance(scene, StaticsScene):
+        return Drawn(title, dict(scene.bodies), _loads_at_rest(scene), assemble(scene))
+    bodies = {
+        name: StaticBody(
+            mass=body.mass,
+            center_of_mass=body.center_of_mass,
+            position=body.position,
+            orientation=body.orientation,
+            shape=body.shape,
+        )
+        for name, body in scene.bodies.items()
+    }
+    return Drawn(title, bodies, _loads_of_effects(scene), at_rest(scene))
+
+
+def _loads_at_rest(scene: StaticsScene) -> list[Load]:
+    found = []
+    for name, load in scene.loads.items():
+        if isinstance(load, Gravity):
+            for body_name, body in scene.bodies.items():
+                if body.mass > 0.0 and (load.bodies is None or body_name in load.bodies):
+                    force = body.mass * np.array(load.acceleration)
+                    centre = placed(body, body.center_of_mass)
+                    found.append(Load(name, centre, force, np.zeros(3), False))
+        else:
+            found.append(Load(name, *load_in_world(scene, load), True))
+    return found
+
+
+def _loads_of_effects(scene: Scene) -> list[Load]:
+    """From the centres of mass; those that are none at rest are left out."""
+    place = InitialPlace(scene)
+    states = {name: still(place.state(name)) for name in scene.bodies}
+    return [
+        Load(name, np.array(states[body].p_WC), force, torque, False)
+        for name, body, force, torque in active_loads(scene, place, states)
+        if force.any() or torque.any()
+    ]
+
 
 LOAD, REACTION, TENSION, BODY = "#444444", "#c0392b", "#1f6fb2", "#d9c39a"
 GIVES = "#e67e22"

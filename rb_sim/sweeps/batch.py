@@ -10,11 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.columns import XYZ
-from rb_sim.sweeps.lanes import CPU, LaneRunner
+from rb_sim.sweeps.expressions import COMPONENTS
+from rb_sim.sweeps.lane_runs import CPU, LaneRunner
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
-from rb_sim.sweeps.samples import COMPONENTS
 from rb_sim.sweeps.storage import (
     arrow,
     batch_file,
@@ -24,7 +23,8 @@ from rb_sim.sweeps.storage import (
     write_rows,
     write_table,
 )
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory.tables import XYZ
+from rb_sim.trajectory.trajectory import Trajectory
 
 
 class Batch(NamedTuple):

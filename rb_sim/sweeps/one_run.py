@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import struct
 import time
 from collections.abc import Mapping, Sequence
@@ -15,25 +16,105 @@ from typing import Any
 import numpy as np
 
 from rb_sim import __version__
-from rb_sim.engine.family import Family
-from rb_sim.engine.samples import concatenate
-from rb_sim.errors import RbSimError, SceneError
-from rb_sim.instants import SAME_INSTANT
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.catalogue.spec import one_of
+from rb_sim.mechanics.inputs import Family
+from rb_sim.mechanics.samples import concatenate
+from rb_sim.motion.instants import SAME_INSTANT
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
-from rb_sim.simulation import Simulation
-from rb_sim.sweeps import paths, samples
+from rb_sim.simulation.simulation import Simulation
+from rb_sim.sweeps import expressions
 from rb_sim.sweeps.expressions import NAMES, Expression
 from rb_sim.sweeps.plan import FIXED_COLUMNS, LoadedPlan
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import Trajectory
+
+# Numbers in a scene by their path: `bodies.coin.position[2]`, `effects.weight.acceleration[2]`.
+
+
+Path = tuple[str | int, ...]
+
+_STEP = re.compile(r"\.?([A-Za-z_][A-Za-z0-9_]*)|\[(\d+)\]")
+
+
+def parse(text: str, file: str) -> Path:
+    """The keys and indices that `text` names.
+
+    Raises SceneError where it is no path.
+    """
+    steps: list[str | int] = []
+    at = 0
+    while at < len(text):
+        match = _STEP.match(text, at)
+        if match is None or (at == 0 and match[0].startswith((".", "["))):
+            break
+        steps.append(match[1] if match[1] is not None else int(match[2]))
+        at = match.end()
+    if not text or at < len(text):
+        allowed = "must be a path like bodies.coin.position[2]"
+        raise SceneError(f"got {text!r}; {allowed}", key="path", file=file)
+    return tuple(steps)
+
+
+def replaced(data: Any, path: Path, value: Any, whole: str, file: str) -> Any:
+    """A copy of `data` that has `value` at `path`; what the path does not touch is shared.
+
+    A last key that is absent is added (the scene's own check says whether it exists).
+    whole: the path as the user wrote it. Raises SceneError where the scene has nothing there.
+    """
+    if not path:
+        return value
+    first, rest = path[0], path[1:]
+    if isinstance(data, Mapping) and isinstance(first, str):
+        if first in data or not rest:
+            below = data.get(first)
+            return {**data, first: replaced(below, rest, value, whole, file)}
+        raise _absent(whole, f"must be {one_of(first, data)} at {first}", file)
+    if isinstance(data, (list, tuple)) and isinstance(first, int) and first < len(data):
+        changed = list(data)
+        changed[first] = replaced(data[first], rest, value, whole, file)
+        return changed
+    raise _absent(whole, f"the scene has no list or mapping with {first!r} there", file)
+
+
+def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
+    """Raise SceneError where two paths lead to the same number: one value would undo the other.
+
+    named: the paths as written and as parsed.
+    """
+    for i, (text, path) in enumerate(named):
+        for other, before in named[:i]:
+            if path[: len(before)] == before[: len(path)]:
+                why = f"{other!r} goes there, too: must be a number that nothing else sets"
+                raise SceneError(f"got {text!r}; {why}", key="path", file=file)
+
+
+def with_default(data: Any, defaults: Any, path: Path) -> Any:
+    """A copy of `data` in which what `path` goes through is there, taken from `defaults` if absent.
+
+    defaults: the same scene with every default written out.
+    """
+    if not path or not isinstance(data, Mapping) or not isinstance(defaults, Mapping):
+        return data
+    first, rest = path[0], path[1:]
+    if first in data:
+        return {**data, first: with_default(data[first], defaults.get(first), rest)}
+    return {**data, first: defaults[first]} if rest and first in defaults else data
+
+
+def _absent(path: str, why: str, file: str) -> SceneError:
+    return SceneError(f"got {path!r}; {why}", key="path", file=file)
+
 
 OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
 """What became of a run: it ended; it raised an error; it took longer than it may."""
 
-TAKEN = frozenset({*FIXED_COLUMNS, *NAMES, *samples.WHOLE_RUN, *samples.BY_BODY, *samples.MAPPINGS})
+TAKEN = frozenset(
+    {*FIXED_COLUMNS, *NAMES, *expressions.WHOLE_RUN, *expressions.BY_BODY, *expressions.MAPPINGS}
+)
 """Names that a varied number cannot have."""
 
 SECTIONS = frozenset({"bodies", "constraints", "effects"})
@@ -51,11 +132,11 @@ class PlanRunner:
     def __init__(self, loaded: LoadedPlan, looks: Sequence[Mapping[str, float]] = ()) -> None:
         self.loaded, plan = loaded, loaded.plan
         self._paths = {
-            name: [(text, paths.parse(text, loaded.file)) for text in vary.paths]
+            name: [(text, parse(text, loaded.file)) for text in vary.paths]
             for name, vary in plan.vary.items()
         }
         self._derived = [
-            (text, paths.parse(text, loaded.file), Expression(source, f"derived.{text}"))
+            (text, parse(text, loaded.file), Expression(source, f"derived.{text}"))
             for text, source in plan.derived.items()
         ]
         self._check_targets()
@@ -78,7 +159,7 @@ class PlanRunner:
         settings = [(f"simulation: {{{key}: ...}}", ("simulation", key)) for key in plan.simulation]
         places = [place for several in self._paths.values() for place in several]
         derived = [(text, path) for text, path, _ in self._derived]
-        paths.check_apart([*settings, *places, *derived], file)
+        check_apart([*settings, *places, *derived], file)
         used = {name for _, _, expression in self._derived for name in expression.names}
         for name, vary in plan.vary.items():
             if not vary.paths and name not in used:
@@ -88,9 +169,11 @@ class PlanRunner:
     @cached_property
     def quantities(self) -> set[str]:
         """The names of samples that the outputs need."""
-        whole = {*samples.WHOLE_RUN, *samples.BY_BODY, "reaction"}
+        whole = {*expressions.WHOLE_RUN, *expressions.BY_BODY, "reaction"}
         named = {name for output in self.expressions.values() for name in output.names}
-        return (named & whole) | (set(samples.BY_BODY) if self.loaded.plan.final_state else set())
+        return (named & whole) | (
+            set(expressions.BY_BODY) if self.loaded.plan.final_state else set()
+        )
 
     @cached_property
     def of_ends(self) -> bool:
@@ -106,7 +189,7 @@ class PlanRunner:
         defaults = checked.model_dump(by_alias=True, mode="json", warnings=False)
         named = [path for places in self._paths.values() for _, path in places]
         for path in (*named, *(path for _, path, _ in self._derived)):
-            data = paths.with_default(data, defaults, path)
+            data = with_default(data, defaults, path)
         return data, {section: getattr(checked, section) for section in SECTIONS}
 
     @cached_property
@@ -133,10 +216,10 @@ class PlanRunner:
         data = self._base
         for name, places in self._paths.items():
             for text, path in places:
-                data = paths.replaced(data, path, float(values[name]), text, self.loaded.file)
+                data = replaced(data, path, float(values[name]), text, self.loaded.file)
         for text, path, expression in self._derived:
             value = _numbers(expression, expression.value(values, {}))
-            data = paths.replaced(data, path, value, text, self.loaded.file)
+            data = replaced(data, path, value, text, self.loaded.file)
         return data
 
     def scene(self, values: Mapping[str, float]) -> Scene:
@@ -212,12 +295,12 @@ class PlanRunner:
 
     def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:
         """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""
-        names, functions = {**samples.names(run), **values}, samples.functions(run)
+        names, functions = {**expressions.names(run), **values}, expressions.functions(run)
         kept = {}
         for name, expression in self.expressions.items():
             kept[name] = _one_number(expression, expression.value(names, functions))
         if self.loaded.plan.final_state:
-            kept |= samples.final_state(run)
+            kept |= expressions.final_state(run)
         return kept
 
     def check(self, values: Mapping[str, float]) -> Simulation:

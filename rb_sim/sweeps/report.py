@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.errors import MissingExtraError, RbSimError
+from rb_sim.base.errors import MissingExtraError, RbSimError
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.sweeps.plan import LoadedPlan
-from rb_sim.sweeps.points import saltelli_problem
-from rb_sim.sweeps.run_table import RunTable
+from rb_sim.sweeps.pictures import RunTable
+from rb_sim.sweeps.plan import LoadedPlan, saltelli_problem
 from rb_sim.sweeps.slopes import Slopes, slopes
 
 WORST = 3

@@ -18,14 +18,13 @@ from rb_sim import Simulation, load_scene
 from rb_sim.accuracy import auto
 from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.checked import CheckedRun, independent_of, sharpest_adaptive
-from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.choice import Setting, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner, affordable_times
-from rb_sim.accuracy.errors import pose_difference, turn_between
+from rb_sim.accuracy.differences import pose_difference, turn_between
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.prices import evaluations, seconds_of_evaluation
 from rb_sim.accuracy.runs import Runner, sample_times
-from rb_sim.engine.methods import registry
+from rb_sim.mechanics import methods
 from rb_sim.scene import schema
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -414,10 +413,10 @@ def test_the_checked_run_takes_two_families_that_suit_the_scene() -> None:
 
 
 def test_a_scene_may_name_every_method_of_the_registry() -> None:
-    for name, entry in registry.METHODS.items():
+    for name, entry in methods.METHODS.items():
         assert name in schema.METHODS
         assert (entry.adaptive is not None) == (name in schema.ADAPTIVE_METHODS)
-    assert set(schema.METHODS) == {*registry.METHODS, "auto"}
+    assert set(schema.METHODS) == {*methods.METHODS, "auto"}
 
 
 @pytest.mark.slow

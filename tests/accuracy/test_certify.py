@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.accuracy.certify.certificate import Certificate
-from rb_sim.accuracy.certify.certify import certify
-from rb_sim.accuracy.certify.growth import growth_of
-from rb_sim.accuracy.certify.impacts import rounded_at_impacts
-from rb_sim.accuracy.errors import turn_between
-from rb_sim.errors import SimulationError
+from rb_sim.accuracy.certify import Certificate, certify, growth_of, rounded_at_impacts
+from rb_sim.accuracy.differences import turn_between
+from rb_sim.base.errors import SimulationError
 from tests.accuracy import double_pendulum
 from tests.oracles.compare import reaction_of
 from tests.oracles.to_scene import scene_of

@@ -12,7 +12,7 @@ from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.closed_forms.extended import about, long, product, turned
+from rb_sim.accuracy.closed_forms.special_functions import about, long, product, turned
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene, scene_from_mapping

@@ -11,7 +11,7 @@ import pytest
 
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.errors import turn_between
+from rb_sim.accuracy.differences import turn_between
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import ball, box, scene, touch

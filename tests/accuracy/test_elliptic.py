@@ -5,8 +5,16 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
-from rb_sim.accuracy.closed_forms.elliptic import argument, carlson_rf, jacobi, quarter_period
-from rb_sim.accuracy.closed_forms.extended import EPS, Long, gauss_legendre, long
+from rb_sim.accuracy.closed_forms.special_functions import (
+    EPS,
+    Long,
+    argument,
+    carlson_rf,
+    gauss_legendre,
+    jacobi,
+    long,
+    quarter_period,
+)
 
 COMPLEMENTS = [1.0, 0.75, 0.3, 1e-3, 1e-8]
 

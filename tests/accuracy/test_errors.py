@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from rb_sim.accuracy.errors import compare, pose_difference, turn_between
-from rb_sim.accuracy.perturbed import one_ulp_apart
-from rb_sim.accuracy.runs import dividing
-from rb_sim.engine.samples import SampleLayout
+from rb_sim.accuracy.differences import compare, pose_difference, turn_between
+from rb_sim.accuracy.runs import dividing, one_ulp_apart
+from rb_sim.mechanics.samples import SampleLayout
 
 ONE = SampleLayout(("b",), ("r",), ("b",), ())
 

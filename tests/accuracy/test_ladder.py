@@ -13,12 +13,11 @@ from rich.console import Console
 
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, climb
-from rb_sim.accuracy.pareto import decades, front
 from rb_sim.accuracy.picture import save_picture
-from rb_sim.accuracy.report import as_dict, print_report, target_line, write_json
-from rb_sim.cli.accuracy import accuracy as accuracy_verb
-from rb_sim.engine.methods.registry import METHODS
-from rb_sim.errors import RbSimError
+from rb_sim.accuracy.report import as_dict, decades, front, print_report, target_line, write_json
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.accuracy import accuracy as accuracy_verb
+from rb_sim.mechanics.methods import METHODS
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.accuracy.errors import Errors
-from rb_sim.accuracy.reference import Reference
+from rb_sim.accuracy.differences import Errors
+from rb_sim.accuracy.ladder import Reference
 
 
 def of(agreement: float, grown: float, scatter: float) -> Reference:

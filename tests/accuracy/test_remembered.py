@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.accuracy import remembered
+from rb_sim.accuracy import auto
+from rb_sim.accuracy.auto import place_of, read, remembered_choice, write
 from rb_sim.accuracy.choice import Choice
-from rb_sim.accuracy.remembered import place_of, read, remembered_choice, write
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 
@@ -30,7 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_choice_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     searches = []
-    monkeypatch.setattr(remembered, "choose", lambda *_: searches.append(1) or CHOICE)
+    monkeypatch.setattr(auto, "choose", lambda *_: searches.append(1) or CHOICE)
     for _ in range(3):
         assert remembered_choice(scene(), compile_scene(scene())) == CHOICE
     assert len(searches) == 1
@@ -56,5 +56,5 @@ def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
 
 def test_the_sources_name_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     before = place_of(scene(), compile_scene(scene()))
-    monkeypatch.setattr(remembered.shipped, "digest", lambda: "of other sources")
+    monkeypatch.setattr(auto.shipped, "digest", lambda: "of other sources")
     assert place_of(scene(), compile_scene(scene())) != before

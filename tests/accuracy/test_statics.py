@@ -14,11 +14,10 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from rb_sim.accuracy.closed_forms.statics import exact_reactions
-from rb_sim.accuracy.statics import measure
-from rb_sim.accuracy.statics_report import print_statics
-from rb_sim.cli.accuracy import of_statics
-from rb_sim.cli.scenes import find_moving_or_at_rest, shipped_statics
-from rb_sim.errors import RbSimError
+from rb_sim.accuracy.statics_errors import measure, print_statics
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.accuracy import of_statics
+from rb_sim.cli.verbs.scenes import find_moving_or_at_rest, shipped_statics
 from rb_sim.scene.listing import list_scenes
 from rb_sim.statics import load_statics
 from tests.statics.scenes import UP, ladder, moved, table

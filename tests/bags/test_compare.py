@@ -12,11 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import Clocks, angle_between, moved, overlap
 from rb_sim.bags.compare import differences, growth_rate, summary
-from rb_sim.bags.scales import ROUNDING, floors
-from rb_sim.bags.tracks import Track, Tracks, Wrenches, tracks_of_bag, tracks_of_csv
-from rb_sim.cli.compare import CompareOptions, compare
-from rb_sim.errors import RbSimError
-from tests.analysis import foreign
+from rb_sim.bags.tracks import (
+    ROUNDING,
+    Track,
+    Tracks,
+    Wrenches,
+    floors,
+    tracks_of_bag,
+    tracks_of_csv,
+)
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.compare import CompareOptions, compare
+from tests.bags.analysis import foreign
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -393,7 +400,7 @@ def test_no_body_in_common():
 
 def test_overlay(tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    from rb_sim.bags.overlay import overlay
+    from rb_sim.bags.comparison_views import overlay
 
     t = np.linspace(0, 2, 101)
     a, b = Tracks("a", {"top": motion(t)}), Tracks("b", {"top": motion(t, (0.1, 0, 0))})
@@ -409,7 +416,7 @@ def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monk
     def draw(recording: Path, picture: Path) -> None:
         drawn.append((recording.stat().st_size > 5000, picture))
 
-    monkeypatch.setattr("rb_sim.sinks.rerun_screenshot.save_screenshot", draw)
+    monkeypatch.setattr("rb_sim.io.rerun.viewer.save_screenshot", draw)
     t = np.linspace(0, 2, 101)
     track = motion(t)
     np.savetxt(tmp_path / "a.txt", np.c_[t, track.position, track.orientation])
@@ -423,7 +430,7 @@ def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monk
 
 def test_equal_instants_are_holes_of_a_logarithmic_axis():
     """Where some differences are zero they do not stretch the axis; where all are, a line is."""
-    from rb_sim.bags.compare_picture import FLOOR, _above_floor
+    from rb_sim.bags.comparison_views import FLOOR, _above_floor
 
     drawn = _above_floor(np.array([0.0, 1e-6, 1e-3]))
     assert np.isnan(drawn[0])
@@ -490,7 +497,7 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys, begin
         track = motion(t - begin)
         track.position[:, 0] += np.where(t - begin >= 2.0, shift, 0.0)
         np.savetxt(tmp_path / f"{name}.txt", np.c_[t, track.position, track.orientation], "%.17g")
-    from rb_sim.cli.compare import _print
+    from rb_sim.cli.verbs.compare import _print
 
     a, b = (tracks_of_csv(tmp_path / f"{name}.txt") for name in "ab")
     told = summary(differences(a, b, match={"a": "b"}))

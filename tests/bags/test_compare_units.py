@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.bags.compare import differences, summary
-from rb_sim.bags.compare_units import unit_note
+from rb_sim.bags.compare import differences, summary, unit_note
 from rb_sim.bags.tracks import Track, Tracks
 
 T = np.arange(200) / 100.0

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from rb_sim.analysis.analyze import analyze
-from rb_sim.analysis.derivatives import Body
-from rb_sim.bags import composed, readings
+from rb_sim.bags import readings
+from rb_sim.bags import transforms as composed
+from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.readings import Readings
-from tests.analysis import foreign
-from tests.analysis.test_foreign import POSE, TF, Bag, pose, transforms, writing
+from tests.bags.analysis import foreign
+from tests.bags.analysis.test_foreign import POSE, TF, Bag, pose, transforms, writing
 
 T, P, Q = foreign.swing()
 """The motion of base_link in map."""
@@ -56,7 +57,7 @@ def apart(rows: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:
 @pytest.mark.parametrize("together", [1, 10_000])
 def test_the_pose_in_the_root(tmp_path, monkeypatch, together):
     """All at once and message by message."""
-    monkeypatch.setattr("rb_sim.sinks.bag_batches._TOGETHER", together)
+    monkeypatch.setattr("rb_sim.io.bag.batches._TOGETHER", together)
     with writing(tmp_path / "x.mcap", chunk_size=2000) as bag:
         robot(bag)
     rows = of(tmp_path / "x.mcap", MADE)
@@ -192,7 +193,7 @@ def test_a_bag_that_was_played_twice(tmp_path):
 def test_memory_is_bounded_where_a_parent_falls_silent(tmp_path, monkeypatch):
     monkeypatch.setattr(composed, "MOST", 50)
     monkeypatch.setattr(readings, "AHEAD", 1)
-    monkeypatch.setattr("rb_sim.sinks.bag_batches._TOGETHER", 1)
+    monkeypatch.setattr("rb_sim.io.bag.batches._TOGETHER", 1)
     made = []
 
     class Watched(composed.Composed):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.analysis.analyze import analyze
+from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.tracks import tracks_of_bag
-from tests.analysis import foreign
+from tests.bags.analysis import foreign
 
 
 def written(folder, unit: int, rate: float, n: int = 250):

@@ -10,14 +10,14 @@ import pytest
 from mcap.writer import Writer
 
 from rb_sim import Trajectory
-from rb_sim.analysis.analyze import analyze
+from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.info import info
-from rb_sim.bags.rates import Rates
+from rb_sim.bags.message_rates import Rates
 from rb_sim.bags.tracks import tracks_of_bag
-from rb_sim.cli.info import info as verb
-from rb_sim.cli.info import lines
-from rb_sim.cli.replay import recover
-from rb_sim.errors import SinkError
+from rb_sim.base.errors import SinkError
+from rb_sim.cli.verbs.info import info as verb
+from rb_sim.cli.verbs.info import lines
+from rb_sim.cli.verbs.replay import recover
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted
 
@@ -190,7 +190,7 @@ def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
 def cut(folder: Path) -> Path:
     """A log that was closed before its run ended, as where the disk is full."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.sinks.bag import BagSink
+    from rb_sim.io.bag.sink import BagSink
 
     simulation = Simulation(load_scene(PUSHED))
     sink = BagSink(folder, run={"by": "node"})

@@ -25,10 +25,9 @@ def payloads(bag: Path) -> dict[str, str]:
 
 
 def again(bag: Path, folder: Path, changes: tuple[str, ...] = ()):
-    from rb_sim.bags.identity import identity
-    from rb_sim.bags.resim import resimulate
-    from rb_sim.sinks.as_run import scene_as_run
-    from rb_sim.sinks.bag_reader import BagReader
+    from rb_sim.bags.resim import identity, resimulate
+    from rb_sim.io.bag.as_run import scene_as_run
+    from rb_sim.io.bag.reader import BagReader
 
     reader = BagReader(bag, unfinished=True)
     resimulate(reader, scene_as_run(reader, changes), folder)
@@ -134,9 +133,9 @@ def test_scene_as_run(tmp_path):
     ],
 )
 def test_a_change_that_will_not_do(change, line):
-    from rb_sim.errors import RbSimError
+    from rb_sim.base.errors import RbSimError
+    from rb_sim.io.bag.as_run import with_value
     from rb_sim.scene import yaml_reader
-    from rb_sim.sinks.as_run import with_value
 
     with pytest.raises(RbSimError, match=line):
         with_value(yaml_reader.parse(PUSHED, "pushed"), change)
@@ -145,7 +144,7 @@ def test_a_change_that_will_not_do(change, line):
 def lacking(folder: Path) -> Path:
     """A node's bag without samples 5 to 7, which found the queue of the logs full."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.sinks.bag import BagSink
+    from rb_sim.io.bag.sink import BagSink
 
     simulation = Simulation(load_scene(PUSHED))
     sink = BagSink(folder, run={"by": "node"}, namespace="/sim")
@@ -160,7 +159,7 @@ def lacking(folder: Path) -> Path:
 
 def test_a_bag_that_lacks_samples_says_so(tmp_path):
     """It said that the run differs "by 0"."""
-    from rb_sim.errors import SinkError
+    from rb_sim.base.errors import SinkError
 
     bag = interpreted(lacking, tmp_path / "bag")
     with pytest.raises(SinkError, match=r"3 samples are lacking, .* before t = 0.16 s"):

@@ -9,9 +9,8 @@ import pytest
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
+from rb_sim.bags.messages import LAYOUTS, NEEDED, layout_of
 from rb_sim.bags.readings import Readings
-from rb_sim.bags.schemas import NEEDED, layout_of
-from rb_sim.bags.templates import LAYOUTS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 LINE = "=" * 80

@@ -10,9 +10,9 @@ from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.tracks import tracks_of_bag
-from rb_sim.errors import SinkError
-from tests.analysis import foreign
-from tests.analysis.test_foreign import POSE, TWIST, P, Q, T, pose, writing
+from rb_sim.base.errors import SinkError
+from tests.bags.analysis import foreign
+from tests.bags.analysis.test_foreign import POSE, TWIST, P, Q, T, pose, writing
 
 V, W = np.c_[1.5 * np.cos(3.0 * T), 0.0 * T, 0.0 * T + 0.2], np.array([0.0, 0.0, 0.8])
 """Of the swing, world axes."""

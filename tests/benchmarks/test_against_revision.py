@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.against_revision import arguments, chosen, page, summary, without_contact
 from benchmarks.stepping import answer
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 
 ROOT = Path(__file__).resolve().parents[2]
 

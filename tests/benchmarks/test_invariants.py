@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.contact.invariants import broken, tensor
 from benchmarks.contact.toss_verdicts import run
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import Trajectory
 from tests.contact.scenes import ball, scene, touch
 
 

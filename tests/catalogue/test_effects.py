@@ -11,9 +11,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import load_scene
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, wrench
-from rb_sim.errors import SceneError
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.runs import trajectory

@@ -217,7 +217,7 @@ def test_a_velocity(frame: str) -> None:
 def refused(joint: dict[str, Any], **body: Any) -> str:
     """Why a scene with this joint is refused; empty if it is not."""
     from rb_sim import load_scene
-    from rb_sim.errors import SceneError
+    from rb_sim.base.errors import SceneError
     from rb_sim.scene.compile import compile_scene
 
     whole = scene(joint, False)

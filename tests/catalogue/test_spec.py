@@ -13,7 +13,6 @@ from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.inertia import SymmetricInertia
 from rb_sim.catalogue.spec import (
     Finite,
     Name,
@@ -28,6 +27,7 @@ from rb_sim.catalogue.spec import (
     Vector3,
     spec_of_type,
 )
+from rb_sim.scene.shapes import SymmetricInertia
 
 components = st.floats(min_value=-1e300, max_value=1e300)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rb_sim import load_scene
-from rb_sim.accelerations import accelerating
-from rb_sim.cli.run import RunOptions
-from rb_sim.cli.run import run as run_verb
-from rb_sim.errors import RbSimError
-from rb_sim.sinks.plots import Plots
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.run import RunOptions
+from rb_sim.cli.verbs.run import run as run_verb
+from rb_sim.io.plots.plots import Plots
+from rb_sim.trajectory.wrenches import accelerating
 from tests.bags.scenes import PUSHED
 from tests.interpreted import interpreted
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rb_sim.cli import analyze
+from rb_sim.cli.verbs import analyze
 
 
 def told(count: int) -> dict:

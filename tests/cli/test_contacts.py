@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim.engine.samples import ContactEvent, SampleLayout, empty_block
+from rb_sim.checks.balance import Ledger
+from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 from rb_sim.scene.listing import list_scenes
 from rb_sim.scene.load import load_scene
-from rb_sim.watches.balance import Ledger
 from tests.cli.process import environment, rb_sim
 
 PLAIN = {"RB_SIM_INTERPRETED": "1"}

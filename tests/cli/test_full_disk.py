@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.cli.analyze import AnalyzeOptions, analyze
-from rb_sim.cli.compare import CompareOptions, compare
-from rb_sim.cli.outputs import writing
-from rb_sim.errors import RbSimError, SinkError
-from rb_sim.sinks.recover import recover_bag
-from tests.analysis import foreign
+from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.cli.verbs.analyze import AnalyzeOptions, analyze
+from rb_sim.cli.verbs.compare import CompareOptions, compare
+from rb_sim.io.bag.recover import recover_bag
+from rb_sim.simulation.outputs import writing
+from tests.bags.analysis import foreign
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from rb_sim import RbSimError, Simulation
-from rb_sim.cli.linearize import linearize
+from rb_sim.cli.verbs.linearize import linearize
 from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
 
 UNSTEADY = "not steady in these axes"

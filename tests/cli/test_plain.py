@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from rb_sim.cli.compare import CompareOptions, compare
-from rb_sim.cli.info import info
-from tests.analysis.foreign import EPOCH, STORE, pose_stamped, swing
+from rb_sim.cli.verbs.compare import CompareOptions, compare
+from rb_sim.cli.verbs.info import info
+from tests.bags.analysis.foreign import EPOCH, STORE, pose_stamped, swing
 
 NAMES = ("/[/]", "/[bold]arm[/bold]", "/:smile:", "/[s]")
 
@@ -45,7 +45,7 @@ def test_compare(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> 
 
 
 def test_analyze(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
-    from rb_sim.cli.analyze import AnalyzeOptions, analyze
+    from rb_sim.cli.verbs.analyze import AnalyzeOptions, analyze
 
     monkeypatch.setenv("COLUMNS", "160")
     assert analyze(AnalyzeOptions(odd)) == 0

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.io.bag.reader import BagReader
 from tests.cli.process import environment, lines, rb_sim
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.io.bag.reader import BagReader
 from tests.cli.process import rb_sim
 
 FILES = ("bag_0.mcap", "metadata.yaml")

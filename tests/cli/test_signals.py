@@ -13,9 +13,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from rb_sim.cli import signals
 from rb_sim.cli.main import _exit_code
-from rb_sim.cli.signals import Interruption, terminable
+from rb_sim.simulation import signals
+from rb_sim.simulation.signals import Interruption, terminable
 
 
 @pytest.fixture(autouse=True)
@@ -159,7 +159,7 @@ def test_two_signals_within_a_second_are_one(monkeypatch):
 
 IN_A_SCRIPT = """
 import os, signal, sys
-from rb_sim.cli.signals import Interruption
+from rb_sim.simulation.signals import Interruption
 with Interruption() as stop:
     stop.logging = True
     for number in (signal.SIGHUP, signal.SIGINT):

@@ -13,9 +13,9 @@ import time
 
 import pytest
 
-from rb_sim.cli.run import RunOptions, run
-from rb_sim.sinks.bag_reader import BagReader
-from rb_sim.sinks.recover import recover_bag
+from rb_sim.cli.verbs.run import RunOptions, run
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.recover import recover_bag
 from tests.cli.process import COMMAND, PATIENCE, environment, lines, rb_sim, start, wait_until
 
 ENDLESS = ("--duration", 1e9)
@@ -76,7 +76,9 @@ def test_a_second_signal_says_what_it_leaves(logs, tumble, tmp_path):
     """Both come as the run finishes, before its logs are complete."""
     code = """
 import os, signal, sys
-from rb_sim.cli import main, run, signals
+from rb_sim.cli import main
+from rb_sim.cli.verbs import run
+from rb_sim.simulation import signals
 signals.ONE = 0.0  # as if the second one came later
 def finish(*_):
     for _ in range(2):

@@ -7,14 +7,13 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
-from rb_sim.compiler import kept_laws
-from rb_sim.compiler.kept_laws import kept_law
-from rb_sim.engine.manifold import of_the_package
 from rb_sim.graph.machine import evaluate
 from rb_sim.graph.symbols import Graph
-from rb_sim.maths.scalars import sin
+from rb_sim.mechanics import initial_projection
+from rb_sim.mechanics.initial_projection import kept_law, of_the_package
+from rb_sim.numerics.vectors import sin
 from rb_sim.scene.load import scene_from_mapping
-from tests.watches.test_dead_point import four_bar
+from tests.checks.test_dead_point import four_bar
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +46,7 @@ def test_a_law_is_traced_once_for_its_origin(process: str) -> None:
     for outputs in traced:
         laws.append(kept_law(("test", outputs.factor), outputs))
         if process == "another":  # which has only what is on disk
-            kept_laws._LOADED.clear()
+            initial_projection._LOADED.clear()
     assert [value(law) for law in laws] == pytest.approx([6.0 + np.sin(2.0)] * 2 + [8 + np.sin(2)])
     assert [outputs.times for outputs in traced] == [1, 0, 1]
 
@@ -61,7 +60,7 @@ def test_what_cannot_be_named_is_traced_every_time() -> None:
 
 def test_a_damaged_file_is_no_law(tmp_path: Any) -> None:
     kept_law("test", Traced(3.0))
-    kept_laws._LOADED.clear()
+    initial_projection._LOADED.clear()
     for path in tmp_path.rglob("law-*"):
         path.write_bytes(b"\xff\xfe nothing")
     outputs = Traced(3.0)

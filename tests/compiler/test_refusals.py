@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rb_sim.compiler.program import Entry
-from rb_sim.compiler.variables import CompileError
+from rb_sim.compiler.translate import CompileError
 
 
 def undefined(x):

@@ -11,7 +11,7 @@ import pytest
 from rb_sim import SceneError, Simulation, load_scene
 from rb_sim.accuracy.ladder import climb
 from rb_sim.statics.of_scene import at_rest
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import Trajectory
 
 RUBS = {"type": "coulomb", "static": 0.5}
 STEP = 1e-3

@@ -56,7 +56,7 @@ def contact_balance(
     """The Balance of a contact in these modes, and its normal force."""
     from rb_sim import load_scene
     from rb_sim.contact.events.next_event import begin_step
-    from rb_sim.contact.system.touch import CLOSED, FORCE, ROLL, SLIDE, SPIN
+    from rb_sim.mechanics.contact.contact_table import CLOSED, FORCE, ROLL, SLIDE, SPIN
     from rb_sim.scene.compile import compile_scene
 
     shape, surface = GEOMETRIES[geometry]
@@ -78,8 +78,8 @@ def contact_balance(
 
 def together(system: Any, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Random places and attitudes of the two, the body shifted until it touches."""
-    from rb_sim.contact.system.accelerations import contact_accelerations
-    from rb_sim.contact.system.touch import GAP, NORMAL
+    from rb_sim.mechanics.contact.accelerations import contact_accelerations
+    from rb_sim.mechanics.contact.contact_table import GAP, NORMAL
 
     y = y.copy()
     for i in range(2):

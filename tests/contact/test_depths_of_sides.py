@@ -10,11 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.contact import sides as looks
-from rb_sim.contact.geometry.pairs import BallOnCylinder
-from rb_sim.contact.geometry.solids import Box, Cylinder
-from rb_sim.contact.scene.sides import edges_of_box
-from rb_sim.contact.sides import deepest_of_edges, depth_in, entering, least_along, poses
+from rb_sim.catalogue.contacts.touching import edges_of_box
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder
+from rb_sim.catalogue.geometry.solids import Box, Cylinder
+from rb_sim.contact import tunnelling as looks
+from rb_sim.contact.tunnelling import deepest_of_edges, depth_in, entering, least_along, poses
 
 BOX = Box((1.0, 2.0, 3.0), (0.5, 0.3, 0.2))
 DRUM = Cylinder((1.0, 2.0, 3.0), 0.4, 0.25, (0.0, 0.6, 0.8))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact import friction
-from rb_sim.contact.friction import resisting, straight_on, traction
+from rb_sim.catalogue.contacts import friction
+from rb_sim.catalogue.contacts.friction import resisting, straight_on, traction
 
 AHEAD, LEAST = (0.6, 0.8, 0.0), 1e-9
 SLIP = (0.3, 0.4, 1.2)

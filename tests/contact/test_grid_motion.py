@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.geometry.rims import RimOnPlane
-from rb_sim.contact.geometry.rims_on_cylinders import RimOnCylinder
+from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder, RimOnPlane
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.contact.points import grouped_contacts, groups_of, rims_of_points, touch_table
-from rb_sim.contact.system.touch import (
+from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
     COMPLIANT,
     DRAGS,
@@ -29,6 +27,7 @@ from rb_sim.contact.system.touch import (
     SPINNING_ARM,
     STATIC,
 )
+from rb_sim.scene.compile_contacts import grouped_contacts, groups_of, rims_of_points, touch_table
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.place import InitialPlace
 from tests.contact.scenes import ball, box, scene, touch

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
-from rb_sim.contact.friction import straight_on
-from rb_sim.contact.system.lines import write_contacts
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.catalogue.contacts.friction import straight_on
+from rb_sim.mechanics.contact.constraint_tables import write_contacts
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AHEAD,
     CLOSED,
     GAP,
@@ -28,9 +28,9 @@ from rb_sim.contact.system.touch import (
     SPIN,
     TURN,
 )
-from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene
-from tests.contact.geometry.test_pairs import FEW, SEEDS
+from tests.catalogue.geometry.test_pairs import FEW, SEEDS
 from tests.moving import difference, flown, random_state
 
 BODIES = {

@@ -10,9 +10,9 @@ from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.looks import SHARE, next_looks, speed_over, thickness
-from rb_sim.contact.scene.sides import Sides
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.contacts.touching import Sides
+from rb_sim.contact.tunnelling import SHARE, next_looks, speed_over, thickness
 from tests.contact.scenes import box, scene, touch
 from tests.contact.test_sides import ACROSS, LOG, OWN, held
 from tests.contact_runs import contact_run

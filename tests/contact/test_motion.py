@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from rb_sim.contact.events.motion import ContactMotion
-from rb_sim.contact.motion import motion_of
-from rb_sim.contact.stepping.motion import SteppedContacts
+from rb_sim.contact.choose_motion import motion_of
+from rb_sim.contact.events.event_motion import ContactMotion
+from rb_sim.contact.stepping.stepping_motion import SteppedContacts
+from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.traced_motion import TracedMotion
 from tests.contact.scenes import ball, scene, touch
 
 STEPS = {"method": "time_stepping", "step": 0.01}

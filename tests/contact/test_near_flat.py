@@ -16,7 +16,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, Trajectory
-from rb_sim.contact.events.left_open import TURNED_BY_ROUNDING
+from rb_sim.contact.events.shares import TURNED_BY_ROUNDING
 
 RADIUS, MASS, RATE, TILT = 0.3, 2.0, 5.0, 1e-3
 INERTIA = 0.25 * MASS * RADIUS**2

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rb_sim import load_scene
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, body, box, scene, touch
 

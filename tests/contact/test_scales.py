@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact import start
-from rb_sim.contact.compile import contact_scales, placed_part
-from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.geometry.solids import Box, Cylinder
-from rb_sim.contact.looks import thickness
-from rb_sim.contact.start import overlaps
-from rb_sim.contact.system.touch import GAP, SENSE, SLIP, TOUCH_WIDTH
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
+from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.catalogue.geometry.solids import Box, Cylinder
+from rb_sim.contact.tunnelling import thickness
+from rb_sim.mechanics.contact.contact_table import GAP, SENSE, SLIP, TOUCH_WIDTH
+from rb_sim.scene import compile_contacts
+from rb_sim.scene.compile_contacts import contact_scales, overlaps, placed_part
 
 
 def scales(
@@ -23,7 +22,9 @@ def scales(
     speeds: tuple[Any, Any] = ((0.0,) * 3, (0.0,) * 3), **pair: Any,
 ) -> tuple[float, float]:  # fmt: skip
     """(length, speed) of a scene of one body and one contact."""
-    monkeypatch.setattr("rb_sim.contact.compile.scene_scales", lambda place, parts: (joints, 0.0))
+    monkeypatch.setattr(
+        "rb_sim.scene.compile_contacts.scene_scales", lambda place, parts: (joints, 0.0)
+    )
     shape = None if reach is None else SimpleNamespace(reach=reach)
     scene: Any = SimpleNamespace(bodies={"b": SimpleNamespace(shape=shape)}, file="")
     place: Any = SimpleNamespace(
@@ -89,23 +90,27 @@ def test_which_starts_are_refused(
     MISFIT of 2 m and 3 m/s."""
     given: dict[str, Any] = START | contact
     touch = np.zeros((1, TOUCH_WIDTH))
-    touch[0, GAP] = given["gap"] * start.MISFIT * 2.0
-    touch[0, SLIP : SLIP + 3] = np.array([0.0, 0.6, 0.8]) * given["slip"] * start.MISFIT * 3.0
+    touch[0, GAP] = given["gap"] * compile_contacts.MISFIT * 2.0
+    touch[0, SLIP : SLIP + 3] = (
+        np.array([0.0, 0.6, 0.8]) * given["slip"] * compile_contacts.MISFIT * 3.0
+    )
     touch[0, SLIP + 3] = 70.0
     system: Any = SimpleNamespace(touch=touch, length=2.0, speed=3.0)
     law: Any = SimpleNamespace(
         compliant=given["soft"], bilateral=given["both"], static=np.inf if given["rough"] else 0.5
     )
     told: list[tuple[str, float]] = []
-    monkeypatch.setattr(start, "write_rows", lambda *of: None)
+    monkeypatch.setattr(compile_contacts, "write_rows", lambda *of: None)
     monkeypatch.setattr(
-        start, "refuse_initial", lambda scene, name, what, size: told.append((what, size))
+        compile_contacts,
+        "refuse_initial",
+        lambda scene, name, what, size: told.append((what, size)),
     )
     scene: Any = SimpleNamespace(simulation=SimpleNamespace(project_initial=False))
-    start.check_contacts(scene, system, np.zeros(13), ["floor"], [law], 0.0)
+    compile_contacts.check_contacts(scene, system, np.zeros(13), ["floor"], [law], 0.0)
     assert len(told) == bool(refused) and all(refused in what for what, _ in told)
     if refused:
-        assert told[0][1] == pytest.approx(1.1 * start.MISFIT)
+        assert told[0][1] == pytest.approx(1.1 * compile_contacts.MISFIT)
 
 
 def test_overlaps_are_of_rigid_contacts_that_can_touch() -> None:

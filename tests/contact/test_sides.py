@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.sides import moved
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.contact.tunnelling import moved
 from tests.contact.scenes import body, box, scene, touch
 from tests.contact_runs import contact_run
 

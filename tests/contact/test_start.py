@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 
 BALL = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
 G = 9.81

@@ -24,7 +24,7 @@ def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int
     from rb_sim import Simulation, load_scene
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.fit.fit import Recording, _Problem
-    from rb_sim.fit.parameters import free_numbers
+    from rb_sim.fit.unknowns import free_numbers
 
     data = _plain(SCENES[name][0] | {"simulation": TIMES | method})
     if name == "top":
@@ -66,10 +66,10 @@ def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
 def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int, bool]:
     """Of a bag of the node with commands in both frames and a reset; set_at: a state is set
     before that sample, too."""
-    from rb_sim.cli.fit import FitOptions, set_up
-    from rb_sim.engine.samples import Input
+    from rb_sim.cli.verbs.fit import FitOptions, set_up
     from rb_sim.fit.fit import _Problem
-    from rb_sim.fit.parameters import free_numbers
+    from rb_sim.fit.unknowns import free_numbers
+    from rb_sim.mechanics.samples import Input
     from tests.bags.scenes import record_node
 
     keys = ["bodies.box.mass", "bodies.box.angular_velocity"]

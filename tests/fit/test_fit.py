@@ -8,9 +8,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from rb_sim.errors import RbSimError
-from rb_sim.fit.parameters import free_numbers
-from rb_sim.sensitivity import NotSmoothError
+from rb_sim.base.errors import RbSimError
+from rb_sim.fit.unknowns import free_numbers
+from rb_sim.simulation.sensitivity import NotSmoothError
 from tests.interpreted import interpreted
 
 TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
@@ -69,7 +69,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     from rb_sim import Simulation, load_scene
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.fit.fit import Recording, fit
-    from rb_sim.sinks.as_run import value_at
+    from rb_sim.io.bag.as_run import value_at
 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})

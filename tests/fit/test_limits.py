@@ -11,8 +11,16 @@ from scipy.spatial.transform import Rotation
 from rb_sim import Simulation, load_scene
 from rb_sim.bags.tracks import tracks_of_blocks
 from rb_sim.fit.fit import Fitted, Recording, fit
-from rb_sim.fit.limits import STEP, Limits, difference
-from rb_sim.fit.parameters import bounds, free_numbers, slopes_of, start_of, values_of
+from rb_sim.fit.unknowns import (
+    STEP,
+    Limits,
+    bounds,
+    difference,
+    free_numbers,
+    slopes_of,
+    start_of,
+    values_of,
+)
 
 NOISE = (1e-3, 2e-3)
 FRICTION = "constraints.floor.friction"

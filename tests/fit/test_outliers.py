@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.fit.outliers import outliers
+from rb_sim.fit.fit import outliers
 
 T = np.arange(400) / 100.0
 

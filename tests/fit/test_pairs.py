@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.cli.fit import FitOptions, fit, set_up
-from rb_sim.errors import RbSimError
-from tests.analysis.test_balances import with_wrenches
-from tests.analysis.test_foreign import POSE, P, Q, T, pose, writing
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.fit import FitOptions, fit, set_up
+from tests.bags.analysis.test_balances import with_wrenches
+from tests.bags.analysis.test_foreign import POSE, P, Q, T, pose, writing
 from tests.interpreted import interpreted
 
 TWO = """\

@@ -9,8 +9,8 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.sensitivity import SIXTH, NotSmoothError, TangentSimulation
-from tests.engine.test_redundant_steps import linkages
+from rb_sim.simulation.sensitivity import SIXTH, NotSmoothError, TangentSimulation
+from tests.mechanics.test_redundant_steps import linkages
 
 BALL = {"mass": 2.0, "inertia": [0.1, 0.1, 0.1]}
 

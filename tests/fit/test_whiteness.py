@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.fit.whiteness import correlation
+from rb_sim.fit.fit import correlation
 
 NOISE = (1e-3, 2e-3)
 T = np.linspace(0.0, 2.0, 81)

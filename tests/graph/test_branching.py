@@ -10,7 +10,7 @@ import pytest
 from rb_sim.graph.functions import explored
 from rb_sim.graph.machine import Law, compile_law
 from rb_sim.graph.symbols import Graph
-from rb_sim.maths.jit import branching
+from rb_sim.numerics.kernels import branching
 
 
 def sorted_three(a: Any, b: Any, c: Any) -> tuple[Any, Any, Any]:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rb_sim.graph import columns
-from rb_sim.graph.columns import Tangents, compile_columns
+from rb_sim.graph import jacobian_columns
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import atan2, cos, floor, rarely, sin, sqrt, where
+from rb_sim.graph.jacobian_columns import Tangents, compile_columns
 from rb_sim.graph.machine import PlainLaw, evaluate
 from rb_sim.graph.symbols import Graph
 
@@ -55,7 +55,7 @@ def by_columns(count, t, y, p):
 def test_columns_are_the_derivatives_of_each_entry(
     n: int, piece: int, plain: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(columns, "PIECE", piece)
+    monkeypatch.setattr(jacobian_columns, "PIECE", piece)
     monkeypatch.setenv("RB_SIM_INTERPRETED", "1" if plain else "0")
     y, p = np.random.default_rng(n).normal(size=n), np.array([1.5])
     found = by_columns(n + 2, 0.3, y, p)

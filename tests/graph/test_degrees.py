@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from rb_sim.graph.degrees import degrees
 from rb_sim.graph.functions import atan2, cos, sin, sqrt, where
-from rb_sim.graph.series import Series
 from rb_sim.graph.symbols import Graph, in_order
+from rb_sim.graph.taylor import Series, degrees
 
 FORMS: dict[str, tuple[Callable[..., Any], float]] = {
     "time": (lambda t, p, v, x, q: t, 1),

@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rb_sim.graph.functions import atan2, cos, divide, floor, rarely, sin, sqrt, where
-from rb_sim.graph.lanes import LANES, compile_lanes
 from rb_sim.graph.symbols import External, Graph
-from rb_sim.graph.trigonometry import NEAR, sine_and_cosine
+from rb_sim.graph.vector_code import LANES, NEAR, compile_lanes, sine_and_cosine
 
 POINTER = ctypes.POINTER(ctypes.c_double)
 LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, POINTER, POINTER, POINTER)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.graph.program import MOST_ROOM, Field, PlainProgram, Program
+from rb_sim.graph.table_program import MOST_ROOM, Field, PlainProgram, Program
 from tests.graph.test_machine import run
 
 

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.graph import functions, series_code, series_unrolled
+from rb_sim.graph import functions, taylor_code
 from rb_sim.graph.functions import atan2, cos, rarely, sin, sqrt, where
 from rb_sim.graph.machine import evaluate
-from rb_sim.graph.series import NoSeriesError, Series
-from rb_sim.graph.series_code import SeriesLaws
 from rb_sim.graph.symbols import External, Graph, stepwise
+from rb_sim.graph.taylor import NoSeriesError, Series
+from rb_sim.graph.taylor_code import SeriesLaws
 
 ORDER = 24
 START = 0.7
@@ -75,11 +75,11 @@ def laws_of(outputs: list[Any], monkeypatch: pytest.MonkeyPatch, how: str) -> Se
     """whole: one function; few: with most orders in a loop; parts: by laws of their own; plain: in
     Python."""
     if how == "few":
-        monkeypatch.setattr(series_unrolled, "MOST", 5)
+        monkeypatch.setattr(taylor_code, "MOST", 5)
     if how == "parts":
-        monkeypatch.setattr(series_code, "WHOLE", 0)
+        monkeypatch.setattr(taylor_code, "WHOLE", 0)
     if how == "plain":
-        monkeypatch.setattr(series_code, "interpreted", lambda: True)
+        monkeypatch.setattr(taylor_code, "interpreted", lambda: True)
     return SeriesLaws(outputs)
 
 

@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from rb_sim.cli.hard_cases import hard_cases, shipped
+from rb_sim.base.errors import RbSimError
 from rb_sim.cli.main import app
-from rb_sim.errors import RbSimError
-from rb_sim.hard_cases.case import load_case, load_cases
-from rb_sim.hard_cases.judge import Row, rows_of
+from rb_sim.cli.verbs.hard_cases import hard_cases, shipped
+from rb_sim.hard_cases.judge import Row, load_case, load_cases, rows_of
 
 CASES = {case.name: case for case in load_cases(shipped())}
 OSCILLATOR = """

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim.engine.samples import SampleLayout, empty_block
-from rb_sim.errors import RbSimError
-from rb_sim.hard_cases.formula import largest
+from rb_sim.base.errors import RbSimError
+from rb_sim.hard_cases.judge import largest
+from rb_sim.mechanics.samples import SampleLayout, empty_block
 
 LAYOUT = SampleLayout(("bob",), ("pin",), ("bob",), ())
 

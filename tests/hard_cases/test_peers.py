@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.cli.hard_cases import shipped
-from rb_sim.errors import RbSimError
-from rb_sim.hard_cases.case import load_cases
-from rb_sim.hard_cases.judge import Row
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.hard_cases import shipped
+from rb_sim.hard_cases.judge import Row, load_cases
 from rb_sim.hard_cases.peers import compare
 from rb_sim.hard_cases.peers.compare import judged_checks, said
 from rb_sim.hard_cases.peers.described import CannotExpressError, described

@@ -168,8 +168,8 @@ class Kernels:
 
     def shifted(self, z: np.ndarray) -> np.ndarray:
         """The state deviated by z (positions, rotations, velocities, spins), on the manifold."""
-        from rb_sim.engine.system import settle
-        from rb_sim.maths.vectors import quaternion_product, quaternion_unit, rotate, unrotate
+        from rb_sim.mechanics.system import settle
+        from rb_sim.numerics.vectors import quaternion_product, quaternion_unit, rotate, unrotate
 
         y, parts = self.y.copy(), z.reshape(2, 2, 2, 3)
         for i in range(2):
@@ -189,7 +189,7 @@ class Kernels:
         system, y = self.simulation._motion.system, self.shifted(z)
         held = held_at(system, 0.0, y)[2]
         push = turned_spin(y, 2) @ np.array(held.acceleration)
-        from rb_sim.engine.system import sample
+        from rb_sim.mechanics.system import sample
 
         count = len(self.simulation.layout.reactions)
         out = np.zeros(26 + 9 * count + 10)

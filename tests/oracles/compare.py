@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rb_sim.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import Trajectory
 
 STATE = {
     "position": "position",

@@ -15,7 +15,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.engine.samples import ARRAYS
+from rb_sim.mechanics.samples import ARRAYS
 from tests.one_body_scenes import JOINTS
 from tests.oracles.to_scene import scene_of
 from tests.runs import trajectory

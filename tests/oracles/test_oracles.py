@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import RbSimError, SceneError
-from rb_sim.trajectory import Trajectory
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.trajectory.trajectory import Trajectory
 from tests.interpreted import trajectory
 from tests.oracles.compare import (
     STATE,
@@ -232,7 +232,7 @@ def test_fixed_step_far_too_large(step: float, method: str, cases: dict[str, Any
     """At 150 rad/s: an error that names the step, or a state that is finite and on the joint.
 
     The error of a fixed step is the choice of who fixes it, and a watch tells it
-    (tests/watches); NaN never comes out.
+    (tests/checks); NaN never comes out.
     """
     case = cases["heavytop_bruls_cardona"]
     try:

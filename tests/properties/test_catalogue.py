@@ -27,11 +27,15 @@ FEW = settings(max_examples=8, deadline=None, derandomize=True)
 def example_rows(rng: np.random.Generator) -> dict[str, Any]:
     """One random row of every kind."""
     from rb_sim.catalogue.constraints import rows as r
-    from rb_sim.catalogue.constraints.curve_row import CurveRow
     from rb_sim.catalogue.constraints.rolling import RollingRow
+    from rb_sim.catalogue.constraints.rows import CurveRow
     from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
-    from rb_sim.contact.geometry.shapes import EllipsoidSurface, RimSurface, SphereSurface
-    from rb_sim.maths.vectors import perpendicular
+    from rb_sim.catalogue.geometry.smooth_surfaces import (
+        EllipsoidSurface,
+        RimSurface,
+        SphereSurface,
+    )
+    from rb_sim.numerics.vectors import perpendicular
 
     def point() -> tuple[float, ...]:
         return floats(rng.normal(size=3))
@@ -109,7 +113,7 @@ def onto_curve(row: Any, B: Any) -> Any:
 
 def row_defects(name: str, seed: int) -> tuple[float, float, float]:
     """(J u - dg/dt, bias - d(J u)/dt at constant u, size of the rows)."""
-    from rb_sim.catalogue.constraints.curve_row import CurveRow
+    from rb_sim.catalogue.constraints.rows import CurveRow
     from rb_sim.catalogue.types import WORLD
 
     rng = np.random.default_rng(seed)

@@ -100,15 +100,15 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
 
 def importable(package: str) -> None:
     """Find the interface package in a ROS installation or build it; skip without a compiler."""
-    from rb_sim.ros import interfaces
+    from rb_sim.ros import build_interfaces
 
-    if interfaces.is_there(package):
+    if build_interfaces.is_there(package):
         return
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip(f"no C compiler to build {package} with")
     if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
         pytest.skip(f"no Python headers to build {package} with")
-    interfaces.need(package)
+    build_interfaces.need(package)
 
 
 @pytest.fixture(scope="session")

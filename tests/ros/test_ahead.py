@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.errors import SimulationError
-from rb_sim.ros.ahead import MOST, Ahead
-from rb_sim.ros.stepper import Stepper
+from rb_sim.base.errors import SimulationError
+from rb_sim.motion.pieces import NO_LIMITS
+from rb_sim.ros.stepper import MOST, Ahead, Stepper
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
-from rb_sim.watch import NO_LIMITS
 
 RATE = 500.0
 METHODS: list[dict[str, Any]] = [
@@ -81,7 +80,7 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
     "scene", ["rolling_sphere_commanded", "heavy_top", PAIR], ids=["rolls", "turns", "pair"]
 )
 def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     source = scene if isinstance(scene, dict) else find_scene(scene)
     loaded, found = load_scene(source, **setting), []
     for kind in (Ahead, Slow):
@@ -97,7 +96,7 @@ def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch)
 
 
 def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     simulation = Simulation("rolling_sphere_commanded", announce=None)
     ahead, calls = Ahead(simulation, RATE), []
     plain = simulation.step_rows
@@ -118,7 +117,7 @@ def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
 
 def test_what_is_due_waits_for_no_others(monkeypatch):
     """Those are computed and packed before: one in 32 samples would be late by as much."""
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     simulation, did = Simulation("rolling_sphere_commanded", announce=None), []
     plain = simulation.step_rows
 
@@ -144,7 +143,7 @@ def test_what_is_due_waits_for_no_others(monkeypatch):
 
 
 def test_costly_samples_are_not_computed_ahead(monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 0.0)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 0.0)
     simulation = Simulation("rolling_sphere_commanded", announce=None)
     ahead = Ahead(simulation, RATE)
     for k in range(1, 50):
@@ -164,7 +163,7 @@ def test_a_motion_without_a_way_back_goes_one_by_one():
 
 def test_a_motion_that_ends_is_told_at_its_sample(monkeypatch):
     """What was computed ahead up to there is handed out first."""
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     simulation = Simulation("rolling_sphere_commanded", announce=None)
     plain = simulation.step_rows
 
@@ -184,7 +183,7 @@ def test_a_motion_that_ends_is_told_at_its_sample(monkeypatch):
 
 
 def test_a_watch_that_ends_it_leaves_the_last_sample_the_last(monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.ahead.BUDGET", 1e9)
+    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     simulation = Simulation("rolling_sphere_commanded", announce=None)
     ahead = Ahead(simulation, RATE)
     for k in range(1, 8):

@@ -14,8 +14,8 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
-from rb_sim.ros import command, inbox
 from rb_sim.ros.serving import executor_for
+from rb_sim.ros.topics import command, inbox
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 

@@ -9,13 +9,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from rb_sim.ros.diagnostics import Diagnostics, Watched
-from rb_sim.ros.pacing import Pacer
-from rb_sim.ros.priority import Priority
-from rb_sim.ros.watch_sink import BATCH, WatchSink
+from rb_sim.ros.pacing import Pacer, Priority
+from rb_sim.ros.topics.check_sink import BATCH, WatchSink
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.simulation import Simulation
+from rb_sim.simulation.simulation import Simulation
+from tests.checks.test_watch_list import TOP
 from tests.interpreted import interpreted
-from tests.watches.test_watch_list import TOP
 
 
 class FakeNode:

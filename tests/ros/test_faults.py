@@ -9,8 +9,8 @@ import pytest
 from rcl_interfaces.msg import Log
 from std_srvs.srv import Trigger
 
-from rb_sim.ros import command
-from rb_sim.ros.command import Command, Limits, Refusal, beyond
+from rb_sim.ros.topics import command
+from rb_sim.ros.topics.command import Command, Limits, Refusal, beyond
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.errors import RbSimError, SinkError
-from rb_sim.ros.log_folder import claim, out_folder, own_folder
-from rb_sim.ros.log_frames import Plan
-from rb_sim.ros.log_process import LogProcess
+from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.ros.logs.folder import claim, out_folder, own_folder
+from rb_sim.ros.logs.process import LogProcess
+from rb_sim.ros.logs.protocol import Plan
 from rb_sim.ros.parameters import Settings
-from rb_sim.simulation import Simulation
+from rb_sim.simulation.simulation import Simulation
 from tests.ros import bags
 
 LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}

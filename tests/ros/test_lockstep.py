@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from benchmarks import lockstep_client
-from rb_sim.ros import interfaces
+from rb_sim.ros import build_interfaces
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds, vector
 from tests.ros.conftest import START_TIMEOUT
@@ -116,8 +116,8 @@ def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))
     said: list[str] = []
-    builds = [build for build in interfaces.begin() if build.package == "rb_sim_interfaces"]
-    interfaces.finish(builds, said.append)
+    builds = [build for build in build_interfaces.begin() if build.package == "rb_sim_interfaces"]
+    build_interfaces.finish(builds, said.append)
     if builds:
         assert said == [
             "no services ~/advance and ~/set_state: rb_sim_interfaces: there is no C compiler (gcc)"
@@ -125,7 +125,7 @@ def test_a_package_that_cannot_be_built_is_one_line(monkeypatch, tmp_path):
 
 
 BUILT_BEFORE = """
-from rb_sim.ros import interfaces
+from rb_sim.ros import build_interfaces as interfaces
 assert interfaces.begin() == []
 import tf2_msgs.msg, rb_sim_interfaces.srv
 """

@@ -8,10 +8,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from rb_sim.ros import log_process
-from rb_sim.ros.log_frames import Opened, Plan
-from rb_sim.ros.log_process import LogProcess
-from rb_sim.sinks.bag_reader import BagReader
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.ros.logs import process
+from rb_sim.ros.logs.process import LogProcess
+from rb_sim.ros.logs.protocol import Opened, Plan
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
@@ -55,8 +55,8 @@ def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
 
 def test_a_writer_that_never_goes_on_leaves_a_cut_log(monkeypatch):
     """In as many seconds as it is waited for; the node has a status of its own then."""
-    monkeypatch.setattr(log_process, "PATIENCE", 0.1)
-    monkeypatch.setattr(log_process, "SOON", 0.01)
+    monkeypatch.setattr(process, "PATIENCE", 0.1)
+    monkeypatch.setattr(process, "SOON", 0.01)
     said: list[str] = []
     plan = Plan(Path("nowhere"), False, "/sim", True, False, True, 0, {}, {})
     logs = LogProcess(plan, 10, said.append)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from rb_sim import Simulation, load_scene
-from rb_sim.ros.log_frames import Begin, Block, End, Plan, frame
+from rb_sim.ros.logs.protocol import Begin, Block, End, Plan, frame
 
 
 def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> Non
     plan = Plan(tmp_path / "out", False, "", False, False, True, 0, {}, {})
     heard, answers = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-m", "rb_sim.ros.log_writer"],
+        [sys.executable, "-m", "rb_sim.ros.logs.writer"],
         stdin=subprocess.PIPE,
         stdout=answers,
         stderr=subprocess.PIPE,

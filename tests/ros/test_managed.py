@@ -126,7 +126,8 @@ def test_a_signal_ends_the_wait_for_others_of_the_name(sphere, start, client: Cl
 
 BROKEN = """
 import sys
-from rb_sim.ros import main, managed
+from rb_sim.ros import main
+from rb_sim.ros import lifecycle as managed
 def broken(*_):
     sys.stdin.readline()
     raise MemoryError("no room")
@@ -196,7 +197,7 @@ def test_what_a_refused_transition_offered_is_gone_before_the_answer(client: Cli
 TOLD = """
 import sys
 from rb_sim.ros import main
-from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.logs.process import LogProcess
 close = LogProcess.close
 def and_tell(logs, *given, **named):
     close(logs, *given, **named)

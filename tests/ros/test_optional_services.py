@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rb_sim.ros import optional_services
+from rb_sim.ros.services import optional
 
 
 @pytest.mark.parametrize(
@@ -27,11 +27,11 @@ def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, mo
     # what is imported here is gone afterwards, and one that was there before is there again
     monkeypatch.setitem(sys.modules, "simulation_interfaces", None)
     monkeypatch.delitem(sys.modules, "simulation_interfaces")
-    monkeypatch.setattr(optional_services, "OWN", "not_installed_anywhere")
+    monkeypatch.setattr(optional, "OWN", "not_installed_anywhere")
     said: list[str] = []
     node: Any = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=said.append))
     nothing: Any = None
-    optional_services.offer_services(node, nothing, nothing, nothing, may_quit=True)
+    optional.offer_services(node, nothing, nothing, nothing, may_quit=True)
     (line,) = said
     assert line.startswith("no services of simulation_interfaces: ") and words in line
     assert "\n" not in line

@@ -42,7 +42,8 @@ def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client
 HELD = """
 import sys, time
 from pathlib import Path
-from rb_sim.ros import main, preparing
+from rb_sim.ros import main
+from rb_sim.ros import preparing
 whole = preparing.is_alone
 def held(*given):
     while not Path(sys.argv[2]).exists():
@@ -93,7 +94,7 @@ def test_a_node_that_compiles_is_there_already_and_answers(
 SEEN = """
 import sys
 from rb_sim.ros import main
-from rb_sim.ros.presence import Presence, Clock
+from rb_sim.ros.topics.presence import Presence, Clock
 def told(owner, name, module):
     whole = getattr(owner, name)
     def and_tell(*given):

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 
-from rb_sim.ros.priority import Priority
+from rb_sim.ros.pacing import Priority
 from tests.ros.client import Client
 from tests.ros.conftest import NodeProcess
 

@@ -11,8 +11,8 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 
-from rb_sim.cli.replay import PlayOptions, play
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.replay import PlayOptions, play
 from tests.bags.scenes import PUSHED, record_run
 from tests.interpreted import interpreted
 from tests.ros import bags

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rb_sim.cli.resim import ResimOptions, resim
+from rb_sim.cli.verbs.resim import ResimOptions, resim
 from tests.ros.client import Client
 from tests.ros.test_commands import TURNED
 

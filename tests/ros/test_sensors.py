@@ -17,8 +17,8 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rb_sim.errors import RbSimError
-from rb_sim.ros.imu import read_sensors
+from rb_sim.base.errors import RbSimError
+from rb_sim.ros.topics.conventions import read_sensors
 from tests.ros.client import NAME, Client, vector
 
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)

@@ -16,9 +16,9 @@ import pytest
 from rosgraph_msgs.msg import Clock
 
 from rb_sim.bags.info import info
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.recover import recover_bag
 from rb_sim.ros.preparing import LOG_CUT
-from rb_sim.sinks.bag_reader import BagReader
-from rb_sim.sinks.recover import recover_bag
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 from tests.ros.conftest import START_TIMEOUT
@@ -50,7 +50,7 @@ def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
 
 HOOKED = """
 import os, signal, sys
-from rb_sim.cli import signals
+from rb_sim.simulation import signals
 from rb_sim.ros import main
 signals.ONE = 0.0  # as if signals came one after the other
 def before(owner, name):
@@ -141,7 +141,8 @@ def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, 
 
 BROKEN_LOGS = """
 import sys
-from rb_sim.ros import log_process, main
+from rb_sim.ros.logs import process as log_process
+from rb_sim.ros import main
 whole = log_process.rows_of
 def broken(samples):
     return whole(samples)._replace(rows=None)
@@ -175,7 +176,7 @@ def test_a_signal_leaves_the_plots_to_a_process_of_their_own(
 
 
 WHILE_PLOTS_ARE_DRAWN = """
-from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.logs.process import LogProcess
 listen, heard = LogProcess._listen, []
 def and_signals(logs):
     listen(logs)

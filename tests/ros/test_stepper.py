@@ -5,7 +5,7 @@ from __future__ import annotations
 from unittest.mock import Mock
 
 from rb_sim import Simulation
-from rb_sim.engine.samples import ContactEvent
+from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.ros.stepper import Stepper
 
 

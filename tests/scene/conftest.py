@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene.load import scene_from_mapping
 
 VALID = """\

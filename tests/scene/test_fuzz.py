@@ -13,8 +13,8 @@ import yaml
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue import constraints, effects
-from rb_sim.errors import SceneError
 from rb_sim.scene.listing import list_scenes
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from rb_sim.scene.schema import Scene

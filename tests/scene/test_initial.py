@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import RbSimError, SceneError
-from rb_sim.placing import compiled_at
+from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.scene.compile import compile_scene
+from rb_sim.simulation.state_override import compiled_at
 
 BODY = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.engine.tables.laws import BODIES, TableLaws
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
+from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.load import scene_from_mapping
 
 SIZES = (1e-6, 1e-3, 1.0, 1e3, 1e5)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene import listing
 from rb_sim.scene.listing import find_scene, list_scenes, scene_folders
 from rb_sim.scene.load import load_scene

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene.load import load_scene, scene_from_mapping
 
 Broken = Callable[[str, str], str]

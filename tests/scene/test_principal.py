@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.scene.principal import principal_axes
+from rb_sim.scene.reduced import principal_axes
 
 MOMENTS = [
     [1.0, 2.0, 2.7],

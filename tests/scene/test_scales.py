@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.scales import scaled_tolerance, size_of
 from tests.interpreted import interpreted

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from matplotlib.text import Text
 
-from rb_sim.cli.statics import statics
-from rb_sim.errors import RbSimError, SceneError
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.cli.verbs.statics import statics
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.picture import draw
 from tests.statics.scenes import UP, ladder, table

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.errors import SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.statics import load_statics, solve
 from tests.statics.scenes import UP, block, ladder, table
 

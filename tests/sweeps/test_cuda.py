@@ -11,10 +11,10 @@ import pytest
 
 pytest.importorskip("pyarrow")
 
-from rb_sim.engine import cuda_lanes
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.mechanics import cuda
 from rb_sim.sweeps import sweep
-from rb_sim.sweeps.lanes import CUDA, LaneRunner
+from rb_sim.sweeps.lane_runs import CUDA, LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan
 from tests.sweeps.fake_cupy import Cupy
@@ -65,7 +65,7 @@ def test_a_run_that_fails_or_does_not_end_is_left_to_go_alone(
     made = PlanRunner(load_plan({**description, "simulation": simulation}), values[::2])
     monkeypatch.setitem(sys.modules, "cupy", Cupy(tmp_path))
     assert sorted(rows(made, values, CUDA)) == [0, 2]
-    monkeypatch.setattr(cuda_lanes, "MOST_ATTEMPTS", 40)
+    monkeypatch.setattr(cuda, "MOST_ATTEMPTS", 40)
     assert not rows(made, values, CUDA)
 
 
@@ -79,14 +79,14 @@ def test_a_plan_that_no_gpu_takes_and_a_machine_without_one(
         sweep(plan(tmp_path), tmp_path / "out", device="tpu")
     with pytest.raises(RbSimError, match="with --no-lanes"):
         sweep(plan(tmp_path), tmp_path / "out", device=CUDA, lanes=False)
-    monkeypatch.setattr(cuda_lanes, "why_not", lambda: None)
+    monkeypatch.setattr(cuda, "why_not", lambda: None)
     implicit = plan(tmp_path, simulation={"method": "gauss6", "step": 0.01})
     with pytest.raises(RbSimError, match="^device: got 'cuda', which takes one body"):
         sweep(implicit, tmp_path / "out", device=CUDA)
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.skipif(cuda_lanes.why_not() is not None, reason="no GPU")
+@pytest.mark.skipif(cuda.why_not() is not None, reason="no GPU")
 @pytest.mark.parametrize("simulation", [FIXED, ADAPTIVE], ids=str)
 def test_on_a_gpu(simulation: dict[str, Any]) -> None:
     made, values = runner("heavy_top", TOP, duration=0.5, rate=100.0, **simulation)
@@ -104,9 +104,9 @@ def test_nvrtc_takes_the_kernels(simulation: dict[str, Any]) -> None:
     lane_runner = LaneRunner(made, CUDA)
     assert lane_runner.possible(values)
     (lanes,) = lane_runner._lanes.values()
-    assert isinstance(lanes, cuda_lanes.CudaLanes) and lanes.source is not None
+    assert isinstance(lanes, cuda.CudaLanes) and lanes.source is not None
     _, program = nvrtc.nvrtcCreateProgram(lanes.source.encode(), b"kernels.cu", 0, [], [])
-    options = [option.encode() for option in cuda_lanes.OPTIONS]
+    options = [option.encode() for option in cuda.OPTIONS]
     (status,) = nvrtc.nvrtcCompileProgram(program, len(options), options)
     _, size = nvrtc.nvrtcGetProgramLogSize(program)
     log = b" " * size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 from rb_sim.sweeps.expressions import Expression
 
 NAMES = {

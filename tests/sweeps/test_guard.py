@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-CALL = "from rb_sim.sweeps.guard import check_guarded\n"
+CALL = "from rb_sim.sweeps.schedule import check_guarded\n"
 
 
 def run(script: Path, text: str) -> subprocess.CompletedProcess[str]:

@@ -12,10 +12,9 @@ pytest.importorskip("pyarrow")
 
 from rb_sim.sweeps.batch import Batch, BatchRunner, described, do_batch
 from rb_sim.sweeps.expressions import Expression
-from rb_sim.sweeps.lanes import LaneRunner
+from rb_sim.sweeps.lane_runs import LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.points import points
+from rb_sim.sweeps.plan import load_plan, points
 from rb_sim.sweeps.storage import open_table
 from rb_sim.sweeps.sweep import _looks, _row
 from tests.sweeps.plans import height, plan

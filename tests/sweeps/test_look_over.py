@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.sweeps.look_over import MOST, look_over, to_look_at
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.points import points
+from rb_sim.sweeps.plan import load_plan, points
+from rb_sim.sweeps.sweep import MOST, look_over, to_look_at
 
 SPIN = """\
 description: a free body that spins about its middle axis, as a plan gives it

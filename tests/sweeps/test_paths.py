@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rb_sim.errors import SceneError
-from rb_sim.sweeps.paths import parse, replaced, with_default
+from rb_sim.base.errors import SceneError
+from rb_sim.sweeps.one_run import parse, replaced, with_default
 
 SCENE = {"bodies": {"top": {"position": [1.0, 2.0, 3.0], "mass": 1.0}}, "effects": {}}
 

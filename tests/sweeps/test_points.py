@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rb_sim.errors import RbSimError, SceneError
+from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.scene.errors_text import validated
-from rb_sim.sweeps.plan import Plan, load_plan
-from rb_sim.sweeps.points import points
+from rb_sim.sweeps.plan import Plan, load_plan, points
 
 A = {"path": "a", "normal": {"mean": 5.0, "std": 2.0}}
 B = {"path": "b", "log_uniform": [0.1, 10.0]}

@@ -11,11 +11,10 @@ import pytest
 pytest.importorskip("pyarrow")
 
 from rb_sim.sweeps import expressions
-from rb_sim.sweeps.dual import Dual, functions
 from rb_sim.sweeps.expressions import Expression
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.slopes import slopes
+from rb_sim.sweeps.slopes import Dual, functions, slopes
 from tests.sweeps.plans import plan
 
 T = np.linspace(0.0, 1.0, 12)

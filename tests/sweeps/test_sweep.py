@@ -23,15 +23,14 @@ import pandas as pd
 import polars as pl
 from dask import dataframe as dd
 
-from rb_sim.contact.events.notes import KINDS
-from rb_sim.contact.scene.touching import ContactLaw
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.contact.problem.event_workspace import KINDS
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sweeps import sweep
+from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
-from rb_sim.sweeps.plan import LoadedPlan, load_plan
-from rb_sim.sweeps.points import points
-from rb_sim.sweeps.samples import EVENT_KINDS
+from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.schedule import client
 from rb_sim.sweeps.sweep import _checked
 from tests.sweeps.cluster import PATIENCE, Cluster

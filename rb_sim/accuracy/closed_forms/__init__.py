@@ -1,16 +1,37 @@
-"""Closed forms of the motion: one file each; a scene that matches one is measured against it."""
+"""Closed forms of motions: a scene that matches one is measured against it."""
 
 from __future__ import annotations
 
-from rb_sim.accuracy.closed_forms.contact import CONTACT_FORMS
-from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.closed_forms.free_rotor import free_rotor
-from rb_sim.accuracy.closed_forms.parabola import falling_body
-from rb_sim.accuracy.closed_forms.pendulum import pendulum
-from rb_sim.accuracy.closed_forms.rolling_sphere import rolling_sphere
-from rb_sim.accuracy.closed_forms.steady_top import steady_top
-from rb_sim.accuracy.closed_forms.symmetric_rotor import symmetric_rotor
+from rb_sim.accuracy.closed_forms.exact import Exact, falling_body
+from rb_sim.accuracy.closed_forms.impacts_and_sliding import (
+    bouncing_ball,
+    sliding_block,
+    slipping_ball,
+)
+from rb_sim.accuracy.closed_forms.rolling import (
+    off_a_sphere,
+    rolling_in_cylinder,
+    rolling_sphere,
+    turntable,
+)
+from rb_sim.accuracy.closed_forms.rotors import free_rotor, pendulum, steady_top, symmetric_rotor
 from rb_sim.scene.compiled import Compiled
+
+# Closed forms of motions in contact: one file each, as those without.
+
+
+CONTACT_FORMS = (
+    bouncing_ball,
+    slipping_ball,
+    turntable,
+    rolling_in_cylinder,
+    off_a_sphere,
+    sliding_block,
+)
+
+
+# Closed forms of the motion: one file each; a scene that matches one is measured against it.
+
 
 FORMS = (symmetric_rotor, free_rotor, pendulum, rolling_sphere, steady_top, falling_body)
 

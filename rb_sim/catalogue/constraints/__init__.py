@@ -7,9 +7,9 @@ from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
 from rb_sim.catalogue.constraints.translation import Translation
+from rb_sim.catalogue.contacts.contact import Contact
+from rb_sim.catalogue.contacts.string import String
 from rb_sim.catalogue.spec import Spec
-from rb_sim.contact.scene.contact import Contact
-from rb_sim.contact.scene.string import String
 
 SPECS: dict[str, type[Spec]] = {
     "free": Free,

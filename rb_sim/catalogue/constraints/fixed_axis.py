@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 from rb_sim.catalogue.constraints.rows import PointRow, SlotRow
 from rb_sim.catalogue.spec import Name, Positive, Spec, UnitVector3, Vector3
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, add, perpendicular, scale
+from rb_sim.numerics.vectors import ZERO, add, perpendicular, scale
 
 
 class FixedAxis(Spec):

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from rb_sim.catalogue.constraints.rows import LockRow, PointRow
 from rb_sim.catalogue.spec import Name, Spec, Vector3
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, conjugate, quaternion_product
+from rb_sim.numerics.vectors import ZERO, conjugate, quaternion_product
 
 
 class Free(Spec):

@@ -10,16 +10,16 @@ from __future__ import annotations
 from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.constraints.rows import COUNT, ParallelRow, anchor, fill, put
-from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
-from rb_sim.catalogue.types import Part, Place, Vec3
-from rb_sim.contact.geometry.shapes import (
+from rb_sim.catalogue.geometry.smooth_surfaces import (
     EllipsoidSurface,
     RimSurface,
     SphereSurface,
     support,
     support_rate,
 )
-from rb_sim.maths.vectors import (
+from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
+from rb_sim.catalogue.types import Part, Place, Vec3
+from rb_sim.numerics.vectors import (
     ZERO,
     add,
     cross,

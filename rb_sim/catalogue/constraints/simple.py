@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from rb_sim.catalogue.constraints.rows import DistanceRow, ParallelRow, PlaneRow, VelocityRow
 from rb_sim.catalogue.spec import Finite, Name, Positive, Spec, UnitVector3, Vector3, refuse
 from rb_sim.catalogue.types import Part, Place, Vec3
-from rb_sim.maths.vectors import ZERO, add, norm, perpendicular, rotate, sub
+from rb_sim.numerics.vectors import ZERO, add, norm, perpendicular, rotate, sub
 
 
 def distance_at_start(place: Place, body: str, r_B: Vec3, parent: str | None, r_A: Vec3) -> float:

@@ -11,13 +11,12 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from rb_sim.catalogue.constraints.curve_row import CurveRow
 from rb_sim.catalogue.constraints.joints import relative_turn
-from rb_sim.catalogue.constraints.rows import LockRow
+from rb_sim.catalogue.constraints.rows import CurveRow, LockRow
 from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
 from rb_sim.catalogue.spec import Name, Points, Positive, Spec, UnitVector3, Vector3, refuse
 from rb_sim.catalogue.types import Part, Place
-from rb_sim.maths.vectors import ZERO, perpendicular
+from rb_sim.numerics.vectors import ZERO, perpendicular
 
 
 class LineGuide(Spec):

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
 from rb_sim.catalogue.types import CENTRAL, Place, Vec3, wrench
-from rb_sim.maths.vectors import ZERO, norm, rotate, scale, sub, unrotate
+from rb_sim.numerics.vectors import ZERO, norm, rotate, scale, sub, unrotate
 
 
 class LinearDrag(Spec):

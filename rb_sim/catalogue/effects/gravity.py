@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Strict
 
 from rb_sim.catalogue.spec import Name, Spec, Strength3, refuse
 from rb_sim.catalogue.types import CENTRAL, Place, Vec3, potential, wrench
-from rb_sim.maths.vectors import ZERO, dot, scale
+from rb_sim.numerics.vectors import ZERO, dot, scale
 
 
 def _some_or_all(names: tuple[str, ...] | None) -> tuple[str, ...] | None:

@@ -13,8 +13,8 @@ from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
 from rb_sim.catalogue.types import Place, Vec3, potential, wrench
-from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
 
 COINCIDE = 1e-12
 """Share of a rest length up to which the distance of its ends is rounding, and points nowhere."""

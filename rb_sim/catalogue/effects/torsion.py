@@ -14,11 +14,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
-from rb_sim.maths.jit import inline
-from rb_sim.maths.scalars import atan2, where
-from rb_sim.maths.vectors import (
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
     ZERO,
     add,
+    atan2,
     conjugate,
     cross,
     dot,
@@ -27,6 +27,7 @@ from rb_sim.maths.vectors import (
     scale,
     sub,
     unrotate,
+    where,
 )
 
 

@@ -11,19 +11,9 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import model_validator
 
-from rb_sim.catalogue.spec import (
-    Finite,
-    Name,
-    Numbers,
-    Spec,
-    Strength3,
-    Strengths,
-    Vector3,
-    refuse,
-)
+from rb_sim.catalogue.spec import Finite, Name, Numbers, Spec, Strength3, Strengths, Vector3, refuse
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
-from rb_sim.maths.scalars import sin
-from rb_sim.maths.vectors import ZERO, add, cross, rotate, scale, unrotate
+from rb_sim.numerics.vectors import ZERO, add, cross, rotate, scale, sin, unrotate
 
 Axes = Literal["world", "body"]
 

@@ -9,38 +9,174 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.bracket import LOCATED, begin_bracket, first_crossing, note_levels
-from rb_sim.contact.events.grid import Grid, branch, copy
-from rb_sim.contact.events.search import SLACK, first_dip, level_at, level_of, note_short_dips
-from rb_sim.contact.events.slow_slips import note_slow_slips
-from rb_sim.contact.events.stiff import note_stiffness
-from rb_sim.contact.events.stops import FAINT, stop_that_is_due
-from rb_sim.contact.system import rates as _registers_its_kernels  # noqa: F401
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.events.grid import Grid, branch, copy, note_stiffness
+from rb_sim.contact.events.search import (
+    LOCATED,
+    SLACK,
+    begin_bracket,
+    first_crossing,
+    first_dip,
+    level_at,
+    level_of,
+    note_levels,
+    note_short_dips,
+)
+from rb_sim.contact.events.stick_transition import FAINT, stop_that_is_due
+from rb_sim.contact.problem.order import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED, speed_apart
+from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
     ROLL_ENDS,
     SLIP_ENDS,
     STOPPED,
+    keep,
+    least_slip,
+    line_of,
     may_creep,
 )
-from rb_sim.contact.system.creep import SOON, fastest_creep, rubs
-from rb_sim.contact.system.levels import level_rates
-from rb_sim.contact.system.start_of_step import look_ahead
-from rb_sim.contact.system.swings import end_for_rims
-from rb_sim.contact.system.terms import SLIDING
-from rb_sim.contact.system.touch import (
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
+from rb_sim.mechanics.contact.contact_table import (
+    AHEAD,
+    AT_ROLL,
     AT_SLIP,
+    AT_SPIN,
     CLOSED,
+    FASTEST,
+    FASTEST_BEFORE,
+    FORCE,
+    GAP,
+    GAP_BEFORE,
+    GAP_RATE,
+    GAP_RATE_BEFORE,
+    KINETIC,
+    LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
+    NORMAL,
+    NORMAL_BEFORE,
+    ROLL,
+    ROLL_AHEAD,
+    ROLL_RATE,
     SLIDE,
     SLIP,
+    SLIP_RATE,
     SLOPES_BEFORE,
+    SPIN,
+    SPIN_AHEAD,
     STATIC,
+    TURN,
 )
-from rb_sim.engine.systems.many_bodies import vec
-from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import norm
+from rb_sim.mechanics.contact.creep import SOON, fastest_creep, note_creep, rubs
+from rb_sim.mechanics.contact.event_functions import level_rates, roll_level, rolling, slip_level
+from rb_sim.mechanics.contact.near_flat_rims import end_for_rims, note_lean
+from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, vec
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import dot, norm, scale, sub
+
+# What a step of bodies in contact starts from: directions, gaps, event functions, leans.
+
+
+@inline
+def look_ahead(system, rates):
+    """Note what the next step starts from: directions of slip and turning, gaps, levels, leans.
+
+    After `lowest_level` and, with the rates that it has found, `level_rates`.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        for i in range(LEVEL_KINDS):
+            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
+            touch[c, SLOPES_BEFORE + i] = rates[c, i]
+        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
+        touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
+        keep(touch, c, NORMAL_BEFORE, vec(touch, c, NORMAL))
+        note_directions(system, c)
+        note_creep(system, c)
+        note_lean(touch, c)
+
+
+@inline
+def note_directions(system, c):
+    """Directions of slip and turning, and the event functions along them."""
+    touch, before, slopes = system.touch, LEVELS_BEFORE, SLOPES_BEFORE
+    slip, roll = vec(touch, c, SLIP), rolling(touch, c)
+    note_direction(touch, c, AHEAD, slip, least_slip(system, c))
+    about = dot(vec(touch, c, TURN), vec(touch, c, NORMAL))
+    still = system.still / system.length
+    note_direction(touch, c, ROLL_AHEAD, roll, still)
+    if rubs(touch, c):
+        touch[c, before + AT_SLIP] = slip_level(system, c, slip)
+        touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
+    if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
+        touch[c, before + AT_ROLL] = roll_level(system, c, roll)
+        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
+    if abs(about) > still:
+        ahead = 1.0 if about > 0.0 else -1.0
+        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_AHEAD]:
+            touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
+            touch[c, slopes + AT_SPIN] = -touch[c, slopes + AT_SPIN]
+        touch[c, SPIN_AHEAD] = ahead
+
+
+@inline
+def note_direction(touch, c, at, a, still):
+    size = norm(a)
+    if size > still:
+        keep(touch, c, at, scale(1.0 / size, a))
+
+
+# Slips on rigid supports, too slow for steps to tell where they go: friction goes on as before.
+#
+# A slip below some tolerances of an adaptive method has, at the stages of a step, a direction that
+# is but their error.  Friction goes on along the last one that was none, and most slips, about to
+# end, are gone before that matters.  Where one goes on, as on a pad close to a hinge, and turns by
+# p, friction takes mu N s (1 - cos p) less power than it should, s the slip; no error estimate sees
+# it.
+
+
+LASTING = 10.0
+"""Times the impulse that would end a slip by which friction has acted where the slip goes on."""
+LAGS, ERRORS = 0.1, 3.0
+"""Speed of the energy that friction should have taken, over the body's as its slip became slow, and
+in slips that are lost in errors. It is told where it is above both; 0.1 is 0.01 of the energy."""
+
+
+@inline
+def note_slow_slips(system, doubts, grid):
+    """Note what friction has missed in the last step, of slips that are lost in errors and turned.
+
+    After the levels at its end, before what the next one starts from is noted.
+    """
+    touch, slow = system.touch, doubts.grazes
+    for c in range(touch.shape[0]):
+        slip = vec(touch, c, SLIP)
+        size = norm(slip)
+        followed = size > system.still or may_creep(system, c)
+        if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
+            slow[c, PUSHED] = slow[c, NOT_TAKEN] = 0.0
+            continue
+        b = lighter(system, c)
+        mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, FORCE]
+        if slow[c, PUSHED] == 0.0:
+            slow[c, BEGAN] = speed_apart(grid.y0, np.zeros_like(grid.y0), b, doubts.missed)
+        turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, AHEAD)))
+        slow[c, PUSHED] += push * (grid.t1 - grid.t0)
+        slow[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
+        if slow[c, PUSHED] > LASTING * mass * system.still:
+            speed = (2.0 * slow[c, NOT_TAKEN] / mass) ** 0.5
+            share = speed / slow[c, BEGAN] if slow[c, BEGAN] > speed else 1.0
+            if speed > ERRORS * system.still and share > max(slow[c, LAG], LAGS):
+                slow[c, LAG], slow[c, LAG_TIME] = share, grid.t0
+
+
+@inline
+def lighter(system, c):
+    """The one of the two bodies of contact c whose mass is smaller; the world has none."""
+    line = line_of(system, c)
+    b, parent = system.lines[line, BODY], system.lines[line, PARENT]
+    if parent >= 0 and system.bodies[parent, MASS] < system.bodies[b, MASS]:
+        return parent
+    return b
+
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
 """The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever

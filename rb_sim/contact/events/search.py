@@ -1,32 +1,16 @@
-"""A look inside a step for event functions that pass through zero and come back.
-
-Values and rates at the ends of a span give a cubic; what it misses is measured at a point inside,
-and falls with the fourth power of the span.  A span in which the cubic stays clear of zero by more
-than that is done; others are parted.  The distance of a point from a solid with faces has a kink
-where another face is nearest, which no cubic knows: in by one face and out by the next.  But it is
-convex along a straight way, so that it is above its tangents, whose bends the rest of the motion
-changes but little: a gap that falls at first and rises at last is looked at where they meet.
-
-A body that is on one side of another solid at the begin of a span and on another side at its end
-may have gone through it, whatever the rates say (what is let go at rest does not fall at first):
-such a span is parted until the sides agree or the ways of the surfaces are too short to meet.
-
-The first look costs nothing where an event function changes by less, over the step, than what it is
-away from zero.
-"""
+"""The search for event functions that pass through zero inside a step."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.events.grazes import error_of_gap, note_graze, speed_of_dip
+from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
 from rb_sim.contact.events.grid import reach
-from rb_sim.contact.events.missed import way_apart
-from rb_sim.contact.geometry.rims import IN_FLIGHT
-from rb_sim.contact.system.accelerations import contact_accelerations
-from rb_sim.contact.system.bodies import FREE, line_of
-from rb_sim.contact.system.levels import in_rigid_flight, level_rates, lowest_level
-from rb_sim.contact.system.touch import (
+from rb_sim.contact.problem.order import error_of_gap, note_graze, speed_of_dip, way_apart
+from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
+from rb_sim.mechanics.contact.accelerations import contact_accelerations
+from rb_sim.mechanics.contact.contact_bodies import FREE, line_of
+from rb_sim.mechanics.contact.contact_table import (
     AROUND,
     CLOSED,
     FASTEST,
@@ -34,6 +18,7 @@ from rb_sim.contact.system.touch import (
     GAP,
     GAP_BEFORE,
     GAP_RATE,
+    GAP_RATE_BEFORE,
     LEVEL_KINDS,
     LEVELS,
     LEVELS_BEFORE,
@@ -42,10 +27,143 @@ from rb_sim.contact.system.touch import (
     SENSE,
     SLOPES_BEFORE,
 )
-from rb_sim.engine.systems.many_bodies import BODY, PARENT, WIDTH, vec
-from rb_sim.maths.cubic import cubic_at, cubic_minimum, cubic_range, tangents_meet
-from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import dot, sub, unrotate
+from rb_sim.mechanics.contact.event_functions import in_rigid_flight, level_rates, lowest_level
+from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, WIDTH, vec
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import dot, sub, unrotate
+
+# Where the event functions between two instants are expected to vanish first.
+#
+# Of every event function the values at both instants are known, and of the gaps of what is in rigid
+# flight the rates: a cubic through them tells its zero.  The others are taken to differ by a
+# constant from the cubic over the whole step, values and rates at its ends, and this constant is
+# what was seen at the nearer instant.  So a handful of states tells the instant to its last digits,
+# however many contacts there are.
+
+
+LOCATED = 1e-15
+"""Depth below zero, in natural units, at which an event counts as located."""
+FLOOR = 3e-16
+"""Part of the time that is hardly more than its rounding."""
+REFINED = 6
+"""Steps of Newton's method for the zero of a cubic."""
+EARLY, LATE, BEGIN, END = 0, 2, 4, 6
+"""Columns of a bracket, of the values and the rates (where they are known) of an event function at
+the earlier and the later instant, and at the begin and the end of the step (t in its last row)."""
+
+
+@inline
+def begin_bracket(system, grid, rates, late):
+    """The bracket from the begin of the step to `late`, shape (contacts, LEVEL_KINDS + 1, 8).
+
+    After `level_at` at `late`; rates: those at the end of the step.
+    """
+    touch = system.touch
+    bracket = np.full((touch.shape[0], LEVEL_KINDS + 1, 8), FREE)
+    for c in range(touch.shape[0]):
+        bracket[c, LEVEL_KINDS, BEGIN], bracket[c, LEVEL_KINDS, END] = grid.t0, grid.t1
+        for k in range(LEVEL_KINDS):
+            bracket[c, k, EARLY] = touch[c, LEVELS_BEFORE + k]
+            bracket[c, k, BEGIN] = touch[c, LEVELS_BEFORE + k]
+            bracket[c, k, BEGIN + 1] = touch[c, SLOPES_BEFORE + k]
+            if late == grid.t1:
+                bracket[c, k, END] = touch[c, LEVELS + k]
+                bracket[c, k, END + 1] = rates[c, k]
+        bracket[c, 0, EARLY + 1] = touch[c, GAP_RATE_BEFORE] / system.length
+    note_levels(system, bracket, True)
+    return bracket
+
+
+@inline
+def note_levels(system, bracket, late):
+    """The event functions as they are in the table of contacts, into one side of the bracket."""
+    touch, side = system.touch, LATE if late else EARLY
+    for c in range(touch.shape[0]):
+        for k in range(LEVEL_KINDS):
+            bracket[c, k, side] = touch[c, LEVELS + k]
+        bracket[c, 0, side + 1] = touch[c, GAP_RATE] / system.length
+
+
+@inline
+def zero_of(a, ra, b, rb, width, target, s):
+    """Where the cubic has the value `target`, by Newton's method from s."""
+    for _ in range(REFINED):
+        value, slope = cubic_at(a, ra, b, rb, width, s)
+        if slope == 0.0:
+            break
+        s -= (value - target) / slope
+    return s
+
+
+@inline
+def crossing(one, step, flies, early, late):
+    """(instant at which an event function is expected to vanish, its rate there); one: its row of
+    the bracket, step: that of the times, flies: its rates are known."""
+    a, b, width = one[EARLY], one[LATE], late - early
+    if a < 0.0 and a + one[BEGIN + 1] * width <= 0.0:
+        return early, 0.0  # below zero by rounding where the step begins, and does not rise
+    part = a / (a - b) if 0.0 < a < FREE else 0.5
+    rate = (b - a) / width if a < FREE else -abs(b) / width
+    if flies and a < FREE:
+        s = zero_of(a, one[EARLY + 1], b, one[LATE + 1], width, 0.0, part)
+        slope = cubic_at(a, one[EARLY + 1], b, one[LATE + 1], width, s)[1] / width
+        if 0.0 <= s <= 1.0:
+            return early + s * width, slope
+    elif one[BEGIN] < FREE and one[END] < FREE:
+        whole = step[END] - step[BEGIN]
+        near, seen = (early, a) if abs(a) < abs(b) else (late, b)
+        begin, at_begin, end, at_end = one[BEGIN], one[BEGIN + 1], one[END], one[END + 1]
+        expected, _ = cubic_at(begin, at_begin, end, at_end, whole, (near - step[BEGIN]) / whole)
+        guess = (early + part * width - step[BEGIN]) / whole
+        s = zero_of(begin, at_begin, end, at_end, whole, expected - seen, guess)
+        slope = cubic_at(begin, at_begin, end, at_end, whole, s)[1] / whole
+        t = step[BEGIN] + s * whole
+        if early <= t <= late:
+            return t, slope
+    return early + part * width, rate
+
+
+@inline
+def first_crossing(system, bracket, early, late):
+    """An instant between both at which the first of the event functions is expected to have just
+    vanished."""
+    first, slope = late, 0.0
+    for c in range(bracket.shape[0]):
+        flies = in_rigid_flight(system.touch, c)
+        for k in range(LEVEL_KINDS):
+            if bracket[c, k, LATE] < 0.0:
+                t, rate = crossing(
+                    bracket[c, k], bracket[c, LEVEL_KINDS], flies and k == 0, early, late
+                )
+                if t <= first:
+                    first, slope = t, rate
+    least = FLOOR * abs(late)
+    beyond = 0.5 * LOCATED / abs(slope) if slope != 0.0 else 0.0
+    t = first + max(beyond, least)
+    if not t < late:
+        t = late - 2.0 * max(beyond, least)
+    if not early < t < late:
+        t = 0.5 * (early + late)
+    return t
+
+
+# A look inside a step for event functions that pass through zero and come back.
+#
+# Values and rates at the ends of a span give a cubic; what it misses is measured at a point inside,
+# and falls with the fourth power of the span.  A span in which the cubic stays clear of zero by
+# more than that is done; others are parted.  The distance of a point from a solid with faces has a
+# kink where another face is nearest, which no cubic knows: in by one face and out by the next.  But
+# it is convex along a straight way, so that it is above its tangents, whose bends the rest of the
+# motion changes but little: a gap that falls at first and rises at last is looked at where they
+# meet.
+#
+# A body that is on one side of another solid at the begin of a span and on another side at its end
+# may have gone through it, whatever the rates say (what is let go at rest does not fall at first):
+# such a span is parted until the sides agree or the ways of the surfaces are too short to meet.
+#
+# The first look costs nothing where an event function changes by less, over the step, than what it
+# is away from zero.
+
 
 SLACK = 1e-12
 """Depth of an event function below zero, in natural units, that is round-off."""
@@ -54,7 +172,7 @@ ROUNDS, DEPTH = 60, 40
 SHORT = 1.0
 """Way of the surfaces in a span, in lengths of the scene, at the speeds of both its ends together,
 below which a cubic describes a gap."""
-END = 7
+END_SIZE = 7
 """Numbers of one end of a span."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
@@ -183,9 +301,9 @@ def is_clear(a, ra, b, rb, width, error):
 def put_span(spans, top, a, b, error):
     """Put a span on the stack: (t, level, rate, way per time, normal on the parent) at both ends,
     and the error of its cubic; returns the new height."""
-    for j in range(END):
-        spans[top, j], spans[top, END + j] = a[j], b[j]
-    spans[top, 2 * END] = error
+    for j in range(END_SIZE):
+        spans[top, j], spans[top, END_SIZE + j] = a[j], b[j]
+    spans[top, 2 * END_SIZE] = error
     return top + 1
 
 
@@ -248,15 +366,17 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
     is negative; t1 if there is none. A gap that comes near it is noted."""
     touch, top, grazed, when = system.touch, 1, 0.0, grid.t1
     flies = k == 0 and touch[i, CLOSED] == 0.0
-    near = error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, END + 2] > 0.0 else 0.0
+    near = (
+        error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, END_SIZE + 2] > 0.0 else 0.0
+    )
     for _ in range(ROUNDS):
         if top == 0:
             break
         top -= 1
-        a, b = end_of(spans, top, 0), end_of(spans, top, END)
+        a, b = end_of(spans, top, 0), end_of(spans, top, END_SIZE)
         width = b[0] - a[0]
         way = (a[3] + b[3]) * width / system.length if flies else 0.0
-        s = next_place(a, b, spans[top, 2 * END], width, way, flies)
+        s = next_place(a, b, spans[top, 2 * END_SIZE], width, way, flies)
         if s < 0.0:
             speed = speed_of_dip(a[1], a[2], b[1], b[2], width, near) if way <= SHORT else 0.0
             if speed > grazed:
@@ -321,7 +441,7 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
     first = first_that_may_dip(system, grid, rates)
     if first < 0:
         return earliest
-    ends, spans = touch.copy(), np.empty((DEPTH, 2 * END + 1))
+    ends, spans = touch.copy(), np.empty((DEPTH, 2 * END_SIZE + 1))
     for at in range(first, touch.shape[0] * LEVEL_KINDS):
         i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
         if at > first and not may_dip(system, grid, ends, rates, i, k):

@@ -1,27 +1,159 @@
-"""Shares of the reactions that a rest does not determine: within every bound, and away from it.
-
-Contacts that hold more than is needed share the load in many ways, x = x0 + Z y, Z the states of
-self-stress.  The kernel takes the least x; where that would pull, or rub beyond its bound, though
-another would not, it is given the self-stress to keep: that of the largest margin (see
-rb_sim.statics.admissible).  As long as there is one with a margin, nothing gives.
-"""
+"""Reactions and motions that the laws of contact leave undetermined."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.events.decompositions import require_finite, singular_values
-from rb_sim.contact.events.held import find_held
-from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.left_open import note_shares
-from rb_sim.contact.system.bodies import SHARES
-from rb_sim.contact.system.terms import STUCK
-from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING
-from rb_sim.engine.samples import Array
-from rb_sim.maths.rank import JUDGED_BY_CONTACT, split
+from rb_sim.base.errors import SimulationError
+from rb_sim.contact.events import tasks
+from rb_sim.contact.events.instant import (
+    Instant,
+    eigenvalues,
+    not_finite,
+    require_finite,
+    singular_values,
+)
+from rb_sim.contact.events.tasks import WRITE, Tasks
+from rb_sim.contact.problem.delassus import inverse_mass, spread
+from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
+from rb_sim.contact.problem.order import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, SPEED, TIME
+from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING, STATIC
+from rb_sim.mechanics.samples import Array
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, split
+from rb_sim.scene.compiled import Compiled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rb_sim.contact.problem.event_workspace import Room
+    from rb_sim.numerics.cone_program import Cones
+
+
+# What the laws of contact leave open of a motion: it matters where friction does not go one way.
+#
+# How points that bear more than is needed share a load is not in the laws.  Where all rub one way,
+# or none, the motion is the same whatever the shares; where they slip in several directions, as the
+# corners of a face that spins, the friction and with it the motion depends on them.
+
+
+OPEN = 1e-8
+"""Change of the accelerations, relative to the largest of one reaction, that is rounding."""
+FAR = 1e6
+"""Reactions, relative to the largest of the least ones, that shares are not followed beyond."""
+HALVINGS = 30
+"""Of the span within which the bounds of the shares are passed."""
+
+OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
+NO_SETTING = "no setting helps: what follows has an error of this size"
+"""What to know where no setting would decide: of choices of the laws, and of rounding."""
+
+
+class LeftOpen(NamedTuple):
+    """The widest choice that the laws left in a run."""
+
+    figure: float = 0.0
+    """how far two motions that both obey them are apart, relative to the largest of its kind."""
+    t: float = 0.0
+    """[s]."""
+    contact: str = ""
+    what: str = ""
+    """what differs by the figure."""
+    by_setting: bool = False
+    """whether it is the step or the tolerance that leaves it open."""
+    advice: str = OTHERS
+    """what to try, or to know, where it is not."""
+
+
+IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
+OPEN_SHARES = "accelerations that shares of a load leave open, of the largest,"
+ORDER = "speed of two impacts whose order hangs on step or tolerance, of the scene's,"
+GRAZE = "speed of an impact that step or tolerance may have missed, of the scene's,"
+LAGGED = (
+    "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
+)
+TURNED_BY_ROUNDING = "angle by which rounding turned the lean of a rim that all but lay flat,"
+PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
+
+
+def reach(cones: Cones, y: Array, way: Array) -> float:
+    """How far one may go along `way` from y within all bounds."""
+    if cones.admits(y + FAR * way):
+        return FAR
+    inside, outside = 0.0, 1.0
+    while cones.admits(y + outside * way):
+        inside, outside = outside, 2.0 * outside
+    for _ in range(HALVINGS):
+        middle = 0.5 * (inside + outside)
+        within = cones.admits(y + middle * way)
+        inside, outside = (middle, outside) if within else (inside, middle)
+    return inside
+
+
+def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
+    """By how much other shares than y change the accelerations within all bounds, relative to the
+    largest that the loads or the reactions make; a turn counts by the scene's length."""
+    room = at.room
+    push = at.inverse_mass @ room.W[reactions.held].T
+    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(room.free_accelerations) // 6)
+    terms = weights * (np.abs(push) @ np.abs(reactions.least))
+    size, ways = np.linalg.svd(weights[:, None] * (push @ reactions.self_stress))[1:]
+    if not size[0] > OPEN * terms.max():
+        return 0.0
+    far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
+    if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
+        return 0.0
+    own = push @ reactions.least, room.free_accelerations / reactions.unit
+    return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
+
+
+def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
+    """Keep in the room how much the shares y of the load leave open, if it is the most of a run."""
+    touch = at.system.touch
+    rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+    if rubs.any():
+        figure = open_in(at, reactions, cones, y)
+        if figure > at.room.undetermined[4]:
+            at.room.undetermined[4:7] = figure, at.t, int(np.argmax(rubs))
+
+
+def widest_of(room: Room, names: Sequence[str]) -> LeftOpen:
+    """The widest choice that impacts and shares left."""
+    told = []
+    for first, what in ((1, IMPACT), (4, OPEN_SHARES)):
+        figure, t, contact = room.undetermined[first : first + 3].tolist()
+        told.append(LeftOpen(figure, t, names[int(contact)], what))
+    return max(told)
+
+
+def widest_doubt(grazes: Array, names: Sequence[str], speed: float) -> LeftOpen:
+    """The widest of what the table of `grazes` tells: the fastest impact that may have been missed,
+    over the scene's speed [m/s], or 1, since past an edge a gap bends so much that no speed is
+    told; what friction has missed of the slow slip that it followed least; and by how much rounding
+    has turned the lean of a rim that hardly missed flat."""
+
+    def most(figure: int, time: int) -> tuple[float, float, str]:
+        c = int(np.argmax(grazes[:, figure]))
+        return float(grazes[c, figure]), float(grazes[c, time]), names[c]
+
+    fast, t, name = most(SPEED, TIME)
+    missed = LeftOpen(min(1.0, fast / speed), t, name, GRAZE, by_setting=True)
+    slow = LeftOpen(*most(LAG, LAG_TIME), LAGGED, by_setting=True)
+    turned = LeftOpen(*most(ROUNDED, ROUNDED_TIME), TURNED_BY_ROUNDING, advice=NO_SETTING)
+    return max(missed, slow, turned)
+
+
+# Shares of the reactions that a rest does not determine: within every bound, and away from it.
+#
+# Contacts that hold more than is needed share the load in many ways, x = x0 + Z y, Z the states of
+# self-stress.  The kernel takes the least x; where that would pull, or rub beyond its bound, though
+# another would not, it is given the self-stress to keep: that of the largest margin (see
+# rb_sim.statics.admissible).  As long as there is one with a margin, nothing gives.
+
 
 LEAST_MARGIN = 1e-11
 """Margin, relative to the largest reaction, that is none: here something gives."""
@@ -46,7 +178,7 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     reactions = reactions_of(at)
     if reactions is None:
         return False
-    from rb_sim.maths.cone_program import moderate, widest
+    from rb_sim.numerics.cone_program import moderate, widest
 
     cones, none = cones_of(at, reactions), np.zeros(reactions.self_stress.shape[1])
     if not recent and cones.admits(none):
@@ -83,7 +215,7 @@ def reactions_of(at: Instant) -> Reactions | None:
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
-    from rb_sim.maths.cones import Cones
+    from rb_sim.numerics.cone_program import Cones
 
     touch, where = at.system.touch, {k: i for i, k in enumerate(reactions.held)}
     x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]
@@ -122,3 +254,84 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
         np.array([h for h, _ in round_]).reshape(-1, 3),
         np.array([g for _, g in round_]).reshape(-1, 3, freedom),
     )
+
+
+# The choice of modes as a run sees it: errors instead of a status, and shares of what rests.
+
+
+OF = "the laws of contact"
+
+
+class JammedError(SimulationError):
+    """No force keeps a slipping contact from penetrating (Painleve's paradox)."""
+
+    def __init__(self, t: float) -> None:
+        super().__init__(f"no contact force satisfies Coulomb's law at t = {t:.9g} s")
+        self.t = t
+
+
+def choose_modes(
+    at: Instant, code: tuple[int, int] | None = None, opened: frozenset[int] = frozenset()
+) -> tuple[int, ...]:
+    """Decide which contacts are closed, slip, stick, roll, and project y onto that.
+
+    code: (contact, kind) of the event that led here: what it ends does not go on; opened: contacts
+    that do not close either. Returns slipping contacts that have opened though they may as well
+    stay (their effective pivot is negative: Painleve).
+    """
+    at.room.opened[list(opened)] = 1
+    contact, kind = code or (-1, -1)
+    status = at.call(tasks.CHOOSE, at.t, at.y, (contact, kind, 0))
+    at.room.opened[:] = 0  # what follows in the loop may close them again
+    if status == TOO_LARGE:
+        raise not_finite(OF)
+    if status == JAMMED_ONES:
+        raise JammedError(at.t)
+    if at.call.undecided:
+        share_load(at)
+    parted = np.flatnonzero(at.room.parted).tolist()
+    return tuple(c for c in parted if at.effective_pivot(c) < JAMMED)
+
+
+# Reactions that statics alone does not determine: redundant contacts, as redundant joints are.
+#
+# Multipliers x that push without effect, W^T x = 0, may be added to any reactions; undetermined is
+# a reaction that such an x changes (a box on four corners, a table on four legs).
+
+
+CHANGED = 1e-8
+"""Change of a reaction's wrench, relative to the largest line, above which it is undetermined."""
+
+
+MOST_CONTACTS = 24
+"""Points above which their modes at the start are not sought for this: heaps are for time stepping,
+and almost all of their reactions are undetermined."""
+
+
+def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
+    """Names of such reactions, with the contacts in their modes at the start."""
+    laws = compiled.contact_laws
+    if not laws or len(laws) > MOST_CONTACTS:
+        return compiled.indeterminate
+    system = compiled.system._replace(touch=compiled.system.touch.copy())
+    y, call = np.array(compiled.y), Tasks(system)
+    try:
+        choose_modes(Instant(laws, call, 0.0, y))
+    except SimulationError:  # jams at once: nothing is known of its forces
+        return compiled.indeterminate
+    call(WRITE, 0.0, y)
+    pushes = spread(system, system.pushes)
+    holding = np.flatnonzero(np.abs(pushes).any(axis=1))
+    if not len(holding):
+        return compiled.indeterminate
+    W = pushes[holding]
+    values, vectors = eigenvalues(W @ inverse_mass(system) @ W.T, "the reactions at the start")
+    free = vectors[:, values <= JUDGED_BY_CONTACT * values[-1]]
+    part = np.searchsorted(system.first_row, holding, side="right") - 1
+    names = []
+    for o, name in enumerate(compiled.layout.reactions):
+        own = system.members[o, 1 + part].astype(bool)
+        wrench = W[own].T @ free[own]
+        if np.abs(wrench).max(initial=0.0) > CHANGED * np.abs(W).max():
+            names.append(name)
+    return tuple(names)

@@ -13,40 +13,32 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler.marshal import address_of
-from rb_sim.contact.events.chatter import EVENTS_AT_ONCE
-from rb_sim.contact.events.delassus import read_velocities
-from rb_sim.contact.events.dense import write_lines
-from rb_sim.contact.events.flight import time_of_flights
-from rb_sim.contact.events.forces import answer_over
-from rb_sim.contact.events.held import may_share
-from rb_sim.contact.events.impacts import (
-    NOTHING,
-    STRUCK,
-    apply_impulses,
-    strike,
-    strike_in_rounds,
-)
-from rb_sim.contact.events.modes import WHOLE, choose
 from rb_sim.contact.events.next_event import begin_step
-from rb_sim.contact.events.notes import (
+from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE, time_of_flights
+from rb_sim.contact.problem.delassus import read_velocities, write_lines
+from rb_sim.contact.problem.event_workspace import (
     CHANGES,
     IMPACT,
+    ROOM_LAYOUT,
+    Room,
     note_changes,
     note_impulses,
+    room_for,
     room_left,
     take_before,
 )
-from rb_sim.contact.events.order import speed_in_doubt
-from rb_sim.contact.events.room import ROOM_LAYOUT, Room, room_for
-from rb_sim.contact.system.accelerations import contact_accelerations
-from rb_sim.contact.system.bodies import TOUCH_DOWN, ContactBodies
-from rb_sim.engine.samples import Array
-from rb_sim.engine.system import settle
-from rb_sim.engine.systems.multipliers import write_rows
+from rb_sim.contact.problem.forces import answer_over
+from rb_sim.contact.problem.impacts import NOTHING, STRUCK, apply_impulses, strike, strike_in_rounds
+from rb_sim.contact.problem.modes import WHOLE, choose, may_share
+from rb_sim.contact.problem.order import speed_in_doubt
 from rb_sim.graph.machine import interpreted
-from rb_sim.loops.compiled import for_python, pointer_to, view, where
-from rb_sim.loops.tables import held_at
-from rb_sim.maths.jit import inline
+from rb_sim.integrate.layout import held_at
+from rb_sim.mechanics.contact.accelerations import contact_accelerations
+from rb_sim.mechanics.contact.contact_bodies import TOUCH_DOWN, ContactBodies
+from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.system import settle
+from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
 
 (
     WRITE, LINES, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.maths.jit import inline
+from rb_sim.numerics.kernels import inline
 
 ROUNDS = 100
 """Of Newton's method or bisection for lambda; bisection alone would end within them."""

@@ -6,7 +6,7 @@ import math
 
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
 from rb_sim.contact.solvers.one_contact import ROUGH
-from rb_sim.contact.stepping.bends import has_turned, note_middle
+from rb_sim.contact.stepping.constraint_rows import six, speed_at
 from rb_sim.contact.stepping.geometry import (
     AIM,
     ANCHOR,
@@ -23,8 +23,17 @@ from rb_sim.contact.stepping.geometry import (
     put,
     triple,
 )
-from rb_sim.contact.stepping.lines import six, speed_at
-from rb_sim.contact.stepping.room import (
+from rb_sim.contact.stepping.normal_change import has_turned, note_middle
+from rb_sim.contact.stepping.scene_tables import (
+    ALONE,
+    BILATERAL,
+    COMPLIANT,
+    PERFECTLY_ROUGH,
+    ROLLING,
+    SPINNING,
+    STATIC,
+)
+from rb_sim.contact.stepping.step_workspace import (
     LEAVES,
     NONE,
     ROUGH_SLIPS,
@@ -35,29 +44,9 @@ from rb_sim.contact.stepping.room import (
     STUCK,
     TURNED,
 )
-from rb_sim.contact.stepping.tables import (
-    ALONE,
-    BILATERAL,
-    COMPLIANT,
-    PERFECTLY_ROUGH,
-    ROLLING,
-    SPINNING,
-    STATIC,
-)
-from rb_sim.engine.systems.many_bodies import (
-    INVERSE,
-    LOAD,
-    MASS,
-)
-from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import (
-    add,
-    dot,
-    norm,
-    perpendicular,
-    scale,
-    symmetric_times,
-)
+from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import add, dot, norm, perpendicular, scale, symmetric_times
 
 AT_BOUND = 0.9
 """Share of the bound of friction from which on it is reached."""

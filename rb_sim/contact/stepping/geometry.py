@@ -6,9 +6,9 @@ give of rates is not used and falls away in compilation.
 
 from __future__ import annotations
 
-from rb_sim.contact.geometry.boxes import boxes_touching
-from rb_sim.contact.geometry.carriers import Shaken, Turntable, carrier
-from rb_sim.contact.geometry.pairs import (
+from rb_sim.catalogue.geometry.boxes import boxes_touching
+from rb_sim.catalogue.geometry.carriers import Shaken, Turntable, carrier
+from rb_sim.catalogue.geometry.pairs import (
     BallOnCylinder,
     BallOnSolid,
     BallOnSphere,
@@ -19,9 +19,9 @@ from rb_sim.contact.geometry.pairs import (
     carried_point,
     touching,
 )
-from rb_sim.contact.geometry.shapes import EllipsoidSurface, SphereSurface
-from rb_sim.contact.geometry.solids import Box, Cylinder, Rod
-from rb_sim.contact.stepping.tables import (
+from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, SphereSurface
+from rb_sim.catalogue.geometry.solids import Box, Cylinder, Rod
+from rb_sim.contact.stepping.scene_tables import (
     BALL_BOX,
     BALL_CYLINDER,
     BALL_PLANE,
@@ -41,9 +41,9 @@ from rb_sim.contact.stepping.tables import (
     RIM_PLANE,
     TURNS,
 )
-from rb_sim.engine.systems.many_bodies import state_of
-from rb_sim.maths.jit import inline
-from rb_sim.maths.vectors import (
+from rb_sim.mechanics.systems.many_bodies import state_of
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
     ZERO,
     add,
     cross,

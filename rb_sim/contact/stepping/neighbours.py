@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.contact.between import Between, Pair, PairRows
-from rb_sim.contact.geometry import carriers
-from rb_sim.contact.geometry.boxes import MOST_POINTS, box_points
-from rb_sim.contact.geometry.pairs import touching
-from rb_sim.contact.stepping.room import Room, memory_of, room_for
-from rb_sim.contact.stepping.tables import (
+from rb_sim.catalogue.geometry import carriers
+from rb_sim.catalogue.geometry.boxes import MOST_POINTS, box_points
+from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.contact.stepping.scene_tables import (
     ALONE,
     BOX_BOX,
     LAWS,
@@ -29,11 +27,13 @@ from rb_sim.contact.stepping.tables import (
     padded,
     write_law,
 )
-from rb_sim.engine.systems.many_bodies import WIDTH as STATE
-from rb_sim.engine.systems.many_bodies import state_of
-from rb_sim.maths.vectors import add, rotate
+from rb_sim.contact.stepping.step_workspace import Room, memory_of, room_for
+from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
+from rb_sim.mechanics.systems.many_bodies import state_of
+from rb_sim.numerics.vectors import add, rotate
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.initial import MISFIT, refuse_initial
+from rb_sim.scene.pairs_of_bodies import Between, Pair, PairRows
 
 STEPS_AHEAD = 20.0
 """Steps at the present speed for which a list of neighbours serves, about."""

@@ -14,17 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.engine.samples import Array, SampleBlock, SampleLayout, empty_block
-from rb_sim.errors import RbSimError
-from rb_sim.hard_cases.case import Case, Check
-from rb_sim.hard_cases.judge import Outcome, Row, measure
+from rb_sim.base.errors import RbSimError
+from rb_sim.checks.check_list import WatchList
+from rb_sim.hard_cases.judge import Case, Check, Outcome, Row, measure
 from rb_sim.hard_cases.peers.described import CannotExpressError, Described, described
+from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
-from rb_sim.trajectory import Trajectory
-from rb_sim.watches.watch_list import WatchList
+from rb_sim.trajectory.trajectory import Trajectory
 
 ENGINES = ("mujoco", "drake", "exudyn")
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.catalogue.effects.spring import Spring
 from rb_sim.catalogue.effects.wrench import Wrench
-from rb_sim.engine.samples import Array
-from rb_sim.errors import RbSimError
+from rb_sim.mechanics.samples import Array
 from rb_sim.scene.schema import Body, Scene
 
 

@@ -10,8 +10,8 @@ from exudyn import utilities as exu
 from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.engine.samples import Array
 from rb_sim.hard_cases.peers.described import CannotExpressError, Described, Link
+from rb_sim.mechanics.samples import Array
 
 METHODS = ("RK67", "TrapezoidalIndex2")
 

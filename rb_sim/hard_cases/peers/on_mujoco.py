@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.engine.samples import Array
 from rb_sim.hard_cases.peers.described import Described, Link
+from rb_sim.mechanics.samples import Array
 
 METHODS = ("RK4", "implicitfast")
 

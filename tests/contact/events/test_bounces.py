@@ -10,7 +10,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.bounces import (
+from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.shares import choose_modes
+from rb_sim.contact.events.tasks import Tasks
+from rb_sim.contact.problem.bounces import (
     BEST,
     CHANGE,
     LAST,
@@ -19,9 +22,6 @@ from rb_sim.contact.events.bounces import (
     free_normal_acceleration,
     see_rest,
 )
-from rb_sim.contact.events.choice import choose_modes
-from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.tasks import Tasks
 from tests.contact.scenes import G, ball, box, scene, touch
 
 

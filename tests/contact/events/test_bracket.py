@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.bracket import (
+from rb_sim.contact.events.search import (
     BEGIN,
     EARLY,
     END,
@@ -19,8 +19,8 @@ from rb_sim.contact.events.bracket import (
     first_crossing,
     note_levels,
 )
-from rb_sim.contact.system.bodies import FREE
-from rb_sim.contact.system.touch import (
+from rb_sim.mechanics.contact.contact_bodies import FREE
+from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
     GAP_RATE,
     GAP_RATE_BEFORE,

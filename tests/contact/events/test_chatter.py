@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.chatter import DENSE, GRIP, LONGEST_LEAP, SHORT_SLIPS, Chatter
-from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS
+from rb_sim.contact.problem.bounces import DENSE, GRIP, LONGEST_LEAP, SHORT_SLIPS, Chatter
+from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS
 from tests.contact.scenes import box, scene, touch
 
 UNIT = 0.2

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.decompositions import eigenvalues, pseudo_inverse, require_finite
-from rb_sim.contact.events.decompositions import singular_values as svd
-from rb_sim.errors import SimulationError
+from rb_sim.base.errors import SimulationError
+from rb_sim.contact.events.instant import eigenvalues, pseudo_inverse, require_finite
+from rb_sim.contact.events.instant import singular_values as svd
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
-from tests.maths.problems import Bounded, Normal, residual_of
+from tests.numerics.problems import Bounded, Normal, residual_of
 
 BAD = (np.nan, np.inf, -np.inf)
 
@@ -67,7 +67,7 @@ def test_a_run_whose_loads_are_not_finite_is_told(bad: float, ends: str) -> None
 def told_of(bad: float, ends: str) -> str:
     """What is said of a ball that strikes the floor, or lies on it, with an inertia of this."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.events.choice import choose_modes
+    from rb_sim.contact.events.shares import choose_modes
 
     falls = ends == "_strike"
     mapping = scene(

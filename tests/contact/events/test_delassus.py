@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import delassus
-from rb_sim.contact.events.dense import set_velocities, spread, velocities
-from rb_sim.contact.events.held import find_held, may_share
-from rb_sim.contact.events.room import Room, room_for
-from rb_sim.contact.system.bodies import SHARES
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import CLOSED, COMPLIANT, ROLL, SLIDE, SPIN, TOUCH_WIDTH
-from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
-from rb_sim.maths.rank import JUDGED_BY_CONTACT
+from rb_sim.contact.problem import delassus
+from rb_sim.contact.problem.delassus import set_velocities, spread, velocities
+from rb_sim.contact.problem.event_workspace import Room, room_for
+from rb_sim.contact.problem.modes import find_held, may_share
+from rb_sim.mechanics.contact.contact_bodies import SHARES
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import CLOSED, COMPLIANT, ROLL, SLIDE, SPIN, TOUCH_WIDTH
+from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, box, scene, touch
 

@@ -76,9 +76,9 @@ def test_tossed_disk_finds_soft_ground() -> None:
 def overlap_seen() -> float:
     """What the residual of a sample tells of a ball set 1 mm into the floor, its contact open."""
     from rb_sim import load_scene
-    from rb_sim.contact.system.touch import CLOSED
-    from rb_sim.engine.system import sample
-    from rb_sim.motion import row_width
+    from rb_sim.mechanics.contact.contact_table import CLOSED
+    from rb_sim.mechanics.system import sample
+    from rb_sim.motion.motion import row_width
     from rb_sim.scene.compile import compile_scene
 
     ball = body({"type": "sphere", "radius": 0.5}, [0.0, 0.0, 0.5])
@@ -97,8 +97,8 @@ def test_residual_sees_the_gap_of_an_open_contact() -> None:
 def firmer(length: float, count: int = 8) -> list[float]:
     """The coefficient at rest after each of `count` slips that last so long, over that at first."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS
-    from rb_sim.contact.system.touch import STATIC
+    from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS
+    from rb_sim.mechanics.contact.contact_table import STATIC
 
     block = body({"type": "box", "size": [0.2, 0.2, 0.2]}, [0.0, 0.0, 0.1])
     motion: Any = Simulation(load_scene(scene(block, touch(mu=0.5))))._motion

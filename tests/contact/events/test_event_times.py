@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.system.bodies import JAMMED
-from rb_sim.errors import SimulationError
+from rb_sim.base.errors import SimulationError
+from rb_sim.mechanics.contact.contact_bodies import JAMMED
 from tests.contact.scenes import G, ball, box, scene, touch
 from tests.contact_runs import contact_run
 

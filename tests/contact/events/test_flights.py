@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import flight, pace
-from rb_sim.contact.events.flight import time_of_flights
-from rb_sim.contact.system.touch import CLOSED, DRAGS, GAP, GAP_RATE, TOUCH_WIDTH
+from rb_sim.contact.events import stepping
+from rb_sim.contact.problem import bounces
+from rb_sim.contact.problem.bounces import time_of_flights
+from rb_sim.mechanics.contact.contact_table import CLOSED, DRAGS, GAP, GAP_RATE, TOUCH_WIDTH
 
 LENGTH, SPEED = 0.5, 2.0
 
@@ -28,9 +29,9 @@ def flights(
     first = np.array([0, *range(0, 3 * len(contacts) + 1, 3)])
     system = SimpleNamespace(touch=touch, length=LENGTH, speed=SPEED, first_row=first, joints=1)
     asked: list[Any] = []
-    monkeypatch.setattr(flight, "contact_accelerations", lambda *of: asked.append(of))
+    monkeypatch.setattr(bounces, "contact_accelerations", lambda *of: asked.append(of))
     pulls = {3 * c: a for c, (_, _, a) in enumerate(contacts)}
-    monkeypatch.setattr(flight, "acceleration_along", lambda system, room, k: pulls[k])
+    monkeypatch.setattr(bounces, "acceleration_along", lambda system, room, k: pulls[k])
     found = time_of_flights(system, None, 3.0, "y", fixed)
     assert asked == [(system, 3.0, "y")]
     return found
@@ -76,8 +77,8 @@ def test_steps_are_an_eighth_of_the_shortest_period(monkeypatch: pytest.MonkeyPa
     contacts: list[Any] = []
     system = SimpleNamespace(effects=effects, contacts=(contacts,), length=1.0)
     compiled: Any = SimpleNamespace(system=system, y=None)
-    monkeypatch.setattr(pace, "wobbles", lambda compiled, contact: contact.wobbles)
-    monkeypatch.setattr(pace, "WorldHarmonicRow", SimpleNamespace)
+    monkeypatch.setattr(stepping, "wobbles", lambda compiled, contact: contact.wobbles)
+    monkeypatch.setattr(stepping, "WorldHarmonicRow", SimpleNamespace)
 
     def method(largest: float) -> Any:
         found: Any = SimpleNamespace(largest_step=largest)
@@ -93,20 +94,23 @@ def test_steps_are_an_eighth_of_the_shortest_period(monkeypatch: pytest.MonkeyPa
     def like(kind: type, **fields: Any) -> Any:
         return kind(**{name: fields.get(name) for name in kind._fields})  # type: ignore[attr-defined]
 
-    assert pace.shortest_period(compiled) == math.inf and pace.paced(compiled, method(0.3)) == 0.3
+    assert (
+        stepping.shortest_period(compiled) == math.inf
+        and stepping.paced(compiled, method(0.3)) == 0.3
+    )
     effects += [force(0.0), force(-2.0), SimpleNamespace(row=None)]
-    assert pace.shortest_period(compiled) == pytest.approx(math.pi)
-    contacts += [support(None), support(like(pace.Shaken, frequency=3.0))]
-    assert pace.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 3.0)
-    turning = like(pace.Turntable, spin=(0.0, 3.0, -4.0))
+    assert stepping.shortest_period(compiled) == pytest.approx(math.pi)
+    contacts += [support(None), support(like(stepping.Shaken, frequency=3.0))]
+    assert stepping.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 3.0)
+    turning = like(stepping.Turntable, spin=(0.0, 3.0, -4.0))
     contacts.append(support(turning, False))
-    assert pace.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 3.0)
+    assert stepping.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 3.0)
     contacts.append(support(turning))
-    assert pace.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 5.0)
-    assert pace.paced(compiled, method(0.3)) == pytest.approx(math.pi / 20.0)
-    assert pace.paced(compiled, method(0.1)) == 0.1
+    assert stepping.shortest_period(compiled) == pytest.approx(2.0 * math.pi / 5.0)
+    assert stepping.paced(compiled, method(0.3)) == pytest.approx(math.pi / 20.0)
+    assert stepping.paced(compiled, method(0.1)) == 0.1
     fixed: Any = SimpleNamespace(step=0.1)
-    assert pace.paced(compiled, fixed) is fixed
+    assert stepping.paced(compiled, fixed) is fixed
 
 
 @pytest.mark.parametrize(
@@ -128,13 +132,13 @@ def test_a_support_wobbles_that_does_not_turn_into_itself(
         asked.append(A)
         return SimpleNamespace(gap=7.0 - change * (len(asked) == 4))
 
-    monkeypatch.setattr(pace, "touching", gap)
-    monkeypatch.setattr(pace, "carrier", lambda motion, t, A: (t, None))
-    monkeypatch.setattr(pace, "state_of", lambda y, body: f"body {body}")
+    monkeypatch.setattr(stepping, "touching", gap)
+    monkeypatch.setattr(stepping, "carrier", lambda motion, t, A: (t, None))
+    monkeypatch.setattr(stepping, "state_of", lambda y, body: f"body {body}")
     compiled: Any = SimpleNamespace(system=SimpleNamespace(length=2.0), y=None)
     row = SimpleNamespace(carrier=SimpleNamespace(spin=spin), pair="pair")
-    found = pace.wobbles(compiled, SimpleNamespace(row=row, body=1))
+    found = stepping.wobbles(compiled, SimpleNamespace(row=row, body=1))
     assert found is wobbles
     if any(spin):
-        times = 2.0 * math.pi / 5.0 * np.array([0.0, *pace.PHASES])
+        times = 2.0 * math.pi / 5.0 * np.array([0.0, *stepping.PHASES])
         np.testing.assert_allclose(asked, times)

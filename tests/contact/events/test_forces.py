@@ -27,9 +27,9 @@ def answers(
     """Of balls on the floor, which a force pushes and a torque twists: what bears each, friction,
     rolling and spinning torques on average over a leap, and the modes then."""
     from rb_sim import Simulation, load_scene
+    from rb_sim.contact.events.impact_handling import leap
     from rb_sim.contact.events.instant import Instant
-    from rb_sim.contact.events.leap import leap
-    from rb_sim.contact.system.touch import CLOSED
+    from rb_sim.mechanics.contact.contact_table import CLOSED
 
     bodies = {
         name: ball(

@@ -9,15 +9,28 @@ import pytest
 
 from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.grazes import GRAZES_WIDTH, Doubts, error_of_gap
-from rb_sim.contact.events.left_open import GRAZE
-from rb_sim.contact.events.missed import MISSED_WIDTH, WAY
-from rb_sim.contact.events.order import error_beside, error_of, held_beside
-from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.system.touch import CLOSED, LEVELS_BEFORE, POINT, SENSE, SLOPES_BEFORE
-from rb_sim.finding import Finding
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.effort_watch import found_in
+from rb_sim.base.diagnostic import Finding
+from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.effort import found_in
+from rb_sim.contact.events.shares import GRAZE
+from rb_sim.contact.problem.order import (
+    GRAZES_WIDTH,
+    MISSED_WIDTH,
+    WAY,
+    Doubts,
+    error_beside,
+    error_of,
+    error_of_gap,
+    held_beside,
+)
+from rb_sim.mechanics.contact.contact_table import (
+    CLOSED,
+    LEVELS_BEFORE,
+    POINT,
+    SENSE,
+    SLOPES_BEFORE,
+)
 from tests.contact.events.test_dips import past_corner
 from tests.contact.events.test_missed import REACH, W, oscillator
 from tests.contact.scenes import body, scene, touch

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.events import grid as steps
-from rb_sim.contact.grid import Grid, start_grid
-from rb_sim.loops.places import FINE, NOT_FINITE, STEP_UNDERFLOW
-from rb_sim.loops.rows import DY
+from rb_sim.contact.grid_motion import Grid, start_grid
+from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW
 
 SLOPE = np.array([2.0, -3.0])
 FIXED = steps.Stepping(None, None, (0.25, 0.0, 0.25, 4.0, 0.0), 0, 0)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import both_orders
-from rb_sim.contact.events.impacts import NOTHING, STRUCK
+from rb_sim.contact.problem import order
+from rb_sim.contact.problem.impacts import NOTHING, STRUCK
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
 
@@ -25,10 +25,10 @@ def struck(
     """What one strike, or rounds of them, make of balls at the floor that come down at these speeds
     and slip along y."""
     from rb_sim import load_scene
-    from rb_sim.contact.events import impacts
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
-    from rb_sim.contact.system.touch import CLOSED
+    from rb_sim.contact.problem import impacts
+    from rb_sim.mechanics.contact.contact_table import CLOSED
     from rb_sim.scene.compile import compile_scene
 
     names = ("body", "other", "third")[: len(speeds)]
@@ -141,9 +141,9 @@ def apart(e: float, heavy: float, speeds: tuple[float, float]) -> tuple[list[flo
     """By how much the two orders differ of a ball that strikes the floor as another one strikes it
     from above, asked both ways, and what the ball above has besides: a slip of 3 m/s."""
     from rb_sim import load_scene
-    from rb_sim.contact.events.both_orders import apart_in_order
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.problem.order import apart_in_order
     from rb_sim.scene.compile import compile_scene
 
     bodies = {"body": ball([0.0, 0.0, 0.1]), "upper": ball([0.0, 0.0, 0.3], mass=heavy)}
@@ -210,9 +210,9 @@ def test_turns_count_by_the_length_of_the_scene(
         asked.append((first, second))
         return followed[len(asked) - 1]
 
-    monkeypatch.setattr(both_orders, "end_of_order", end)
-    monkeypatch.setattr(both_orders, "write_lines", lambda *of: None)
+    monkeypatch.setattr(order, "end_of_order", end)
+    monkeypatch.setattr(order, "write_lines", lambda *of: None)
     system = SimpleNamespace(touch=np.zeros((4, 1)), bodies=np.zeros((2, 1)), length=0.5)
     room = SimpleNamespace(free_accelerations=np.zeros(12), plastic=np.ones(4), together=np.ones(4))
-    assert both_orders.apart_in_order(system, room, 0.0, None, 1, 3) == pytest.approx(wanted)
+    assert order.apart_in_order(system, room, 0.0, None, 1, 3) == pytest.approx(wanted)
     assert asked == [(1, 3), (3, 1)] and not room.plastic.any() and not room.together.any()

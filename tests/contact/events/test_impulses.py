@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import impulses as rules
-from rb_sim.contact.events.laws import SOLVED
-from rb_sim.maths.complementarity import HOLDS, PUSHES, RUBS
+from rb_sim.contact.problem import impacts as rules
+from rb_sim.contact.problem.forces import SOLVED
+from rb_sim.numerics.complementarity import HOLDS, PUSHES, RUBS
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
 
@@ -22,10 +22,10 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     """(impulses of normal and tangents, mass, approach) of a ball that strikes the floor without
     spin, sliding at 1 m/s, by one of the rules."""
     from rb_sim import load_scene
-    from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
-    from rb_sim.contact.events.touching import find_touching
+    from rb_sim.contact.problem.delassus import velocities
+    from rb_sim.contact.problem.event_workspace import find_touching
     from rb_sim.scene.compile import compile_scene
 
     body = ball([0.0, 0.0, 0.1], linear_velocity=[1.0, 0.0, -2.0])
@@ -60,10 +60,10 @@ def of_ball(
 ) -> list[float]:
     """Impulses of a ball of 1 kg and radius 0.1 at the floor, of each of its lines."""
     from rb_sim import load_scene
-    from rb_sim.contact.events.dense import velocities
     from rb_sim.contact.events.instant import Instant
     from rb_sim.contact.events.tasks import Tasks
-    from rb_sim.contact.events.touching import find_touching
+    from rb_sim.contact.problem.delassus import velocities
+    from rb_sim.contact.problem.event_workspace import find_touching
     from rb_sim.scene.compile import compile_scene
 
     body = ball([0.0, 0.0, 0.1], linear_velocity=velocity, angular_velocity=spin)

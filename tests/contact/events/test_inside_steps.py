@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import StepTooLargeError
+from rb_sim.base.errors import StepTooLargeError
 
 SCENE: dict[str, Any] = {
     "bodies": {

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import jams, rough
+from rb_sim.base.errors import SimulationError
+from rb_sim.contact.events import impact_handling, limits
 from rb_sim.contact.events.instant import Instant, frame
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
     NORMAL,
     SLIDE,
@@ -21,7 +22,6 @@ from rb_sim.contact.system.touch import (
     SLOPES_BEFORE,
     TOUCH_WIDTH,
 )
-from rb_sim.errors import SimulationError
 
 MU = 0.4
 
@@ -87,7 +87,7 @@ def test_the_contact_that_its_push_lifts_least(touching: list[int], seed: int) -
         for k in at.first
     ]
     wanted = min(touching, key=lambda c: shares[c]) if touching else None
-    assert jams.least_lifted(at) == wanted
+    assert impact_handling.least_lifted(at) == wanted
 
 
 @pytest.mark.parametrize("c", [0, 1])
@@ -101,8 +101,10 @@ def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
     at.system.bodies, at.y = np.zeros((2, 1)), np.random.default_rng(5).normal(size=26)
     at.laws[c], k = SimpleNamespace(kinetic=MU, restitution=0.3), 2 + 3 * c
     x = np.array([2.0, -0.5, 0.25])
-    monkeypatch.setattr(jams, "impulse_process", lambda *process: seen.append(process) or x)
-    found = jams.impulses_of_jam(at, c)
+    monkeypatch.setattr(
+        impact_handling, "impulse_process", lambda *process: seen.append(process) or x
+    )
+    found = impact_handling.impulses_of_jam(at, c)
     (A, v, friction, restitution), own = seen[0], at.room.J[k : k + 3]
     assert_allclose(A, at.pivot_of(own, own))
     u = np.concatenate([at.y[7:13], at.y[20:26]])
@@ -110,8 +112,8 @@ def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
     assert (friction, restitution) == (MU, 0.3)
     assert (found[k : k + 3] == x).all() and np.count_nonzero(found) == 5
     assert_allclose(at.room.J[:2] @ at.inverse_mass @ at.room.J.T @ found, 0.0, atol=1e-10)
-    monkeypatch.setattr(jams, "impulse_process", lambda *process: None)
-    assert jams.impulses_of_jam(at, c) is None
+    monkeypatch.setattr(impact_handling, "impulse_process", lambda *process: None)
+    assert impact_handling.impulses_of_jam(at, c) is None
 
 
 def test_rough_contacts_that_slip_are_refused_by_what_ends_it() -> None:
@@ -123,14 +125,14 @@ def test_rough_contacts_that_slip_are_refused_by_what_ends_it() -> None:
     at.laws = [
         SimpleNamespace(static=s, compliant=False) for s in (math.inf, math.inf, math.inf, 0.5)
     ]
-    assert rough.slipping_rough(at) == [0]
+    assert limits.slipping_rough(at) == [0]
     with pytest.raises(SimulationError, match="contact a would have to pull at t = 0.25 s"):
-        rough.refuse_rough(at, 0, ("a", "b"))
+        limits.refuse_rough(at, 0, ("a", "b"))
     at.laws[1].compliant = True
     with pytest.raises(SimulationError, match="contact b slips as it touches at t = 0.25 s"):
-        rough.refuse_rough(at, 1, ("a", "b"))
+        limits.refuse_rough(at, 1, ("a", "b"))
     with pytest.raises(SimulationError, match="b"):
-        rough.refuse_drag(0.25, "b")
+        limits.refuse_drag(0.25, "b")
 
 
 @pytest.mark.parametrize(
@@ -153,6 +155,6 @@ def test_a_drag_that_lifts_what_would_push_again_is_refused(
     law: Any = SimpleNamespace(compliant=soft, drags=drags)
     if refused:
         with pytest.raises(SimulationError, match="viscous contact a neither"):
-            rough.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
+            limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
     else:
-        rough.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
+        limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))

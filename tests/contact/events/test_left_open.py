@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.left_open import IMPACT, SHARES
+from rb_sim.contact.events.shares import IMPACT, OPEN_SHARES
 from tests.contact.events.test_undetermined_impacts import MU, brick
 from tests.contact.scenes import box, scene, touch
 
@@ -54,7 +54,7 @@ def apart_by_hand(slip: float, spin: float, length: float) -> float:
 def test_shares_of_a_face_that_slips_and_spins_are_told() -> None:
     simulation, lines = told(sliding(SLIP, SPIN), tolerance=1e-9)
     figure, t, contact, what, *_ = simulation.left_open
-    assert (t, what, contact) == (0.0, SHARES, "floor/1")
+    assert (t, what, contact) == (0.0, OPEN_SHARES, "floor/1")
     length = simulation.compiled.system.length
     assert figure == pytest.approx(apart_by_hand(SLIP, SPIN, length) / G, rel=1e-6)
     assert len(lines) == 1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 from tests.contact.scenes import G, body, scene, touch
 from tests.contact_runs import contact_run
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from rb_sim.contact.events.methods import slow_slips, stepping_of
-from rb_sim.contact.system.jacobian import jacobian_by_differences
-from rb_sim.loops.methods.radau5 import radau5_of_slips
+from rb_sim.contact.events.stepping import jacobian_by_differences, slow_slips, stepping_of
+from rb_sim.integrate.methods.radau5 import radau5_of_slips
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import ball, scene, touch

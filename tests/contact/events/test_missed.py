@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.base.errors import StepTooLargeError
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
 from rb_sim.contact.events import steps
-from rb_sim.contact.events.missed import ALL, weight
-from rb_sim.errors import StepTooLargeError
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.watch_list import WatchList
+from rb_sim.contact.problem.order import ALL, weight
 from tests.interpreted import interpreted
 
 W, REACH = 20.0, 0.3

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import missed as looks
-from rb_sim.contact.events.missed import (
+from rb_sim.contact.problem import order as looks
+from rb_sim.contact.problem.order import (
     LARGEST,
     LENGTHS,
     MISSED_WIDTH,
@@ -18,7 +18,7 @@ from rb_sim.contact.events.missed import (
     WORST_SHARE,
     WORST_TIME,
 )
-from rb_sim.loops.rows import AT, DY
+from rb_sim.integrate.layout import AT, DY
 
 STEP = np.zeros((2, 13))
 STEP[0, 0], STEP[0, 7], STEP[1, 9] = 0.25, 1.0, 0.5

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import modes
-from rb_sim.contact.events.forces import CANDIDATE, PRESSED
-from rb_sim.contact.events.laws import add_bound, add_line
-from rb_sim.contact.events.touching import find_touching
-from rb_sim.contact.geometry.rims_on_cylinders import ABSENT
-from rb_sim.contact.system.bodies import LIFT_OFF, SLIP_BEGINS
-from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.contact.problem import modes
+from rb_sim.contact.problem.event_workspace import find_touching
+from rb_sim.contact.problem.forces import CANDIDATE, PRESSED, add_bound, add_line
+from rb_sim.mechanics.contact.contact_bodies import LIFT_OFF, SLIP_BEGINS
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AHEAD,
     BILATERAL,
     CLOSED,
@@ -39,8 +38,8 @@ from rb_sim.contact.system.touch import (
     TOUCH_WIDTH,
     TURN,
 )
-from rb_sim.maths.complementarity import FIRST, PUSH, SECOND
-from rb_sim.maths.vectors import perpendicular
+from rb_sim.numerics.complementarity import FIRST, PUSH, SECOND
+from rb_sim.numerics.vectors import perpendicular
 
 NEW = {
     "bilateral": (BILATERAL, 1.0), "far": (GAP, 1e-9), "under": (GAP, -1e-3),

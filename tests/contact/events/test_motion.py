@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
 from rb_sim.accuracy.choice import Setting
-from rb_sim.contact.events.motion import ContactMotion
-from rb_sim.contact.motion import motion_of
+from rb_sim.contact.choose_motion import motion_of
+from rb_sim.contact.events.event_motion import ContactMotion
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import ContactRun, contact_run
@@ -372,8 +372,8 @@ def test_a_motion_takes_the_step_of_its_next_method() -> None:
 def _steps(mapping: Any, steps: tuple[float, ...]) -> list[int]:
     """Steps to 0.4 s, in free fall, of one motion under rk4 with each step in turn."""
     from rb_sim import load_scene
-    from rb_sim.contact.motion import motion_of
-    from rb_sim.engine.methods.registry import METHODS
+    from rb_sim.contact.choose_motion import motion_of
+    from rb_sim.mechanics.methods import METHODS
     from rb_sim.scene.compile import compile_scene
 
     fixed = METHODS["rk4"].fixed

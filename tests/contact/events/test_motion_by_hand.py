@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events import motion as events
-from rb_sim.contact.events.chatter import DENSE
-from rb_sim.contact.events.left_open import IMPACT, PARTED, LeftOpen
-from rb_sim.contact.events.motion import ContactMotion
-from rb_sim.contact.events.notes import AMBIGUOUS
+from rb_sim.base.errors import SimulationError
+from rb_sim.contact.events import event_motion as events
+from rb_sim.contact.events.event_motion import ContactMotion
+from rb_sim.contact.events.limits import STALLED_TIME
+from rb_sim.contact.events.shares import IMPACT, PARTED, LeftOpen
 from rb_sim.contact.events.tasks import AT_IMPACTS, AT_MODES, DONE, LEAVE, PASS
-from rb_sim.contact.events.wrong_tool import STALLED_TIME
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.problem.bounces import DENSE
+from rb_sim.contact.problem.event_workspace import AMBIGUOUS
+from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
     JAMS,
     LIFT_OFF,
@@ -27,8 +28,7 @@ from rb_sim.contact.system.bodies import (
     SLIP_ENDS,
     TOUCH_DOWN,
 )
-from rb_sim.contact.system.touch import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
-from rb_sim.errors import SimulationError
+from rb_sim.mechanics.contact.contact_table import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
 from tests.contact.scenes import ball, box, scene, touch
 
 

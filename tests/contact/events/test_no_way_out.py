@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.impacts import STRUCK, strike
+from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.system.touch import CLOSED
-from rb_sim.errors import RbSimError
+from rb_sim.contact.problem.impacts import STRUCK, strike
+from rb_sim.mechanics.contact.contact_table import CLOSED
 from tests.contact.scenes import ball, scene, touch
 from tests.contact_runs import contact_run
 from tests.interpreted import interpreted

@@ -9,18 +9,25 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.contact.events import journal as journals
-from rb_sim.contact.events.chatter import Chatter, at_one_instant
-from rb_sim.contact.events.journal import Journal
-from rb_sim.contact.events.lifting import bearing, lifting
-from rb_sim.contact.events.missed import LENGTHS, MISSED_WIDTH, speed_apart, way_apart, weight
-from rb_sim.contact.events.notes import KINDS, note_changes, note_impulses, room_left, take_before
-from rb_sim.contact.events.room import MODES_WIDTH
-from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, Progress, pairs_of_solids, refuse_edges
-from rb_sim.contact.geometry.pairs import BallOnSolid
-from rb_sim.contact.system.bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
-from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.base.errors import SimulationError
+from rb_sim.catalogue.geometry.pairs import BallOnSolid
+from rb_sim.contact.events.event_motion import bearing, lifting
+from rb_sim.contact.events.limits import STALLED_EVENTS, Progress, pairs_of_solids, refuse_edges
+from rb_sim.contact.problem import event_workspace as journals
+from rb_sim.contact.problem.bounces import Chatter, at_one_instant
+from rb_sim.contact.problem.event_workspace import (
+    KINDS,
+    MODES_WIDTH,
+    Journal,
+    note_changes,
+    note_impulses,
+    room_left,
+    take_before,
+)
+from rb_sim.contact.problem.order import LENGTHS, MISSED_WIDTH, speed_apart, way_apart, weight
+from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AHEAD,
     BILATERAL,
     CLOSED,
@@ -36,8 +43,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
     TOUCH_WIDTH,
 )
-from rb_sim.engine.systems.many_bodies import BODY, PARENT
-from rb_sim.errors import SimulationError
+from rb_sim.mechanics.systems.many_bodies import BODY, PARENT
 
 
 def tables(contacts: int = 1) -> tuple[Any, Any]:

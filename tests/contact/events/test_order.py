@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.left_open import ORDER
-from rb_sim.contact.events.order import shares_a_body
-from rb_sim.engine.systems.many_bodies import BODY, PARENT
-from rb_sim.finding import Finding
-from rb_sim.watches.bounds import effort_of
-from rb_sim.watches.effort_watch import found_in
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.effort import found_in
+from rb_sim.contact.events.shares import ORDER
+from rb_sim.contact.problem.order import shares_a_body
+from rb_sim.mechanics.systems.many_bodies import BODY, PARENT
 from tests.contact.events.test_missed import REACH, W, oscillator
 from tests.contact.scenes import touch
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import SimulationError
+from rb_sim.base.errors import SimulationError
 
 G, M, INERTIA, m = 9.81, 3.0, 0.2, 0.5
 HALF, HIGH = 0.4, 0.1

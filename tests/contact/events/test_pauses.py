@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim.base.errors import SimulationError
 from rb_sim.contact.events import stepping
-from rb_sim.contact.events.motion import ContactMotion
+from rb_sim.contact.events.event_motion import ContactMotion
 from rb_sim.contact.events.steps import EVENT
 from rb_sim.contact.events.tasks import BEGIN
-from rb_sim.errors import SimulationError
-from rb_sim.loops.places import FINE, NOT_FINITE, UNFINISHED
+from rb_sim.integrate.layout import FINE, NOT_FINITE, UNFINISHED
 from tests.contact.events.test_stepping import motion
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.redundant import undetermined_at_start
+from rb_sim.contact.events.shares import undetermined_at_start
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import ball, body, box, scene, touch

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import lying as rims_that_lie
-from rb_sim.contact.geometry.rims import RimOnPlane
-from rb_sim.contact.system.bodies import LIES_FLAT
-from rb_sim.contact.system.touch import (
+from rb_sim.base.errors import SimulationError
+from rb_sim.catalogue.geometry.corners_and_rims import RimOnPlane
+from rb_sim.contact.events import flat_rims as rims_that_lie
+from rb_sim.mechanics.contact.contact_bodies import LIES_FLAT
+from rb_sim.mechanics.contact.contact_table import (
     AXIS,
     CLOSED,
     FORCE,
@@ -24,8 +25,7 @@ from rb_sim.contact.system.touch import (
     TOUCH_WIDTH,
     TURN,
 )
-from rb_sim.engine.systems.many_bodies import BODY
-from rb_sim.errors import SimulationError
+from rb_sim.mechanics.systems.many_bodies import BODY
 
 PLANES = [rims_that_lie.Rim(0, (k,), False) for k in range(2)]
 RIMS = dict.fromkeys(range(4), PLANES[0]) | {4: PLANES[1], 5: PLANES[1]._replace(alone=True)}

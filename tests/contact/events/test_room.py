@@ -7,9 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.contact.events.room import MODES_WIDTH, NOTE_WIDTH, ROOM_LAYOUT, WAYS, room_for
-from rb_sim.contact.system.touch import AHEAD
-from rb_sim.maths.complementarity import BOUND_WIDTH
+from rb_sim.contact.problem.event_workspace import (
+    MODES_WIDTH,
+    NOTE_WIDTH,
+    ROOM_LAYOUT,
+    WAYS,
+    room_for,
+)
+from rb_sim.mechanics.contact.contact_table import AHEAD
+from rb_sim.numerics.complementarity import BOUND_WIDTH
 
 LINES, BODIES, C = 20, 3, 5
 V = 6 * BODIES

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import impacts
-from rb_sim.contact.events.laws import NOT_FINITE, SOLVED, UNSOLVED
-from rb_sim.contact.system.touch import GAP_RATE, RESTITUTION, TOUCH_WIDTH
+from rb_sim.contact.problem import impacts
+from rb_sim.contact.problem.forces import NOT_FINITE, SOLVED, UNSOLVED
+from rb_sim.mechanics.contact.contact_table import GAP_RATE, RESTITUTION, TOUCH_WIDTH
 
 GAINS, NONE_, FINE, LOST = "gains", "none", "fine", "lost"
 """What a rule comes to: impulses that gain energy, none, some that do not, no numbers."""

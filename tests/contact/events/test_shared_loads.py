@@ -10,10 +10,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events import left_open
+from rb_sim.contact.events import shares
 from rb_sim.contact.events.shares import Reactions, cones_of
-from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
-from rb_sim.contact.system.touch import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING, STATIC, TOUCH_WIDTH
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
+    CLOSED,
+    ROLL,
+    SIDE,
+    SLIDE,
+    SPIN,
+    SPRING,
+    STATIC,
+    TOUCH_WIDTH,
+)
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import contact_run
 
@@ -175,7 +184,7 @@ def test_the_widest_choice_of_a_run_is_kept(
     monkeypatch: pytest.MonkeyPatch, before: float, kept: bool
 ) -> None:
     """With its time and the first contact that rubs; where nothing rubs nothing is asked."""
-    monkeypatch.setattr(left_open, "open_in", lambda *of: 0.3)
+    monkeypatch.setattr(shares, "open_in", lambda *of: 0.3)
     touch_of = np.zeros((3, TOUCH_WIDTH))
     touch_of[:, CLOSED], touch_of[:, SLIDE], touch_of[:, STATIC] = 1.0, SLIDING, (0.0, 0.5, 0.5)
     found = np.array([9.0, 8.0, 7.0, 2.0, before, 5.0, 0.0])
@@ -183,13 +192,13 @@ def test_the_widest_choice_of_a_run_is_kept(
         system=SimpleNamespace(touch=touch_of), room=SimpleNamespace(undetermined=found), t=6.0
     )
     start = found.tolist()
-    left_open.note_shares(at, None, None, None)  # type: ignore[arg-type]
+    shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
     assert found.tolist() == (start if kept else [*start[:4], 0.3, 6.0, 1.0])
     found[4], touch_of[:, SLIDE] = 0.1, STUCK
-    left_open.note_shares(at, None, None, None)  # type: ignore[arg-type]
+    shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
     assert found[4] == 0.1
     room: Any = SimpleNamespace(undetermined=np.array([0.0, 0.25, 1.0, 1.0, 0.5, 2.0, 0.0]))
-    widest = left_open.widest_of(room, ("a", "b"))
-    assert widest[:3] == (0.5, 2.0, "a") and widest.what == left_open.SHARES
+    widest = shares.widest_of(room, ("a", "b"))
+    assert widest[:3] == (0.5, 2.0, "a") and widest.what == shares.OPEN_SHARES
     room.undetermined[1] = 0.75
-    assert left_open.widest_of(room, ("a", "b"))[:4] == (0.75, 1.0, "b", left_open.IMPACT)
+    assert shares.widest_of(room, ("a", "b"))[:4] == (0.75, 1.0, "b", shares.IMPACT)

@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.contact.events.grazes import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED
-from rb_sim.contact.events.left_open import LAGGED
-from rb_sim.contact.events.missed import LENGTHS
-from rb_sim.contact.events.slow_slips import note_slow_slips
-from rb_sim.contact.system.bodies import STOPPED
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.contact.events.next_event import note_slow_slips
+from rb_sim.contact.events.shares import LAGGED
+from rb_sim.contact.problem.order import BEGAN, LAG, LAG_TIME, LENGTHS, NOT_TAKEN, PUSHED
+from rb_sim.mechanics.contact.contact_bodies import STOPPED
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AHEAD,
     CLOSED,
     FORCE,
@@ -31,7 +30,7 @@ from rb_sim.contact.system.touch import (
     STATIC,
     TOUCH_WIDTH,
 )
-from rb_sim.engine.systems.many_bodies import BODY, MASS, PARENT
+from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT
 from rb_sim.scene.load import scene_from_mapping
 
 MU, STIFFNESS, DEPTH, SPIN = 0.4, 1e4, 1e-3, 0.05

@@ -11,9 +11,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
+from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.contact.events import stepping
-from rb_sim.contact.events.grazes import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, SPEED, TIME
-from rb_sim.contact.events.left_open import (
+from rb_sim.contact.events.event_motion import ContactMotion
+from rb_sim.contact.events.shares import (
     GRAZE,
     LAGGED,
     NO_SETTING,
@@ -21,14 +22,31 @@ from rb_sim.contact.events.left_open import (
     TURNED_BY_ROUNDING,
     LeftOpen,
 )
-from rb_sim.contact.events.missed import LARGEST, LENGTHS, SUM, WAY, WORST_SHARE, WORST_TIME
-from rb_sim.contact.events.motion import ContactMotion
-from rb_sim.contact.events.order import missed_way
-from rb_sim.contact.system.terms import NONE, SLIDING, STUCK
-from rb_sim.contact.system.touch import CLOSED, COMPLIANT, SLIDE, STATIC
-from rb_sim.errors import SimulationError, StepTooLargeError
-from rb_sim.loops.places import NOT_FINITE, UNFINISHED
-from rb_sim.loops.rows import FLOOR, SHARE, VELOCITY, WORK_ROWS
+from rb_sim.contact.problem.order import (
+    LAG,
+    LAG_TIME,
+    LARGEST,
+    LENGTHS,
+    ROUNDED,
+    ROUNDED_TIME,
+    SPEED,
+    SUM,
+    TIME,
+    WAY,
+    WORST_SHARE,
+    WORST_TIME,
+    missed_way,
+)
+from rb_sim.integrate.layout import (
+    FLOOR,
+    IS_VELOCITY,
+    NOT_FINITE,
+    SHARE_OF_WAY,
+    UNFINISHED,
+    WORK_ROWS,
+)
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import CLOSED, COMPLIANT, SLIDE, STATIC
 from tests.contact.scenes import ball, scene, touch
 
 STEP, TOLERANCE = 0.01, 1e-6
@@ -68,9 +86,9 @@ def test_the_room_of_a_step() -> None:
     found = motion()
     n = 13 * 2 + 1
     assert found._work.shape == (WORK_ROWS + 3 * n + 1, n)
-    assert found._work[VELOCITY].tolist() == ([0.0] * 7 + [1.0] * 6) * 2 + [0.0]
-    assert (found._work[FLOOR] == 1.0).all() and (found._work[SHARE] == 1.0).all()
-    others = np.delete(found._work, [FLOOR, SHARE, VELOCITY], axis=0)
+    assert found._work[IS_VELOCITY].tolist() == ([0.0] * 7 + [1.0] * 6) * 2 + [0.0]
+    assert (found._work[FLOOR] == 1.0).all() and (found._work[SHARE_OF_WAY] == 1.0).all()
+    others = np.delete(found._work, [FLOOR, SHARE_OF_WAY, IS_VELOCITY], axis=0)
     assert not others.any()
 
 

@@ -18,9 +18,10 @@ from rb_sim.contact.events.next_event import (
     slip_vanishes,
 )
 from rb_sim.contact.events.steps import before_jam, jam_that_is_due, kind_of, shorter_step
-from rb_sim.contact.events.stops import FAINT
-from rb_sim.contact.grid import start_grid
-from rb_sim.contact.system.bodies import (
+from rb_sim.contact.events.stick_transition import FAINT
+from rb_sim.contact.grid_motion import start_grid
+from rb_sim.integrate.layout import FINE, NOT_FINITE
+from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
     FREE,
     JAMMED,
@@ -29,8 +30,8 @@ from rb_sim.contact.system.bodies import (
     ROLL_ENDS,
     SLIP_ENDS,
 )
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AT_JAM,
     AT_SLIP,
     CLOSED,
@@ -42,7 +43,6 @@ from rb_sim.contact.system.touch import (
     STATIC,
     TOUCH_WIDTH,
 )
-from rb_sim.loops.places import FINE, NOT_FINITE
 
 LEVEL, SLOPE = LEVELS_BEFORE + AT_JAM, SLOPES_BEFORE + AT_JAM
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import stops
-from rb_sim.contact.system.bodies import EVENT_KINDS, FREE, ROLL_ENDS, SLIP_ENDS
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.contact.events import stick_transition
+from rb_sim.mechanics.contact.contact_bodies import EVENT_KINDS, FREE, ROLL_ENDS, SLIP_ENDS
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AHEAD,
     AT_ROLL,
     AT_SLIP,
@@ -29,7 +29,7 @@ from rb_sim.contact.system.touch import (
     TOUCH_WIDTH,
     TURN,
 )
-from rb_sim.engine.systems.many_bodies import BODY, INVERSE, MASS, PARENT
+from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT
 
 MASSES, ABOUT = (2.0, 5.0), (0.5, 0.3)
 UNIT = SimpleNamespace(mass=3.0, speed=2.0, length=0.5, still=1e-4)
@@ -79,25 +79,29 @@ OWN_ROLL = 0.4 * 6.0 * (0.6 + 0.4) / 0.04
 
 def test_what_friction_itself_gives_a_slip_and_a_rolling() -> None:
     """mu N (1/m + r^2/I) of both bodies, in units of slip, 2 m/s over 100; arm N / I of both."""
-    assert stops.own_rate(slowing(0.1, 0.0, 0.0), Y, 1, AT_SLIP) == pytest.approx(OWN)
-    assert stops.own_rate(slowing(0.1, 0.0, 0.0), Y, 1, AT_ROLL) == pytest.approx(OWN_ROLL)
+    assert stick_transition.own_rate(slowing(0.1, 0.0, 0.0), Y, 1, AT_SLIP) == pytest.approx(OWN)
+    assert stick_transition.own_rate(slowing(0.1, 0.0, 0.0), Y, 1, AT_ROLL) == pytest.approx(
+        OWN_ROLL
+    )
     alone = slowing(0.1, 0.0, 0.0, parent=-1)
-    assert stops.own_rate(alone, Y, 1, AT_SLIP) == pytest.approx(OWN * LIGHT[0] / sum(LIGHT))
-    assert stops.own_rate(alone, Y, 1, AT_ROLL) == pytest.approx(OWN_ROLL * 0.6)
+    assert stick_transition.own_rate(alone, Y, 1, AT_SLIP) == pytest.approx(
+        OWN * LIGHT[0] / sum(LIGHT)
+    )
+    assert stick_transition.own_rate(alone, Y, 1, AT_ROLL) == pytest.approx(OWN_ROLL * 0.6)
 
 
 @pytest.mark.parametrize(("i", "mode"), [(AT_SLIP, SLIDE), (AT_ROLL, ROLL)])
 def test_when_a_slip_or_a_rolling_would_be_over(i: int, mode: int) -> None:
     """Its level over its rate; never, where it does not slow down but for the error of its rate."""
-    assert stops.time_to_stop(slowing(0.1, -0.4, 0.0).touch, 1, i, mode) == 0.25
-    assert stops.time_to_stop(slowing(-0.1, -0.4, 0.0).touch, 1, i, mode) == 0.0
-    assert stops.time_to_stop(slowing(0.1, 0.4, 0.0).touch, 1, i, mode) == FREE
-    assert stops.time_to_stop(slowing(0.1, -0.9e-3, 0.0).touch, 1, i, mode) == FREE
-    assert stops.time_to_stop(slowing(0.1, -1.1e-3, 0.0).touch, 1, i, mode) < 100.0
+    assert stick_transition.time_to_stop(slowing(0.1, -0.4, 0.0).touch, 1, i, mode) == 0.25
+    assert stick_transition.time_to_stop(slowing(-0.1, -0.4, 0.0).touch, 1, i, mode) == 0.0
+    assert stick_transition.time_to_stop(slowing(0.1, 0.4, 0.0).touch, 1, i, mode) == FREE
+    assert stick_transition.time_to_stop(slowing(0.1, -0.9e-3, 0.0).touch, 1, i, mode) == FREE
+    assert stick_transition.time_to_stop(slowing(0.1, -1.1e-3, 0.0).touch, 1, i, mode) < 100.0
     for column, value in ((CLOSED, 0.0), (mode, STUCK), (LEVELS_BEFORE + i, FREE)):
         system = slowing(0.1, -0.4, 0.0)
         system.touch[1, column] = value
-        assert stops.time_to_stop(system.touch, 1, i, mode) == FREE
+        assert stick_transition.time_to_stop(system.touch, 1, i, mode) == FREE
 
 
 @pytest.mark.parametrize(("i", "mode"), [(AT_SLIP, SLIDE), (AT_ROLL, ROLL)])
@@ -107,7 +111,7 @@ def test_what_a_step_may_take_of_a_slip_that_ends(i: int, mode: int) -> None:
     own = OWN if i == AT_SLIP else OWN_ROLL
 
     def longest(level: float, rate: float, turned: float = 1e-3, h: float = 0.1) -> float:
-        return stops.longest_step(slowing(level, rate, turned), Y, 1, i, mode, h)
+        return stick_transition.longest_step(slowing(level, rate, turned), Y, 1, i, mode, h)
 
     free = 1.5 * 0.1 / own
     assert longest(0.1, -0.1 / (2.0 * free)) == pytest.approx(free)
@@ -120,14 +124,14 @@ def test_what_a_step_may_take_of_a_slip_that_ends(i: int, mode: int) -> None:
     assert longest(1e-6, 0.1) == pytest.approx(1.5e-4)
     assert longest(0.1, 0.1, 1e-7) == 0.1
     nothing = slowing(0.1, 0.1, 1e-3, mu=0.0, arm=0.0)
-    assert stops.longest_step(nothing, Y, 1, i, mode, 0.1) == 0.1
+    assert stick_transition.longest_step(nothing, Y, 1, i, mode, 0.1) == 0.1
 
 
 @pytest.mark.parametrize("i", [AT_SLIP, AT_ROLL])
 def test_whether_a_step_has_turned_a_slip_or_a_rolling(i: int) -> None:
     """By more than so much; turning about the normal is no rolling."""
     for angle, turned in ((0.9e-2, False), (1.1e-2, True), (-1.1e-2, True), (3.0, True)):
-        assert bool(stops.was_turned(slowing(0.1, 0.0, angle), 1, i, 1e-2)) is turned
+        assert bool(stick_transition.was_turned(slowing(0.1, 0.0, angle), 1, i, 1e-2)) is turned
 
 
 def method(step: float = 0.1, tolerance: float = 0.0, implicit: float = 0.0) -> Any:
@@ -141,15 +145,22 @@ def test_fixed_steps_end_before_a_slip_does() -> None:
     """By the least of all contacts, slips and rollings; implicit ones go on."""
     system = slowing(0.1, -2.0, 1e-3)
     steps = [
-        stops.longest_step(system, Y, 1, *of, 0.1) for of in ((AT_SLIP, SLIDE), (AT_ROLL, ROLL))
+        stick_transition.longest_step(system, Y, 1, *of, 0.1)
+        for of in ((AT_SLIP, SLIDE), (AT_ROLL, ROLL))
     ]
-    assert stops.before_stop(method(), system, GRID, False) == 3.0 + min(steps) < 3.1
+    assert stick_transition.before_stop(method(), system, GRID, False) == 3.0 + min(steps) < 3.1
     system.touch[1, SLIDE] = STUCK
-    assert stops.before_stop(method(), system, GRID, False) == 3.0 + steps[1]
+    assert stick_transition.before_stop(method(), system, GRID, False) == 3.0 + steps[1]
     system.touch[1, ROLL] = STUCK
-    assert stops.before_stop(method(), system, GRID, False) == 3.1
-    assert stops.before_stop(method(implicit=1.0), slowing(0.1, -2.0, 1e-3), GRID, False) == 3.1
-    assert stops.before_stop(method(tolerance=1e-6), slowing(0.1, -2.0, 1e-3), GRID, False) == 3.1
+    assert stick_transition.before_stop(method(), system, GRID, False) == 3.1
+    assert (
+        stick_transition.before_stop(method(implicit=1.0), slowing(0.1, -2.0, 1e-3), GRID, False)
+        == 3.1
+    )
+    assert (
+        stick_transition.before_stop(method(tolerance=1e-6), slowing(0.1, -2.0, 1e-3), GRID, False)
+        == 3.1
+    )
 
 
 def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
@@ -158,7 +169,7 @@ def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
     adaptive, still = method(tolerance=1e-6), 100.0 * 1e-4 / 2.0
 
     def last(level: float, rate: float, turned: float) -> float:
-        return stops.before_stop(adaptive, slowing(level, rate, turned), GRID, False)
+        return stick_transition.before_stop(adaptive, slowing(level, rate, turned), GRID, False)
 
     assert last(29.0 * still, -1.0, 0.02) == pytest.approx(min(3.1, 3.0 + 5.0 * 29.0 * still / OWN))
     assert last(2.0 * still, -1.0, 0.02) == pytest.approx(3.0 + 5.0 * 2.0 * still / OWN)
@@ -166,9 +177,13 @@ def test_adaptive_steps_end_before_errors_keep_a_slip_alive() -> None:
     assert last(2.0 * still, -1.0, 0.009) == 3.1
     assert last(2.0 * still, -0.9e-4 * OWN, 0.02) == 3.1
     assert last(2.0 * still, -1.1e-4 * OWN, 0.02) < 3.1
-    assert stops.before_stop(adaptive, slowing(2.0 * still, -1.0, 0.02), GRID, True) == 3.1
+    assert (
+        stick_transition.before_stop(adaptive, slowing(2.0 * still, -1.0, 0.02), GRID, True) == 3.1
+    )
     implicit = method(tolerance=1e-6, implicit=1.0)
-    assert stops.before_stop(implicit, slowing(2.0 * still, -1.0, 0.02), GRID, False) == 3.1
+    assert (
+        stick_transition.before_stop(implicit, slowing(2.0 * still, -1.0, 0.02), GRID, False) == 3.1
+    )
 
 
 def test_a_slip_is_over_where_steps_have_come_to_its_end() -> None:
@@ -176,10 +191,10 @@ def test_a_slip_is_over_where_steps_have_come_to_its_end() -> None:
     for left, t, due in ((2e-14, 0.0, True), (3e-14, 0.0, False), (2.9e-15, 3.0, True),
                          (4e-12, 5e3, True), (6e-12, 5e3, False)):  # fmt: skip
         system = slowing(2.0 * left, -2.0, 0.0)
-        found = stops.stop_that_is_due(method(), system, t)
+        found = stick_transition.stop_that_is_due(method(), system, t)
         assert found == (EVENT_KINDS + SLIP_ENDS if due else -1)
         system.touch[1, SLIDE] = STUCK
-        found = stops.stop_that_is_due(method(), system, t)
+        found = stick_transition.stop_that_is_due(method(), system, t)
         assert found == (EVENT_KINDS + ROLL_ENDS if due else -1)
-        assert stops.stop_that_is_due(method(tolerance=1.0), system, t) == -1
-        assert stops.stop_that_is_due(method(implicit=1.0), system, t) == -1
+        assert stick_transition.stop_that_is_due(method(tolerance=1.0), system, t) == -1
+        assert stick_transition.stop_that_is_due(method(implicit=1.0), system, t) == -1

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.stiff import note_stiffness, shortened
-from rb_sim.contact.system.bodies import FREE
-from rb_sim.contact.system.terms import SLIDING, STUCK
-from rb_sim.contact.system.touch import (
+from rb_sim.contact.events.grid import note_stiffness, shortened
+from rb_sim.mechanics.contact.contact_bodies import FREE
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_table import (
     AT_SLIP,
     CLOSED,
     COMPLIANT,

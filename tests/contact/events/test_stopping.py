@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.stopping import stop
+from rb_sim.contact.events.event_motion import stop
 from rb_sim.contact.events.tasks import SETTLE
-from rb_sim.contact.system.terms import STUCK
-from rb_sim.contact.system.touch import CREEPS, ROLL, SLIDE, SLIP, TOUCH_WIDTH, TURN
+from rb_sim.mechanics.contact.contact_kinematics import STUCK
+from rb_sim.mechanics.contact.contact_table import CREEPS, ROLL, SLIDE, SLIP, TOUCH_WIDTH, TURN
 from tests.contact.scenes import box, scene, touch
 from tests.runs import trajectory
 

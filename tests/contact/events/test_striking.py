@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.events import striking, tasks
-from rb_sim.contact.events.chatter import EVENTS_AT_ONCE
-from rb_sim.contact.events.impacts import ENDLESS, GOES_ON, NO_IMPULSES, NOTHING, OVERFLOWN
-from rb_sim.contact.events.notes import JAMS, LEAPS
-from rb_sim.contact.events.striking import StrikingMotion
-from rb_sim.contact.system.touch import CLOSED, TOUCH_WIDTH
-from rb_sim.errors import SimulationError, StepTooLargeError
+from rb_sim.base.errors import SimulationError, StepTooLargeError
+from rb_sim.contact.events import impact_handling, tasks
+from rb_sim.contact.events.impact_handling import StrikingMotion
+from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE
+from rb_sim.contact.problem.event_workspace import JAMS, LEAPS
+from rb_sim.contact.problem.impacts import ENDLESS, GOES_ON, NO_IMPULSES, NOTHING, OVERFLOWN
+from rb_sim.mechanics.contact.contact_table import CLOSED, TOUCH_WIDTH
 
 T = 3.0
 LAST = EVENTS_AT_ONCE
@@ -91,7 +91,7 @@ class At:
 def aimed(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The rims that aim before a round of impacts."""
     found: list[Any] = []
-    monkeypatch.setattr(striking, "aim_where_it_turns", lambda at, rims: found.append(rims))
+    monkeypatch.setattr(impact_handling, "aim_where_it_turns", lambda at, rims: found.append(rims))
     return found
 
 
@@ -151,9 +151,11 @@ def jams(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         given["asked"].append(("leap", c))
         return bool(given["leaps"])
 
-    monkeypatch.setattr(striking, "impulses_of_jam", impulses)
-    monkeypatch.setattr(striking, "least_lifted", lambda at: given["lifted"])
-    monkeypatch.setattr(striking, "refuse_rough", lambda at, c, names: given["rough"].append(c))
+    monkeypatch.setattr(impact_handling, "impulses_of_jam", impulses)
+    monkeypatch.setattr(impact_handling, "least_lifted", lambda at: given["lifted"])
+    monkeypatch.setattr(
+        impact_handling, "refuse_rough", lambda at, c, names: given["rough"].append(c)
+    )
     monkeypatch.setattr(Motion, "_leapt_over", leapt)
     return given
 
@@ -223,8 +225,8 @@ def test_a_leap_is_noted_where_it_began(monkeypatch: pytest.MonkeyPatch, possibl
         at.t += length
         return at if possible else None
 
-    monkeypatch.setattr(striking, "leap", leap)
-    monkeypatch.setattr(striking, "bring_back", lambda at: told.append("back"))
+    monkeypatch.setattr(impact_handling, "leap", leap)
+    monkeypatch.setattr(impact_handling, "bring_back", lambda at: told.append("back"))
     assert motion._leapt_over(at, 2) is possible
     assert motion.journal == ([(T, 2, LEAPS)] if possible else [])
     assert told == (["back", (T + 0.25, 0.25)] if possible else [])

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.events import tasks
-from rb_sim.contact.events.chatter import EVENTS_AT_ONCE
-from rb_sim.contact.events.impacts import GOES_ON, NOTHING, STRUCK
-from rb_sim.contact.events.modes import WHOLE
-from rb_sim.contact.events.notes import CHANGES, IMPACT
-from rb_sim.contact.system.bodies import TOUCH_DOWN
+from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE
+from rb_sim.contact.problem.event_workspace import CHANGES, IMPACT
+from rb_sim.contact.problem.impacts import GOES_ON, NOTHING, STRUCK
+from rb_sim.contact.problem.modes import WHOLE
+from rb_sim.mechanics.contact.contact_bodies import TOUCH_DOWN
 
 T, Y, C = 2.5, np.arange(27.0), np.zeros(27)
 FUNCTIONS = (

@@ -10,9 +10,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.journal import Journal
-from rb_sim.contact.events.notes import KINDS
 from rb_sim.contact.events.tasks import ARRIVE, AT_MODES, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Tasks
+from rb_sim.contact.problem.event_workspace import KINDS, Journal
 from tests.contact.scenes import ball, box, scene, touch
 
 TILTED = {"axis": [1, 2, 0], "angle": 0.3}

@@ -9,11 +9,11 @@ import pytest
 
 from benchmarks.contact.random_scenes import random_scene
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events import wrong_tool
-from rb_sim.contact.events.impacts import ENDLESS
+from rb_sim.base.errors import SimulationError, StepTooLargeError
+from rb_sim.contact.events import limits
+from rb_sim.contact.events.limits import STALLED_EVENTS, STALLED_TIME, Progress
 from rb_sim.contact.events.stepping import STALLED_SPAN, STALLED_STEPS
-from rb_sim.contact.events.wrong_tool import STALLED_EVENTS, STALLED_TIME, Progress
-from rb_sim.errors import SimulationError, StepTooLargeError
+from rb_sim.contact.problem.impacts import ENDLESS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 
@@ -74,8 +74,8 @@ def test_events_that_advance_do_not() -> None:
 def dropped(stalled_time: float) -> str:
     """What a ball that bounces says, three events in this time (natural units) being too many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(wrong_tool, "STALLED_EVENTS", 3)
-        patch.setattr(wrong_tool, "STALLED_TIME", stalled_time)
+        patch.setattr(limits, "STALLED_EVENTS", 3)
+        patch.setattr(limits, "STALLED_TIME", stalled_time)
         mapping = scene(ball([0.0, 0.0, 0.11]), touch(restitution=0.5))
         mapping["simulation"]["duration"] = 1.0
         try:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.solvers.body_blocks import SIZE, eliminate
+from rb_sim.contact.solvers.proximal_newton import SIZE, eliminate
 from tests.interpreted import interpreted
 
 PILES = {

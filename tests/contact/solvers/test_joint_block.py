@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.solvers import joint_block
+from rb_sim.contact.solvers import gauss_seidel
+from rb_sim.contact.solvers.gauss_seidel import BODY, LEFT_OUT, PARENT, relax_joints
 from rb_sim.contact.solvers.graph import LIGHT_A, LIGHT_B, TURN_A, TURN_B, WIDTH, Graph
-from rb_sim.contact.solvers.joint_block import BODY, LEFT_OUT, PARENT, relax_joints
 
 ENDS = [(0, -1), (1, 0), (2, 1), (2, 0), (1, -1)]
 BODIES, MASSES = 3, np.array([1.0, 2.0, 0.5])
@@ -48,7 +48,7 @@ def test_all_joints_hold_at_once(seed: int) -> None:
     graph, J, pushes = joined(seed)
     rng = np.random.default_rng(50 + seed)
     u, x = rng.normal(size=(BODIES, 6)), rng.normal(size=len(ENDS))
-    joint_block.factor_joints(graph, BODIES)
+    gauss_seidel.factor_joints(graph, BODIES)
     start, before = u.copy(), x.copy()
     most = relax_joints(graph, u, x)
     d = np.linalg.solve(J @ pushes, graph.joint_targets - J @ start.ravel())
@@ -68,7 +68,7 @@ def test_lines_that_depend_on_others_get_no_impulse(told: bool) -> None:
         graph.joint_ends[last, LEFT_OUT] = 1
     else:
         graph.joint_rows[last] = graph.joint_rows[first]
-    joint_block.factor_joints(graph, BODIES)
+    gauss_seidel.factor_joints(graph, BODIES)
     u, x = np.ones((BODIES, 6)), np.zeros(len(ENDS))
     relax_joints(graph, u, x)
     kept = slice(0, last)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.solvers.gauss_seidel import fill_block
+from rb_sim.contact.solvers.gauss_seidel import PROXIMAL, ease_blocks, factor_joints, fill_block
 from rb_sim.contact.solvers.graph import (
     BLOCK,
     LIGHT_A,
@@ -17,7 +17,6 @@ from rb_sim.contact.solvers.graph import (
     WIDTH,
     Graph,
 )
-from rb_sim.contact.solvers.joint_block import PROXIMAL, ease_blocks, factor_joints
 from tests.interpreted import interpreted
 
 

@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.problem import FrictionProblem, natural_map, onto_cone, residual
-from rb_sim.contact.solvers import arrays
+from rb_sim.contact.solvers import graph
 from rb_sim.contact.solvers.graph import LINES, WIDTH
-from rb_sim.contact.solvers.newton import fill_equations
+from rb_sim.contact.solvers.newton import (
+    FrictionProblem,
+    fill_equations,
+    natural_map,
+    onto_cone,
+    residual,
+)
 from rb_sim.contact.solvers.proximal_newton import fill_matrix
-from rb_sim.engine.systems.many_bodies import INERTIA, MASS
-from rb_sim.maths.jit import python_of
+from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
+from rb_sim.numerics.kernels import python_of
 from tests.interpreted import interpreted
 
 
@@ -106,11 +111,11 @@ def test_the_matrix_of_newtons_method_in_velocities_of_bodies() -> None:
 def test_loops_over_arrays_are_numpys() -> None:
     rng = np.random.default_rng(9)
     A, x, out = rng.normal(size=(3, 4)), rng.normal(size=4), np.full(3, np.nan)
-    arrays.times(A, x, out)
+    graph.times(A, x, out)
     assert_allclose(out, A @ x, rtol=1e-14)
     to, rows = np.full(5, 7.0), np.full((3, 5), 7.0)
-    arrays.copy(to, x)
-    arrays.copy_rows(rows, A)
+    graph.copy(to, x)
+    graph.copy_rows(rows, A)
     assert to.tolist() == [*x, 7.0] and (rows[:, :4] == A).all() and (rows[:, 4] == 7.0).all()
-    assert arrays.largest(np.array([0.25, -0.5, 0.125])) == 0.5
-    assert arrays.largest(np.zeros(3)) == 0.0 and np.isnan(arrays.largest(np.array([1.0, np.nan])))
+    assert graph.largest(np.array([0.25, -0.5, 0.125])) == 0.5
+    assert graph.largest(np.zeros(3)) == 0.0 and np.isnan(graph.largest(np.array([1.0, np.nan])))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.problem import FrictionProblem, residual
+from rb_sim.contact.solvers.newton import FrictionProblem, residual
 from tests.contact.solvers.problems import COLLECTION
 from tests.interpreted import interpreted
 
@@ -70,7 +70,7 @@ def test_newton_ends_where_gauss_seidel_does(name: str) -> None:
 def bodies_of(graph: Any) -> np.ndarray:
     """Masses and inertias of the balls of a graph, as the table of a system has them."""
     from rb_sim.contact.solvers.graph import LIGHT_A, LIGHT_B, LINES
-    from rb_sim.engine.systems.many_bodies import INERTIA, INVERSE, MASS
+    from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, MASS
 
     table = np.zeros((graph.ends.max() + 1, INVERSE + 6))
     table[:, MASS] = table[:, INERTIA : INERTIA + 3] = 1.0  # of a body without contacts
@@ -115,8 +115,8 @@ def test_newton_in_the_velocities_of_bodies(name: str) -> None:
 def swept_near(name: str, enough: float) -> tuple[Any, ...]:
     """(residual told, W, q, mu, r) where sweeps are to come as near to the laws as `enough`."""
     from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
+    from rb_sim.contact.solvers.hybrid import sweep_near
     from rb_sim.contact.solvers.newton import delassus
-    from rb_sim.contact.solvers.together import sweep_near
 
     graph, u = COLLECTION[name]()
     x, every = np.zeros(len(graph.targets)), np.arange(len(graph.ends))

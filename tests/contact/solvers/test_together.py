@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.solvers import together
+from rb_sim.contact.solvers import hybrid
 from rb_sim.contact.solvers.graph import LINES
 
-MOST, SPELL = together.MOST, together.SPELL
+MOST, SPELL = hybrid.MOST, hybrid.SPELL
 
 
 def solved(
@@ -30,15 +30,13 @@ def solved(
     def take(graph: Any, u: Any, x: Any, which: Any, r: Any) -> None:
         asked.append(r)
 
-    monkeypatch.setattr(together, "gauss_seidel", sweep)
-    monkeypatch.setattr(together, "is_plain", lambda graph: plain)
-    monkeypatch.setattr(together, "pushing", lambda graph, x: np.arange(chosen))
-    monkeypatch.setattr(together, "delassus", lambda *of: ("W", "q", "mu", "r"))
-    monkeypatch.setattr(
-        together, "newton", lambda W, q, mu, r, rounds, till: (f"newton {till}", 0.0)
-    )
-    monkeypatch.setattr(together, "take_over", take)
-    return together.solve_exactly("graph", "u", "x", "joints", 3.0, settled, sweeps), asked
+    monkeypatch.setattr(hybrid, "gauss_seidel", sweep)
+    monkeypatch.setattr(hybrid, "is_plain", lambda graph: plain)
+    monkeypatch.setattr(hybrid, "pushing", lambda graph, x: np.arange(chosen))
+    monkeypatch.setattr(hybrid, "delassus", lambda *of: ("W", "q", "mu", "r"))
+    monkeypatch.setattr(hybrid, "newton", lambda W, q, mu, r, rounds, till: (f"newton {till}", 0.0))
+    monkeypatch.setattr(hybrid, "take_over", take)
+    return hybrid.solve_exactly("graph", "u", "x", "joints", 3.0, settled, sweeps), asked
 
 
 def test_spells_of_sweeps_grow_and_newtons_method_goes_between(
@@ -66,10 +64,10 @@ def test_sweeps_go_alone_where_newtons_method_does_not_serve(
 def test_impulses_are_taken_over_with_their_velocities(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the chosen contacts the first three lines; what they change is pushed."""
     pushed: list[Any] = []
-    monkeypatch.setattr(together, "push", lambda rows, k, u, b, a, x: pushed.append((k, b, a, x)))
+    monkeypatch.setattr(hybrid, "push", lambda rows, k, u, b, a, x: pushed.append((k, b, a, x)))
     graph = SimpleNamespace(ends=np.array([[0, -1], [1, 0], [2, 1]]), rows="rows")
     x = np.arange(3.0 * LINES)
-    together.take_over(graph, "u", x, np.array([2, 0]), np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0]))
+    hybrid.take_over(graph, "u", x, np.array([2, 0]), np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0]))
     k = 2 * LINES
     assert pushed == [
         (k, 2, 1, 9.0 - k), (k + 1, 2, 1, 8.0 - k - 1), (k + 2, 2, 1, 7.0 - k - 2),

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rb_sim.contact.stepping.geometry import GAP, NORMAL, POINT
-from rb_sim.contact.stepping.room import Room, room_for
-from rb_sim.contact.stepping.tables import COMPLIANT, LAWS, Tables
-from rb_sim.engine.systems.many_bodies import BODY_WIDTH, INVERSE
+from rb_sim.contact.stepping.scene_tables import COMPLIANT, LAWS, Tables
+from rb_sim.contact.stepping.step_workspace import Room, room_for
+from rb_sim.mechanics.systems.many_bodies import BODY_WIDTH, INVERSE
 from tests.moving import unit
 
 LENGTH, SPEED = 2.0, 3.0

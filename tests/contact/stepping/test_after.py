@@ -10,11 +10,11 @@ import pytest
 from rb_sim.contact.solvers.graph import LINES
 from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.contact.stepping.after import is_paradox, slips_though_rough
-from rb_sim.contact.stepping.bends import has_turned
 from rb_sim.contact.stepping.geometry import ANCHOR, POINT
-from rb_sim.contact.stepping.room import TOO_FAR
-from rb_sim.contact.stepping.tables import LAWS, PERFECTLY_ROUGH, STATIC
-from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.contact.stepping.normal_change import has_turned
+from rb_sim.contact.stepping.scene_tables import LAWS, PERFECTLY_ROUGH, STATIC
+from rb_sim.contact.stepping.step_workspace import TOO_FAR
+from rb_sim.mechanics.systems.many_bodies import WIDTH
 
 ROOM = 64
 """Columns of tables of which few are read."""

@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import nnls
 
-from rb_sim.contact.stepping.apart import (
+from rb_sim.contact.stepping.geometry import CLOSED, MOVES, NORMAL
+from rb_sim.contact.stepping.step_kernels import (
     deepest_overlap,
     pay_for_lift,
     push_apart,
     shift_deepest,
 )
-from rb_sim.contact.stepping.geometry import CLOSED, MOVES, NORMAL
-from rb_sim.contact.stepping.room import memory_of
-from rb_sim.engine.systems.many_bodies import LOAD
+from rb_sim.contact.stepping.step_workspace import memory_of
+from rb_sim.mechanics.systems.many_bodies import LOAD
 from tests.contact.stepping.tables_by_hand import LENGTH, Heap, same_poses
 from tests.interpreted import interpreted
 

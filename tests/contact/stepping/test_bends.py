@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.stepping.bends import CROWD, find_crowds
-from rb_sim.contact.stepping.tables import LAW, LAWS, REGULARISED, STATIC
-from rb_sim.simulation import Simulation
+from rb_sim.contact.stepping.normal_change import CROWD, find_crowds
+from rb_sim.contact.stepping.scene_tables import LAW, LAWS, REGULARISED, STATIC
+from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import G, ball, body, scene, touch
 from tests.interpreted import interpreted
 

@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
-from rb_sim.contact.stepping import tables as columns
+from rb_sim.contact.stepping import scene_tables as columns
 from rb_sim.contact.stepping.geometry import GAP, MOVES, NORMAL, POINT, TURNS_AT, find_spots
-from rb_sim.contact.stepping.room import memory_of, room_for
-from rb_sim.contact.stepping.tables import BOX_BOX, FIRST, KIND, OTHER, tables_of
-from rb_sim.contact.system import touch as events
-from rb_sim.contact.system.accelerations import contact_accelerations
+from rb_sim.contact.stepping.scene_tables import BOX_BOX, FIRST, KIND, OTHER, tables_of
+from rb_sim.contact.stepping.step_workspace import memory_of, room_for
+from rb_sim.mechanics.contact import contact_table as events
+from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.scene.compile import compile_scene
 from tests.contact.test_every_pair import (
     CANNOT,

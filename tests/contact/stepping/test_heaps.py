@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from benchmarks.heaps import scenes
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.stepping.motion import SteppedContacts
+from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 
 pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
 """What stands or falls as the laws say is not told as lost."""

@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation
 from rb_sim.catalogue.constraints.rows import ERROR
-from rb_sim.contact.stepping.joints import Joints, joint_system
-from rb_sim.engine.systems.multipliers import settle_bodies, write_rows
+from rb_sim.contact.stepping.stepping_motion import Joints, joint_system
+from rb_sim.mechanics.systems.multipliers import settle_bodies, write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import scene, touch
-from tests.engine.test_redundant_steps import error, linkages, with_ball
+from tests.mechanics.test_redundant_steps import error, linkages, with_ball
 
 
 def driven() -> dict[str, Any]:

@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.stepping.geometry import IMPULSE, ROLL, SPIN, TWIST
-from rb_sim.contact.stepping.room import STUCK
-from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.stepping.step_workspace import STUCK
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from tests.interpreted import interpreted
 
 STEP, RADIUS, G, NEAR = 1e-6, 0.1, 9.81, 1e-4

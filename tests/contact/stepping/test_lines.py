@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from benchmarks.heaps import scenes
+from rb_sim.contact.stepping.constraint_rows import is_impact, takes_part
 from rb_sim.contact.stepping.geometry import GAP, MOVES, NORMAL, POINT
-from rb_sim.contact.stepping.lines import is_impact, takes_part
-from rb_sim.contact.stepping.tables import COMPLIANT, RESTITUTION
-from rb_sim.engine.systems.many_bodies import WIDTH
+from rb_sim.contact.stepping.scene_tables import COMPLIANT, RESTITUTION
+from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.interpreted import interpreted
 
 
 def heap_after(steps: int, looks_at_all: bool) -> tuple[np.ndarray, int]:
     """(state of ten piled spheres after so many steps of 10 ms, pairs that were left out)."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.stepping import lines
+    from rb_sim.contact.stepping import constraint_rows
 
-    left_out, is_far = [0], lines.is_far
+    left_out, is_far = [0], constraint_rows.is_far
 
     def far(*arguments: object) -> bool:
         found = bool(is_far(*arguments))
@@ -26,7 +26,7 @@ def heap_after(steps: int, looks_at_all: bool) -> tuple[np.ndarray, int]:
         return found and not looks_at_all
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lines, "is_far", far)
+        patch.setattr(constraint_rows, "is_far", far)
         mapping = scenes.piled_balls()
         mapping["simulation"] |= {"method": "time_stepping", "step": 0.01}
         simulation = Simulation(load_scene(mapping))

@@ -19,7 +19,7 @@ from rb_sim.contact.stepping.geometry import (
     SLIDE,
     TWIST,
 )
-from rb_sim.contact.stepping.loop import (
+from rb_sim.contact.stepping.step_kernels import (
     is_finite,
     note_aims,
     note_anchors,
@@ -27,8 +27,8 @@ from rb_sim.contact.stepping.loop import (
     report,
     steps,
 )
-from rb_sim.contact.stepping.room import ASTRAY, ASTRAY_AT, ASTRAY_OF, STUCK, memory_of
-from rb_sim.contact.system.terms import SLIDING
+from rb_sim.contact.stepping.step_workspace import ASTRAY, ASTRAY_AT, ASTRAY_OF, STUCK, memory_of
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from tests.contact.stepping.tables_by_hand import LENGTH, SPEED, Heap
 from tests.interpreted import interpreted
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.errors import StepTooLargeError
+from rb_sim.base.errors import StepTooLargeError
 from tests.contact.scenes import ball, scene, touch
 from tests.contact.stepping.test_motion import motion_of
 

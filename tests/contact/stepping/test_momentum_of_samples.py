@@ -16,7 +16,7 @@ import pytest
 
 from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation, load_scene
-from rb_sim.errors import RbSimError
+from rb_sim.base.errors import RbSimError
 from rb_sim.scene.listing import find_scene
 
 G = np.array([0.0, 0.0, -9.81])

@@ -11,10 +11,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.contact.stepping import room
+from rb_sim.base.errors import StepTooLargeError
+from rb_sim.contact.stepping import step_workspace
 from rb_sim.contact.stepping.geometry import GAP
-from rb_sim.contact.stepping.motion import SteppedContacts
-from rb_sim.errors import StepTooLargeError
+from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, ball, body, box, scene, touch
@@ -303,7 +303,7 @@ def one_step(way: str, h: float, start: float, y: Any, memory: Any) -> np.ndarra
     motion.method = motion.method._replace(step=h)
     motion.reset(y, start)
     motion._memory[:] = memory
-    motion._room.notes[room.FRESH] = 0.0
+    motion._room.notes[step_workspace.FRESH] = 0.0
     out = np.zeros((1, motion.width))
     motion.run_to(np.array([start + h]), out)
     return out[0]
@@ -461,7 +461,7 @@ def test_what_steps_have_counted() -> None:
     motion = motion_of(bouncing())
     notes = motion._room.notes
     notes[:] = np.arange(len(notes)) + 100.0
-    of = SimpleNamespace(**vars(room))
+    of = SimpleNamespace(**vars(step_workspace))
     assert motion.unsolved_steps == notes[of.UNSOLVED]
     assert motion.circling_steps == notes[of.TURNED]
     assert motion.restruck_energy == notes[of.STRUCK]

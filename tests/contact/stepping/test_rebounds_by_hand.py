@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.contact.solvers.graph import LINES
-from rb_sim.contact.stepping import rebounds as law
+from rb_sim.contact.stepping import step as law
 from rb_sim.contact.stepping.geometry import MOVES, NORMAL
-from rb_sim.contact.stepping.tables import COMPLIANT, RESTITUTION
+from rb_sim.contact.stepping.scene_tables import COMPLIANT, RESTITUTION
 from tests.contact.stepping.tables_by_hand import Heap
 
 OWNERS = [(0, -1), (1, 0), (1, -1)]

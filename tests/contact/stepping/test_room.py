@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
-from rb_sim.contact.solvers.joint_block import MOST_TOGETHER
 from rb_sim.contact.stepping.geometry import MEMORY, SPOT
-from rb_sim.contact.stepping.room import FRESH, NOTES, memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import FRESH, NOTES, memory_of, room_for
 
 N, C, J = 3, 7, 11
 """Bodies, points of contact, lines of joints."""

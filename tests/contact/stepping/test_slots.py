@@ -20,8 +20,8 @@ from rb_sim.contact.stepping.geometry import (
     USED,
     place_points,
 )
-from rb_sim.contact.stepping.room import memory_of
-from rb_sim.engine.systems.many_bodies import state_of
+from rb_sim.contact.stepping.step_workspace import memory_of
+from rb_sim.mechanics.systems.many_bodies import state_of
 from tests.contact.stepping.tables_by_hand import Heap
 from tests.interpreted import interpreted
 

@@ -9,7 +9,15 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 from rb_sim.contact.stepping import step
-from rb_sim.contact.stepping.room import (
+from rb_sim.contact.stepping.step import (
+    after_turn,
+    drift,
+    free_velocities,
+    is_quiet,
+    load_gravity,
+    spin_after,
+)
+from rb_sim.contact.stepping.step_workspace import (
     ALL_SWEEPS,
     FRESH,
     RESIDUAL,
@@ -20,16 +28,8 @@ from rb_sim.contact.stepping.room import (
     WORST,
     memory_of,
 )
-from rb_sim.contact.stepping.room import LENGTH as LENGTH_OF_STEP
-from rb_sim.contact.stepping.step import (
-    after_turn,
-    drift,
-    free_velocities,
-    is_quiet,
-    load_gravity,
-    spin_after,
-)
-from rb_sim.engine.systems.many_bodies import LOAD
+from rb_sim.contact.stepping.step_workspace import LENGTH as LENGTH_OF_STEP
+from rb_sim.mechanics.systems.many_bodies import LOAD
 from tests.contact.stepping.tables_by_hand import LENGTH, SPEED, Heap, same_poses
 from tests.interpreted import interpreted
 

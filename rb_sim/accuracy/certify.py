@@ -1,0 +1,532 @@
+"""The error of one run, certified by runs of another method and on another grid of steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
+from rb_sim.accuracy.choice import QUANTITIES as NAMES
+from rb_sim.accuracy.choice import Setting, listed
+from rb_sim.accuracy.counted import CountedRunner
+from rb_sim.accuracy.differences import BALANCE, JUMPS, turn_between
+from rb_sim.accuracy.runs import EPS, dividing, one_ulp_apart, sample_times, sizes_of
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.mechanics.samples import Array, SampleLayout
+from rb_sim.motion.motion import nothing
+from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.schema import SimulationOptions
+
+# Six quantities whose errors a certificate states, and how two runs differ in them.
+
+
+Indices = NDArray[np.intp]
+
+POSITION, ROTATION, VELOCITY, SPIN, FORCE, TORQUE = range(6)
+
+
+def differences(rows: Array, others: Array, layout: SampleLayout) -> Array:
+    """How far two runs are apart at each instant, shape (n, 6), the worst of bodies and reactions.
+
+    rows, others: as the kernel writes them. What is not finite is infinitely far apart. Where the
+    two are on different sides of an event, which is no error but one of its time, the quantities
+    that jump count as 0; unless there are many such instants, for then they do not move alike.
+    """
+    a, b = parts(rows, layout), parts(others, layout)
+    apart = np.zeros((len(rows), len(NAMES)))
+    for k in range(len(NAMES)):
+        if k == ROTATION:
+            size = turn_between(a[k], b[k])
+        else:
+            size = np.linalg.norm(a[k] - b[k], axis=2)
+        apart[:, k] = np.nan_to_num(size, nan=np.inf, posinf=np.inf).max(axis=1, initial=0.0)
+    for i in across_an_event(rows, others, layout):
+        apart[i, VELOCITY:] = 0.0
+    return apart
+
+
+def parts(rows: Array, layout: SampleLayout) -> list[Array]:
+    """The six quantities, each (n, bodies or reactions, components)."""
+    bodies, reactions = len(layout.bodies), len(layout.reactions)
+    body = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)
+    reaction = rows[:, 13 * bodies : 13 * bodies + 9 * reactions]
+    reaction = reaction.reshape(len(rows), reactions, 9)
+    columns = [slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)]
+    held = [reaction[:, :, 0:3], reaction[:, :, 3:6]]
+    return [body[:, :, part] for part in columns] + held
+
+
+def across_an_event(rows: Array, others: Array, layout: SampleLayout) -> Indices:
+    """Indices of the instants that lie between the times that two runs give one event."""
+    if not layout.contacts:
+        return np.zeros(0, dtype=np.intp)
+    states = 13 * len(layout.bodies) + 9 * len(layout.reactions) + BALANCE + 1
+    finite = np.isfinite(rows).all(axis=1) & np.isfinite(others).all(axis=1)
+    apart = np.flatnonzero((rows[:, states:] != others[:, states:]).any(axis=1) & finite)
+    return apart if len(apart) <= JUMPS * len(rows) else apart[:0]
+
+
+def sizes(rows: Array, layout: SampleLayout) -> Array:
+    """How much of each quantity there is in a run, (6,): the way of the bodies, 1 rad, the largest
+    velocities, forces and torques."""
+    of = parts(rows, layout)
+    found = np.ones(len(NAMES))
+    of[POSITION] = of[POSITION] - of[POSITION][:1]
+    for k, values in enumerate(of):
+        if k != ROTATION:
+            found[k] = np.linalg.norm(values, axis=2).max(initial=0.0)
+    return found
+
+
+# What the roundings of impacts add up to, beside that of the start.
+
+
+def rounded_at_impacts(times: Array, ulp: Array, impacts: Array) -> Array:
+    """sum over the impacts before t of ulp(t - t_impact): errors that the roundings of all impacts
+    may add up to, shape (n, 6).
+
+    An impact finds its instant and all velocities anew, each but for its last bit, which then goes
+    on as one ulp of the start does. Two runs that are compared meet the same states and round them
+    alike, so that their difference does not show it. times: of the samples from 0 on, (n,) [s];
+    ulp: what one ulp in every coordinate of the start makes of the six quantities, (n, 6);
+    impacts: their times [s].
+    """
+    total = np.zeros_like(ulp)
+    worst = np.maximum.accumulate(ulp, axis=0)
+    # the impacts between two samples count together, as from the earlier one on
+    first = np.searchsorted(times, impacts, side="right") - 1
+    for i, count in zip(*np.unique(first, return_counts=True), strict=True):
+        after = times[i:] - times[i]
+        for k in range(ulp.shape[1]):
+            total[i:, k] += count * np.interp(after, times, worst[:, k])
+    return total
+
+
+# How one unit in the last place of the start grows: as a power of the time, or exponentially.
+
+
+CHAOTIC = 1e4
+"""Growth over the run below which nothing is said about its law: too little to tell one by."""
+
+SATURATED = 1e-2
+"""Share of the motion's own size above which two runs no longer part exponentially."""
+
+FEWEST = 20
+"""Instants to fit."""
+
+
+class Growth(NamedTuple):
+    """Of one ulp in every coordinate of the start."""
+
+    factor: float
+    """largest distance over the run, over that after its first hundredth."""
+    lyapunov_time: float
+    """time in which it grows by a factor of e [s]; infinite where it grows no faster than a power
+    of the time does."""
+
+
+def growth_of(times: Array, apart: Array) -> Growth:
+    """The law of growth of a distance, relative to the motion's size, at the times (n,) each."""
+    so_far = np.maximum.accumulate(apart)
+    first = max(1, len(times) // 100)
+    if not len(times) or not so_far[-1] > 0.0:
+        return Growth(1.0, math.inf)
+    start = max(float(so_far[min(first, len(so_far) - 1)]), 1e-17)
+    factor = float(so_far[-1]) / start
+    used = (so_far <= SATURATED) & (so_far > 0.0) & (times > 0.0)
+    if factor < CHAOTIC or used.sum() < FEWEST:
+        return Growth(factor, math.inf)
+    t, grown = times[used], np.log(so_far[used])
+    rate, rest = fitted(t, grown)
+    _, rest_of_power = fitted(np.log(t), grown)
+    exponential = rest < rest_of_power and rate > 0.0
+    return Growth(factor, 1.0 / rate if exponential else math.inf)
+
+
+def fitted(x: Array, y: Array) -> tuple[float, float]:
+    """(slope, sum of squares left) of the straight line through the points."""
+    (slope, start), *_ = np.linalg.lstsq(np.stack([x, np.ones_like(x)], axis=1), y, rcond=None)
+    left = y - slope * x - start
+    return float(slope), float(left @ left)
+
+
+# Two runs of other methods than that to be certified, refined until they agree.
+
+
+SHARPER = 0.1
+"""Share of a run's error to which the two runs that it is measured by should agree."""
+
+LOST = 0.1
+"""Error, in rad or as a share of the way of the bodies, that says nothing about where they are."""
+
+HALVINGS = 6
+"""Of the step of a checker, where chaos parts it from the sharp run."""
+
+AGREED = 1e-9
+"""Agreement of the pose to which the first two runs are brought [m, rad]."""
+
+FIRST = 0.25
+"""Share of the budget that the first run of a method may take: one that needs more for it, as an
+explicit method does where something dies out fast, has nothing left to be refined with."""
+
+CHEAPER = 0.25
+"""Share of the cost of one sharp method for which another of lower order is taken instead."""
+
+LAST_BITS = 4.0 * EPS
+"""Share of the largest value of a quantity below which two runs differ by rounding: they are not
+refined until they agree better."""
+
+
+def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
+    """Two runs that agree to a tenth of the run's error, or as far as doubles and time go."""
+    if setting.name == "time_stepping":
+        own = of_its_own(runner, setting)
+        if runner.compiled.between is not None:  # other methods do not know its pairs
+            return own
+        return as_far_as_events_go(runner, setting, own, budget)
+    best = checked_run(runner, AGREED, budget, first_sharp(runner, setting, budget))
+    layout = runner.compiled.layout
+    for _ in range(3):
+        enough = agreement_enough(best, rows, layout)
+        excess = most_of(apart(best, layout), enough)
+        if excess <= 1.0 or runner.spent > budget:
+            break
+        target = best.agreement / excess if math.isfinite(excess) else AGREED
+        true = checked_run(runner, target, budget, best.setting)
+        if not most_of(apart(true, layout), enough) < excess:
+            break
+        best = true
+    if LOST < best.agreement < math.inf:
+        best = tell_longest(runner, best, budget)
+    if is_alone(best, setting):
+        best = max(best, of_its_own(runner, setting), key=lambda each: reach(each.gaps))
+    return best
+
+
+def is_alone(best: CheckedRun, setting: Setting) -> bool:
+    """Whether nothing but the method of the run itself comes to the end: no other at all, or, where
+    what dies out at once takes an L-stable method, none that agrees with it."""
+    if setting.step is not None:
+        return not math.isfinite(best.agreement)
+    stable = METHODS[setting.name].family == "radau" and best.setting.name == setting.name
+    return stable and not best.agreement <= LOST
+
+
+def first_sharp(runner: CountedRunner, setting: Setting, budget: float) -> Setting:
+    """The method of highest order that comes to the end within a share of the budget, with a
+    tolerance below that of the setting; another where it is much cheaper, an L-stable one where
+    what has died out keeps the steps of the others short."""
+    tolerance = max(min(1e-9, 0.01 * (setting.tolerance or 1.0)), TIGHTEST)
+    able = [Setting(name, tolerance=tolerance) for name in by_order(runner.compiled.system)]
+    found, limit, most = able[0], runner.limit, FIRST * budget
+    for each in able if len(able) > 1 else ():
+        runner.limit = most
+        if np.isfinite(runner.sampled(each)[0][-1]).all():
+            found, most = each, min(most, CHEAPER * runner.known_cost(each))
+    runner.limit = limit
+    return found
+
+
+def agreement_enough(run: CheckedRun, rows: Array, layout: SampleLayout) -> Array:
+    """How closely the two should agree in pose and velocities, (4,): a tenth of the error of the
+    run of these rows, or what rounding leaves.
+
+    Velocities count for themselves: of what dies out within a microsecond they are wrong by a
+    million times the error of the pose.
+    """
+    error = differences(rows, run.rows, layout).max(axis=0)
+    values = [np.abs(part).max(initial=0.0) for part in parts(run.rows, layout)]
+    return np.maximum(SHARPER * error, LAST_BITS * np.array(values))[:FORCE]
+
+
+def apart(run: CheckedRun, layout: SampleLayout) -> Array:
+    """How far the two are apart in pose and velocities, (4,)."""
+    return differences(run.other, run.rows, layout).max(axis=0)[:FORCE]
+
+
+def most_of(apart: Array, enough: Array) -> float:
+    """The largest share of what is enough; infinite where a run does not come to the end."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(apart > 0.0, apart / enough, 0.0)
+    return float(np.nan_to_num(share, nan=math.inf, posinf=math.inf).max())
+
+
+def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> CheckedRun:
+    """Of runs that part before the end, those that part last, as sharp as time allows."""
+    layout, longest = runner.compiled.layout, reach(best.gaps)
+    sharp, checker = best.setting, best.checker
+    if sharp.tolerance is not None:
+        sharp = sharp.with_knob(TIGHTEST)
+    rows, steps = runner.sampled(sharp)
+    for _ in range(HALVINGS):
+        other, _ = runner.sampled(checker)
+        gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+        if reach(gaps) > longest:
+            longest = reach(gaps)
+            mean = runner.duration / max(1, steps)
+            best = CheckedRun(rows, other, sharp, checker, gaps, mean)
+        if checker.step is None or runner.spent > budget:
+            break
+        checker = checker.with_knob(dividing(0.5 * checker.step, runner.duration))
+    return best
+
+
+def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
+    """The same method at half and a quarter of the step, or with a hundredth and a ten-thousandth
+    of the tolerance, where no other comes to the end.
+
+    Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
+    is the error of the first.
+    """
+    if setting.tolerance is not None:
+        finer = [
+            setting.with_knob(max(setting.tolerance / k, least))
+            for k, least in ((1e2, 10.0 * TIGHTEST), (1e4, TIGHTEST))
+        ]
+    else:
+        finer = [setting.with_knob(dividing(setting.knob / k, runner.duration)) for k in (2.0, 4.0)]
+    (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
+    layout = runner.compiled.layout
+    gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+    mean = runner.duration / max(1, steps)
+    return CheckedRun(rows, other, finer[1], finer[0], gaps, mean)
+
+
+def as_far_as_events_go(
+    runner: CountedRunner, setting: Setting, own: CheckedRun, budget: float
+) -> CheckedRun:
+    """A run from event to event beside the finest of steps alone, up to where it ends.
+
+    Steps of any length may agree on what none of them tells, as with the impact of a rim whose low
+    point runs round it in less than a step. A heap, though, may have no events that one can follow.
+    """
+    sharp = first_sharp(runner, setting, budget)
+    limit, runner.limit = runner.limit, FIRST * budget
+    rows, _ = runner.sampled(sharp)
+    runner.limit = limit
+    told = np.isfinite(rows).all(axis=1, keepdims=True)
+    if np.count_nonzero(told) < 2:
+        return own
+    true, other = np.where(told, rows, own.rows), np.where(told, own.rows, own.other)
+    gaps = differences(other, true, runner.compiled.layout)[:, :2].max(axis=1)
+    if gaps.max() <= own.agreement:  # reactions stay those of one method: shares may be open
+        return own
+    return own._replace(rows=true, other=other, checker=sharp, gaps=gaps)
+
+
+def reach(lost: Array) -> int:
+    """Number of instants before the first at which the pose is lost."""
+    beyond = np.flatnonzero(~(lost <= LOST))
+    return int(beyond[0]) if len(beyond) else len(lost)
+
+
+# A certificate: the largest errors of a run, where they come from, and up to when they hold.
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Errors of a run, none smaller than the true one."""
+
+    setting: str
+    """how it was integrated."""
+    checked_by: tuple[str, str]
+    """settings of the two runs that it was compared with."""
+    errors: tuple[float, ...]
+    """largest error of each of NAMES up to `known_until`, in UNITS; infinite if that is 0."""
+    doubt: tuple[float, ...]
+    """share of it that is not the method's: by how much the two runs part, and one ulp grows."""
+    one_ulp: tuple[float, ...]
+    """what one ulp in every coordinate of the start grows to up to there."""
+    duration: float
+    """of the run [s]."""
+    known_until: float
+    """time up to which the two runs tell the motion to a tenth of its size [s]."""
+    follows_until: float
+    """time up to which the run itself does [s]."""
+    rounding: bool
+    """whether it is one ulp that has grown to as much by then, and not the time for the search."""
+    growth: float
+    """factor by which one ulp grows over the run."""
+    lyapunov_time: float
+    """[s]; infinite where errors do not grow exponentially."""
+    runs: int
+    """made for it, the run itself among them."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values; None for what is infinite: a time, errors where nothing is certain."""
+        chaotic = math.isfinite(self.lyapunov_time)
+        return {
+            "setting": self.setting,
+            "checked_by": list(self.checked_by),
+            "errors": finite(self.errors),
+            "doubt": finite(self.doubt),
+            "one_ulp": dict(zip(NAMES, self.one_ulp, strict=True)),
+            "duration": self.duration,
+            "known_until": self.known_until,
+            "follows_until": self.follows_until,
+            "rounding": self.rounding,
+            "growth": self.growth,
+            "lyapunov_time": self.lyapunov_time if chaotic else None,
+            "runs": self.runs,
+            "text": self.lines(),
+        }
+
+    def lines(self) -> list[str]:
+        """What is to be read, line by line."""
+        first, second = self.checked_by
+        if not self.known_until > 0.0:
+            return [f"nothing is certain: {first} and {second} do not tell the same motion"]
+        upto = "" if self.known_until >= self.duration else f" up to t = {self.known_until:.4g} s"
+        ulp = max(self.one_ulp[:2])
+        text = [
+            f"no error is larger{upto} than: {listed(self.errors)}",
+            f"found from {first} and {second}; of it are in doubt {max(self.doubt[:2]):.1e} (m, "
+            f"rad); one ulp at the start makes {ulp:.1e} (m, rad)",
+        ]
+        if math.isfinite(self.lyapunov_time):
+            text.append(f"errors grow by a factor of e in {self.lyapunov_time:.3g} s (chaos or an "
+                        "instability)")  # fmt: skip
+        if self.follows_until < self.duration:
+            text.append(
+                f"beyond t = {self.follows_until:.4g} s the run does not tell where the bodies are"
+                f"{self._remedy()}"
+            )
+        return text
+
+    def _remedy(self) -> str:
+        if self.follows_until < self.known_until:
+            return "; a smaller step or tolerance does"
+        return "; nor does any in double precision" if self.rounding else ""
+
+
+def finite(errors: tuple[float, ...]) -> dict[str, float | None]:
+    """Errors by name, None where nothing bounds them."""
+    pairs = zip(NAMES, errors, strict=True)
+    return {name: error if math.isfinite(error) else None for name, error in pairs}
+
+
+# Bounds of the errors of a run, from two runs of other methods that are refined until they agree.
+#
+#     |run - truth| <= |run - sharp| + |sharp - checker| + |one ulp|
+#
+# at every instant: the sharp run is nearer to the truth than to its checker unless the two err
+# alike, which methods of different families on different grids do only in what both take from the
+# scene, its constants and its start as doubles, and at impacts, which are the same for both; the
+# growth of one ulp, from the start and from every impact on, covers that.
+
+
+LEAST_TIME = 2.0
+"""Counted time that a certificate may take in any case [s]."""
+
+RUNS = 30.0
+"""Runs such as the one to be certified that it may take beyond."""
+
+MARGIN = 1.25
+"""For what is between the instants, and for signs that cancel at all of them."""
+
+TRIALS = 2
+"""Starts one ulp apart."""
+
+UNMOVED = 1e-12
+"""Way, relative to where the bodies are, below which they do not move: rounding."""
+
+
+def certify(
+    compiled: Compiled,
+    setting: Setting,
+    options: SimulationOptions,
+    times: Array | None = None,
+    look: Callable[[], None] = nothing,
+) -> Certificate:
+    """The certificate of the run of a scene under the setting; options: its duration and rate.
+
+    times: instants at which the runs are compared, increasing from 0 [s]; None: some hundreds.
+    look: called now and then; what it raises ends the search.
+    Its cost is counted, not timed, so the same scene gets the same certificate on every machine.
+    """
+    times = sample_times(options) if times is None else times
+    runner = CountedRunner(compiled, options.duration, times, look)
+    rows, _ = runner.sampled(setting)
+    spent = runner.spent
+    ended = int(np.isfinite(rows).all(axis=1).sum())
+    if ended < len(times):  # a motion that ends before, or a method that fails
+        runner.times = times[: max(ended, 2)]
+        rows = rows[: max(ended, 2)]
+        runner.forget()
+    budget = max(LEAST_TIME, RUNS * spent)
+    runner.limit = budget
+    true = two_runs(runner, setting, rows, budget)
+    ulp = ulp_apart(runner, true)
+    return stated(runner, setting, rows, true, ulp, float(times[-1]))
+
+
+def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
+    """How far starts one ulp apart come from the sharp run, (n, 6)."""
+    random = np.random.default_rng(0)
+    worst = np.zeros((len(runner.times), len(NAMES)))
+    rows, _ = runner.sampled(true.setting)
+    sizes = sizes_of(rows, runner.compiled)
+    for _ in range(TRIALS):
+        y = one_ulp_apart(runner.compiled.y, random, sizes)
+        moved, _ = runner.sampled(true.setting, y=y)
+        worst = np.maximum(worst, differences(moved, rows, runner.compiled.layout))
+    return worst
+
+
+def stated(
+    runner: CountedRunner,
+    setting: Setting,
+    rows: Array,
+    true: CheckedRun,
+    ulp: Array,
+    duration: float,
+) -> Certificate:
+    """The certificate from what the runs gave."""
+    layout, times = runner.compiled.layout, runner.times
+    size = sizes(true.rows, layout)
+    rounded = ulp + rounded_at_impacts(times, ulp, runner.impacts(true.setting))
+    doubt = differences(true.other, true.rows, layout) + rounded
+    error = MARGIN * (differences(rows, true.rows, layout) + doubt)
+    known, by_ulp = (
+        reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * rounded)
+    )
+    follows = reach(shares(error, size, true.rows, runner))
+    upto = slice(0, max(known, 1))
+    growth = growth_of(times, shares(ulp, size, true.rows, runner))
+    ends = [float(times[max(k - 1, 0)]) for k in (known, follows)]
+    if not ends[0] > 0.0:
+        error[:], doubt[:] = math.inf, math.inf
+    return Certificate(
+        setting=str(setting),
+        checked_by=(str(true.setting), str(true.checker)),
+        errors=largest(error[upto]),
+        doubt=largest(doubt[upto]),
+        one_ulp=largest(ulp[upto]),
+        duration=duration,
+        known_until=ends[0],
+        rounding=by_ulp < len(times) and by_ulp <= 1.2 * known,
+        follows_until=min(ends),
+        growth=growth.factor,
+        lyapunov_time=growth.lyapunov_time,
+        runs=runner.runs,
+    )
+
+
+def largest(errors: Array) -> tuple[float, ...]:
+    """Of each quantity."""
+    return tuple(float(value) for value in errors.max(axis=0))
+
+
+def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Array:
+    """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
+    bodies = len(runner.compiled.layout.bodies)
+    places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
+    still = UNMOVED * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
+    way = size[POSITION] if size[POSITION] > still else math.inf
+    with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has told
+        return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])

@@ -1,1 +1,0 @@
-"""The error of one run, certified by runs of another method and on another grid of steps."""

@@ -1,0 +1,345 @@
+"""Closed forms of rotation: pendulum, free rotor, symmetric rotor, top."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from rb_sim.accuracy.closed_forms.exact import Exact, gravity_of, only_gravity, parabola
+from rb_sim.accuracy.closed_forms.special_functions import (
+    Long,
+    LongArray,
+    about,
+    argument,
+    conjugate,
+    gauss_legendre,
+    jacobi,
+    long,
+    np,
+    product,
+    quarter_period,
+    tensor,
+    turned,
+    unit,
+    unturned,
+)
+from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
+from rb_sim.mechanics.systems.fixed_point import FixedPointBody
+from rb_sim.mechanics.systems.free import FreeRotor
+
+# Body on a fixed axis under gravity: the pendulum's elliptic functions.
+#
+# theta'' = -W^2 sin theta with theta from the direction of gravity, W^2 = m g r / J.  With
+# k^2 = sin^2(theta_0/2) + theta'_0^2 / (4 W^2): swings sin(theta/2) = k sn(W t + u, k^2) for k < 1,
+# turns over theta/2 = am(k W t + u, 1/k^2) for k > 1 (Whittaker, Analytical Dynamics, section 44).
+
+
+SEPARATRIX = 1e-15
+"""|1 - k^2| below which the motion is not told from the separatrix."""
+
+
+def pendulum(system: Any, y: Any) -> Exact | None:
+    """The exact motion about a fixed axis under gravity alone, or None."""
+    if not isinstance(system, FixedAxisBody) or not only_gravity(system.effects):
+        return None
+    frequency2, down = law(system)
+    relative = about_hanging(Long(y[0]) - down, Long(y[1]), frequency2)
+    if relative is None:
+        return None
+    motion = shifted(relative, down)
+
+    def coordinates(times: LongArray) -> LongArray:
+        return np.stack(motion(long(times)), axis=1).astype(float)
+
+    return Exact("pendulum, Jacobi elliptic functions; Whittaker 44", coordinates)
+
+
+PI = 4 * np.arctan(Long(1))
+
+
+def about_hanging(theta: Long, speed: Long, frequency2: Long) -> Any:
+    """motion(t) -> (theta, theta') of theta'' = -frequency2 sin theta; None near the separatrix."""
+    if frequency2 == 0:
+        return uniform(theta, speed)
+    whole = 2 * PI * np.round(theta / (2 * PI))
+    W, half = np.sqrt(frequency2), (theta - whole) / 2
+    m1 = (np.cos(half) - speed / (2 * W)) * (np.cos(half) + speed / (2 * W))  # 1 - k^2
+    if abs(m1) < SEPARATRIX:
+        return None
+    relative = swing(half, speed, W, m1) if m1 > 0 else turning(half, speed, W, m1)
+    return shifted(relative, whole)
+
+
+def law(system: FixedAxisBody) -> tuple[Long, Long]:
+    """(W^2, the angle phi at which C hangs along gravity)."""
+    n = long(system.axis_B)
+    n = n / np.sqrt((n * n).sum())
+    rho = long(system.rho)
+    g = unturned(long(system.q_0), gravity_of(system.effects))
+    mass = Long(system.body.mass)
+    about_A = tensor(system.body.inertia) + mass * ((rho @ rho) * np.eye(3) - np.outer(rho, rho))
+    arm, pull = rho - (rho @ n) * n, g - (g @ n) * n
+    size = np.sqrt((arm @ arm) * (pull @ pull))
+    down = np.arctan2(n @ np.cross(arm, pull), arm @ pull)
+    return mass * size / (n @ about_A @ n), down
+
+
+def uniform(angle: Long, speed: Long) -> Any:
+    return lambda t: (angle + speed * t, speed + 0 * t)
+
+
+def shifted(motion: Any, by: Long) -> Any:
+    def moved(t: LongArray) -> tuple[LongArray, LongArray]:
+        angle, speed = motion(t)
+        return angle + by, speed
+
+    return moved
+
+
+def swing(half: Long, speed: Long, W: Long, m1: Long) -> Any:
+    """k < 1: theta and theta' over time."""
+    k = np.sqrt(np.sin(half) ** 2 + (speed / (2 * W)) ** 2)
+    if k == 0:
+        return uniform(Long(0), Long(0))
+    start = argument(np.sin(half) / k, speed / (2 * W * k), m1)
+
+    def motion(t: LongArray) -> tuple[LongArray, LongArray]:
+        sn, cn, dn = jacobi(W * t + start, m1)
+        return 2 * np.arctan2(k * sn, dn), 2 * k * W * cn
+
+    return motion
+
+
+def turning(half: Long, speed: Long, W: Long, m1: Long) -> Any:
+    """k > 1: theta (not wrapped) and theta' over time."""
+    k = np.sqrt(np.sin(half) ** 2 + (speed / (2 * W)) ** 2)
+    side = np.sign(speed)
+    rest = -m1 / (k * k)  # 1 - 1/k^2
+    K = quarter_period(rest)
+    start = argument(side * np.sin(half), np.cos(half), rest)
+
+    def motion(t: LongArray) -> tuple[LongArray, LongArray]:
+        u = k * W * t + start
+        sn, cn, dn = jacobi(u, rest)
+        wrapped = np.arctan2(sn, cn)
+        turns = np.round((u * PI / (2 * K) - wrapped) / (2 * PI))
+        return side * 2 * (wrapped + 2 * PI * turns), side * 2 * k * W * dn
+
+    return motion
+
+
+# Free asymmetric body: Euler's case by Jacobi elliptic functions (LL 37), attitude by quadrature.
+#
+# With I1 < I2 < I3 and M^2 > 2 E I2 (else 1 and 3 change places)
+# w1 = A1 cn tau, w2 = A2 sn tau, w3 = A3 dn tau, tau = n t + tau_0 (LL 37.8 to 37.10).  The angular
+# momentum is fixed in the world, so the attitude is known but for the turn psi about it,
+# dpsi/dt = M (I1 w1^2 + I2 w2^2) / (I1^2 w1^2 + I2^2 w2^2); that quadrature is by Gauss-Legendre on
+# panels short enough for the nearest pole.  Under gravity alone C moves on its parabola.
+
+
+NODES = 24
+MOST_PANELS = 100_000
+
+
+class Spin(NamedTuple):
+    """w(t) about the principal axes in the order of `roles`."""
+
+    roles: tuple[int, int, int]
+    """body axes that play the parts 1, 2, 3 of LL."""
+    moments: LongArray
+    amplitudes: LongArray
+    rate: Long
+    """dtau/dt, negative where the roles are a left-handed triple."""
+    start: Long
+    """tau_0."""
+    m1: Long
+
+    def velocity(self, t: LongArray) -> LongArray:
+        """(w1, w2, w3) at times t, shape (n, 3)."""
+        sn, cn, dn = jacobi(self.rate * t + self.start, self.m1)
+        return np.stack([cn, sn, dn], axis=-1) * self.amplitudes
+
+
+def free_rotor(system: Any, y: Any) -> Exact | None:
+    """The exact motion of a free body with three different moments, or None."""
+    if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
+        return None
+    if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
+        return None
+    moments, w = long(system.body.inertia[:3]), long(y[10:13])
+    spin = spin_of(moments, w)
+    if spin is None:
+        return None
+    q0 = unit(long(y[3:7]))
+    momentum = turned(q0, moments * w)
+
+    def coordinates(times: LongArray) -> LongArray:
+        t = long(times)
+        q, spins = attitude(spin, q0, momentum, t), np.empty((len(t), 3), dtype=Long)
+        spins[:, list(spin.roles)] = spin.velocity(t)
+        p, v = parabola(system.effects, y[0:3], y[7:10], t)
+        return np.concatenate([p, q, v, spins], axis=1).astype(float)
+
+    return Exact("free asymmetric body, Jacobi elliptic functions; LL 37", coordinates)
+
+
+def spin_of(moments: LongArray, w: LongArray) -> Spin | None:
+    """Amplitudes, rate and phase from the initial spin; None where the motion is elementary."""
+    order = [int(i) for i in np.argsort(moments)]
+    small, middle, large = moments[order]
+    if min(middle - small, large - middle) <= 1e-12 * large or (w != 0).sum() < 2:
+        return None
+    a, b, c = w[order]
+    excess = large * (large - middle) * c * c - small * (middle - small) * a * a  # M^2 - 2 E I2
+    if excess == 0:
+        return None
+    if excess < 0:
+        order, excess = order[::-1], -excess
+    one, two, three = moments[order]
+    w1, w2, w3 = w[order]
+    s12, s13, s23 = abs(two - one), abs(three - one), abs(three - two)
+    above = two * s12 * w2 * w2 + three * s13 * w3 * w3  # |M^2 - 2 E I1|
+    below = one * s13 * w1 * w1 + two * s23 * w2 * w2  # |2 E I3 - M^2|
+    m1 = s13 * excess / (s23 * above)
+    if m1 <= 1e-15 or below == 0:
+        return None
+    side = np.sign(w3)
+    amplitudes = long(
+        [
+            side * np.sqrt(below / (one * s13)),
+            np.sqrt(below / (two * s23)),
+            side * np.sqrt(above / (three * s13)),
+        ]
+    )
+    even = tuple(order) in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+    hand = (1 if even else -1) * (1 if three > one else -1)
+    rate = hand * np.sqrt(s23 * above / (one * two * three))
+    start = argument(w2 / amplitudes[1], w1 / amplitudes[0], m1)
+    roles = (order[0], order[1], order[2])
+    return Spin(roles, moments[order], amplitudes, rate, start, min(m1, Long(1)))
+
+
+def attitude(spin: Spin, q0: LongArray, momentum: LongArray, t: LongArray) -> LongArray:
+    """Quaternions at increasing times, from Euler angles about the angular momentum."""
+    k = spin.roles[2]
+    i, j = (k + 1) % 3, (k + 2) % 3
+    size = np.sqrt((momentum * momentum).sum())
+    own = np.empty((len(t), 3), dtype=Long)
+    own[:, list(spin.roles)] = spin.velocity(t) * spin.moments
+    theta = np.arctan2(np.hypot(own[:, i], own[:, j]), own[:, k])
+    phi = np.arctan2(own[:, i], own[:, j])
+    unit_i, unit_k = np.eye(3, dtype=Long)[i], np.eye(3, dtype=Long)[k]
+    lean = product(about(unit_i, theta), about(unit_k, phi))
+    psi = precession(spin, size, t)
+    first = product(q0, conjugate(lean[0]))
+    return unit(product(product(first, about(unit_k, psi)), lean))
+
+
+def precession(spin: Spin, momentum: Long, t: LongArray) -> LongArray:
+    """psi(t) from psi(t[0]) = 0 [rad]."""
+    one, two = spin.moments[0], spin.moments[1]
+    pole = min(1.0, float(abs(one * spin.amplitudes[0] / (two * spin.amplitudes[1]))))
+    gaps = np.diff(t)
+    longest = float(gaps.max() * abs(spin.rate))
+    pieces = max(1, math.ceil(longest / (0.5 * pole)))
+    if pieces * len(gaps) > MOST_PANELS:
+        raise OverflowError("too many panels for the attitude's quadrature")
+    nodes, weights = gauss_legendre(NODES)
+    total = np.zeros(len(gaps), dtype=Long)
+    for piece in range(pieces):
+        width = gaps / pieces
+        left = t[:-1] + piece * width
+        at = (left[:, None] + (nodes + 1) / 2 * width[:, None]).ravel()
+        squares = spin.velocity(at)[:, :2] ** 2
+        moments = spin.moments[:2]
+        slope = (squares * moments).sum(axis=1) / (squares * moments**2).sum(axis=1)
+        total += (slope.reshape(-1, NODES) * weights).sum(axis=1) * width / 2
+    return momentum * np.concatenate([np.zeros(1, dtype=Long), np.cumsum(total)])
+
+
+# Free symmetric body: regular precession (LL 33), and steady spin about a principal axis.
+#
+# With moments I1 = I2 and I3 about the axis e: R(t) = turn(L / I1 t) R(0) turn(e w3 (1 - I3/I1) t),
+# L the fixed angular momentum.  Under gravity alone C moves on its parabola.
+
+
+def symmetric_rotor(system: Any, y: Any) -> Exact | None:
+    """The exact motion of a free body with two equal moments or in steady spin, or None."""
+    if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
+        return None
+    if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
+        return None
+    moments, w = long(system.body.inertia[:3]), long(y[10:13])
+    axis = symmetry_axis(moments, w)
+    if axis is None:
+        return None
+    across = moments[(axis + 1) % 3] if (w != 0).sum() > 1 else moments[axis]
+    q0 = unit(long(y[3:7]))
+    momentum = turned(q0, moments * w)
+    own = w[axis] * (1 - moments[axis] / across)
+
+    def coordinates(times: LongArray) -> LongArray:
+        t = long(times)
+        size = np.sqrt((momentum * momentum).sum())
+        direction = momentum / size if size > 0 else long([0, 0, 1])
+        spin = about(np.eye(3, dtype=Long)[axis], own * t)
+        q = unit(product(product(about(direction, size / across * t), q0), spin))
+        p, v = parabola(system.effects, y[0:3], y[7:10], t)
+        return np.concatenate([p, q, v, unturned(q, momentum) / moments], axis=1).astype(float)
+
+    return Exact("free symmetric body, regular precession; LL 33", coordinates)
+
+
+def symmetry_axis(moments: LongArray, w: LongArray) -> int | None:
+    """Body axis about which the body is symmetric or steadily spins; None if there is none."""
+    for k in range(3):
+        steady = w[(k + 1) % 3] == 0 and w[(k + 2) % 3] == 0
+        if steady or moments[(k + 1) % 3] == moments[(k + 2) % 3]:
+            return k
+    return None
+
+
+# Symmetric top in steady precession about the vertical (LL 35, problem 1; Goldstein 5.7).
+#
+# R(t) = turn(k p t) R(0) turn(e s t), k up, e the axis of symmetry, where the precession p and the
+# spin w3 = s + p cos(theta) satisfy p (I3 w3 - I1 p cos(theta)) = m g l (moments about the point).
+
+
+STEADY = 1e-14
+"""Relative misfit of the condition up to which initial values count as steady (rounded ones)."""
+
+
+def steady_top(system: Any, y: Any) -> Exact | None:
+    """The exact motion of a top whose initial state precesses steadily, or None."""
+    if not isinstance(system, FixedPointBody) or not only_gravity(system.effects):
+        return None
+    rho, g, mass = long(system.rho), gravity_of(system.effects), Long(system.body.mass)
+    length, strength = np.sqrt(rho @ rho), np.sqrt(g @ g)
+    if length == 0 or strength == 0:
+        return None
+    e, up, q0 = rho / length, -g / strength, unit(long(y[0:4]))
+    own = tensor(system.body.inertia)
+    about_O = own + mass * ((rho @ rho) * np.eye(3) - np.outer(rho, rho))
+    w = long(y[4:7])
+    axial, k = e @ about_O @ e, unturned(q0, up)
+    across = (np.trace(about_O) - axial) / 2
+    uniaxial = across * np.eye(3) + (axial - across) * np.outer(e, e)
+    if np.abs(about_O - uniaxial).max() > STEADY * across:
+        return None
+    side = k - (k @ e) * e
+    if side @ side < 1e-12:
+        return None
+    p, cosine, w3 = (w @ side) / (side @ side), k @ e, w @ e
+    beside = w - p * side - w3 * e
+    weight = mass * strength * length
+    misfit = p * (axial * w3 - across * p * cosine) - weight
+    if abs(misfit) > STEADY * weight or np.sqrt(beside @ beside) > STEADY * np.sqrt(w @ w):
+        return None
+
+    def coordinates(times: LongArray) -> LongArray:
+        t = long(times)
+        q = product(product(about(up, p * t), q0), about(e, (w3 - p * cosine) * t))
+        w_t = p * unturned(q, up) + (w3 - p * cosine) * e
+        return np.concatenate([unit(q), w_t], axis=1).astype(float)
+
+    return Exact("top in steady precession; LL 35", coordinates)

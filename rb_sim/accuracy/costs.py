@@ -1,0 +1,474 @@
+"""What a scene calls for, and what each part of it costs per step, measured by leaving it out.
+
+Steps of bodies in contact are measured between events, and what an event costs apart from them.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.accuracy.auto import remembered_choice
+from rb_sim.accuracy.choice import Choice, Setting
+from rb_sim.accuracy.differences import BALANCE
+from rb_sim.accuracy.runs import dividing
+from rb_sim.base.errors import RbSimError, SimulationError
+from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
+from rb_sim.catalogue.constraints.rows import COUNT
+from rb_sim.catalogue.contacts.touching import contact_lines
+from rb_sim.catalogue.effects import SPECS as EFFECTS
+from rb_sim.contact.choose_motion import motion_of
+from rb_sim.contact.events.event_motion import ContactMotion
+from rb_sim.contact.events.shares import undetermined_at_start
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.motion.motion import Motion, nothing
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.schema import Scene
+
+# What steps of several motions cost, measured in turns, and what an event costs beside them.
+
+
+SPELL = 1e-3
+"""CPU time of one measurement, about [s]; the least of REPEATS counts."""
+
+REPEATS = 4
+
+ROUNDS = 31
+"""Interleaved measurements of all variants; their medians count."""
+
+FEWEST_STEPS = 500
+"""Steps of one run at least, so that starting it does not count."""
+
+FEW_STEPS = 20
+"""The same of steps so dear that they fill a SPELL before: each takes much longer than starting."""
+
+FIRST_RUN = 0.2
+"""CPU time after which the first run of the scene without a part is broken off [s]."""
+
+LONGEST_RUN = 5.0
+"""CPU time after which a run that is only looked at is broken off [s]."""
+
+MEASURING = 10.0
+"""CPU time of the rounds [s]: after it no other begins, but for FEWEST_ROUNDS."""
+
+FEWEST_ROUNDS = 5
+"""Of which a median and its spread can be told."""
+
+EDGE = 0.1
+"""Share of the time between two events that is kept clear of either, and of the end of a run."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Nanoseconds per step: median and half the interquartile range of interleaved runs."""
+
+    nanoseconds: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class Events:
+    """Instants at which contacts change: located, and answered with impacts and new modes."""
+
+    count: int
+    """over the scene's duration, the start left out."""
+    nanoseconds: float
+    """CPU time of one, beside the steps between them."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a run of the scene has shown, as far as it came."""
+
+    reached: float
+    """the scene's duration, or where the run ended or was broken off [s]."""
+    steps: int
+    rejected: int
+    events: tuple[float, ...] | None
+    """instants after the start at which contacts have changed [s]; None where there are none."""
+    seconds: float
+    """CPU time of it [s]."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The longest time without an event, in which steps of bodies in contact are measured."""
+
+    start: float
+    """[s]."""
+    length: float
+    """[s]."""
+    y: np.ndarray
+    """coordinates at the start."""
+
+
+class _OutOfTimeError(Exception):
+    """A run is not at its end when its time is over."""
+
+
+def comes_to(motion: Motion, end: float, seconds: float) -> bool:
+    """Carry the motion to `end` [s]; False if it is not there after so much CPU time [s]."""
+    began = time.process_time()
+
+    def look() -> None:
+        if time.process_time() - began > seconds:
+            raise _OutOfTimeError
+
+    motion.watch = look
+    try:
+        motion.run_to([end])
+    except _OutOfTimeError:
+        return False
+    finally:
+        motion.watch = nothing
+    return True
+
+
+def survey(compiled: Compiled, setting: Setting, duration: float) -> Survey:
+    """Run the scene once, within LONGEST_RUN. Raises SimulationError if it cannot even begin."""
+    motion = motion_of(compiled, setting.build(duration))
+    motion.warm()
+    began = time.process_time()
+    try:
+        comes_to(motion, duration, LONGEST_RUN)
+    except SimulationError:
+        if not motion.frontier[0] > 0.0:
+            raise
+    seconds = time.process_time() - began
+    reached = min(motion.frontier[0], duration)
+    events = tuple(instants(motion)) if isinstance(motion, ContactMotion) else None
+    return Survey(reached, motion.steps, motion.rejected_steps, events, seconds)
+
+
+def longest_stretch(
+    compiled: Compiled, setting: Setting, duration: float, seen: Survey
+) -> Stretch | None:
+    """Where no contact changes for longest; None for motions without events."""
+    if seen.events is None:
+        return None
+    motion = motion_of(compiled, setting.build(duration))
+    marks = [0.0, *seen.events, seen.reached]
+    gaps = np.diff(marks)
+    i = int(np.argmax(gaps))
+    start = marks[i] + EDGE * float(gaps[i])
+    motion.run_to([start])
+    return Stretch(start, (1.0 - 2.0 * EDGE) * float(gaps[i]), np.array(motion.coordinates))
+
+
+def instants(motion: ContactMotion) -> list[float]:
+    """Times after the start at which contacts have changed, in their order [s]."""
+    return sorted({event.t for event in motion.events if event.t > 0.0})
+
+
+def steps_of_a_run(seen: Survey) -> int:
+    """Steps that one measurement takes."""
+    spells = max(seen.seconds / SPELL, 1e-9)  # some clocks tell nothing of a short run
+    return int(min(max((seen.steps + seen.rejected) / spells, FEW_STEPS), FEWEST_STEPS))
+
+
+def typical_step(setting: Setting, seen: Survey, stretch: Stretch | None) -> float:
+    """The step, or the mean one of an adaptive run; short enough for a measurement [s]."""
+    step = seen.reached / max(1, seen.steps) if setting.step is None else setting.step
+    span = (1.0 - EDGE) * seen.reached if stretch is None else stretch.length
+    return dividing(min(step, span / steps_of_a_run(seen)), span)
+
+
+def begin(motion: Motion, stretch: Stretch | None) -> None:
+    """Go to where the measurement starts: the start of the scene, or of the stretch."""
+    if stretch is not None and isinstance(motion, ContactMotion):
+        motion.reset(stretch.y, stretch.start)
+    else:  # also what has no contact left, and so other coordinates
+        motion.reset()
+
+
+def interleaved(
+    motions: Sequence[Motion | None], step: float, count: int, stretch: Stretch | None
+) -> list[np.ndarray | None]:
+    """Nanoseconds per step of each variant, one per round; rounds go through all variants.
+
+    count: steps of one measurement. No round begins after MEASURING, but for FEWEST_ROUNDS.
+    """
+    results: list[list[float]] = [[] for _ in motions]
+    began = time.process_time()
+    for turn in range(ROUNDS):
+        late = time.process_time() - began > MEASURING
+        if late and turn >= FEWEST_ROUNDS:
+            break
+        for motion, result in zip(motions, results, strict=True):
+            if motion is not None:
+                repeats = 1 if late else REPEATS
+                result.append(
+                    min(nanoseconds(motion, step, count, stretch) for _ in range(repeats))
+                )
+    return [np.array(result) if result else None for result in results]
+
+
+def nanoseconds(motion: Motion, step: float, count: int, stretch: Stretch | None = None) -> float:
+    """CPU time of one step [s], from runs of `count` of them that fill a SPELL [ns].
+
+    A method that only adapts its step may take another number of them without a part; what counts
+    is the time that the same span takes.
+    """
+    total, steps = 0.0, 0
+    while total < SPELL:
+        begin(motion, stretch)
+        end = motion.time + count * step
+        start = time.process_time()
+        motion.run_to([end])
+        total += time.process_time() - start
+        steps += count
+    return 1e9 * total / steps
+
+
+def cost_of_events(
+    compiled: Compiled, setting: Setting, duration: float, step: float, seen: Survey
+) -> Events | None:
+    """What a whole run takes beside its steps; step: what one of them takes [ns]."""
+    if seen.events is None:
+        return None
+    motion = motion_of(compiled, setting.build(duration))
+    spent = [seen.seconds]
+    while len(spent) < REPEATS and sum(spent) < LONGEST_RUN:
+        motion.reset()
+        start = time.process_time()
+        motion.run_to([seen.reached])
+        spent.append(time.process_time() - start)
+    count = len(seen.events)
+    beside = 1e9 * min(spent) - step * (seen.steps + seen.rejected)
+    return Events(count, max(beside, 0.0) / count if count else 0.0)
+
+
+def cost_of(samples: np.ndarray) -> Cost:
+    low, middle, high = np.percentile(samples, [25.0, 50.0, 75.0])
+    return Cost(float(middle), 0.5 * float(high - low))
+
+
+NOISE = 3.0
+"""Half interquartile ranges below zero up to which a part is taken to cost nothing."""
+
+PREPARING = 30.0
+"""CPU time of compiling the scene without its parts [s]: after it no other is left out."""
+
+LATE = "the time for measuring is spent on the parts before it"
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Item:
+    """One constraint or effect of the scene."""
+
+    name: str
+    type: str
+    on: str
+    """the bodies it acts on."""
+    rows: int
+    """lines of the constraint Jacobian; 0 for an effect."""
+    cost: Cost | None
+    """what a step costs more because of it; None where that has no meaning."""
+    reason: str = ""
+    """why it has none."""
+
+
+Costs = dict[tuple[str, str], tuple[Cost | None, str]]
+"""(section, name) of a part -> what it costs, or None and the reason."""
+
+
+class Measure(NamedTuple):
+    """What is timed: `count` steps from the start of the stretch, or of the scene."""
+
+    step: float
+    """[s]."""
+    count: int
+    stretch: Stretch | None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is simulated and how."""
+
+    scene: str
+    bodies: tuple[tuple[str, float], ...]
+    """(name, mass [kg])."""
+    constraints: tuple[Item, ...]
+    effects: tuple[Item, ...]
+    rows: int
+    degrees_of_freedom: int
+    indeterminate: tuple[str, ...]
+    """reactions that statics alone does not determine, contacts as they are at the start."""
+    coordinates: str
+    method: str
+    choice: Choice | None
+    """where the scene says `method: auto`."""
+    step: Cost
+    """the whole step."""
+    step_length: float
+    """of the measurement [s]."""
+    measured_from: float
+    """time of the scene at which the measurement begins [s]."""
+    seen_until: float
+    """up to which the scene was run for it: its duration, unless that takes too long [s]."""
+    duration: float
+    """of the scene [s]."""
+    events: Events | None
+    """None without contacts, and with a method that knows no events."""
+    absent_constraints: tuple[str, ...]
+    absent_effects: tuple[str, ...]
+
+
+def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
+    """Compile the scene and the scene without each of its parts, and time their steps in turn.
+
+    Raises SceneError if the scene cannot be simulated.
+    """
+    tell = progress or (lambda what, share: None)
+    compiled, options = compile_scene(scene), scene.simulation
+    choice = remembered_choice(scene, compiled) if options.method == "auto" else None
+    setting = choice.setting if choice else Setting(options.method, options.step, options.tolerance)
+    seen = survey(compiled, setting, options.duration)
+    stretch = longest_stretch(compiled, setting, options.duration, seen)
+    measure = Measure(typical_step(setting, seen, stretch), steps_of_a_run(seen), stretch)
+    whole, costs = costs_of_parts(scene, setting, measure, tell)
+    events = cost_of_events(compiled, setting, options.duration, whole.nanoseconds, seen)
+    tell("done", 1.0)
+    place = InitialPlace(scene)
+    constraints: dict[str, Any] = dict(scene.constraints)
+    return Explanation(
+        scene=scene.name,
+        bodies=tuple((name, body.mass) for name, body in scene.bodies.items()),
+        constraints=tuple(
+            item(name, spec, *costs["constraints", name], rows=lines_of(spec.parts(place)))
+            for name, spec in constraints.items()
+        ),
+        effects=tuple(
+            item(name, spec, *costs["effects", name]) for name, spec in scene.effects.items()
+        ),
+        rows=compiled.rows,
+        degrees_of_freedom=compiled.degrees_of_freedom,
+        indeterminate=undetermined_at_start(compiled),
+        coordinates=coordinates_of(compiled),
+        method=str(setting),
+        choice=choice,
+        step=whole,
+        step_length=measure.step,
+        measured_from=0.0 if stretch is None else stretch.start,
+        seen_until=seen.reached,
+        duration=options.duration,
+        events=events,
+        absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
+        absent_effects=absent(EFFECTS, scene.effects.values()),
+    )
+
+
+def costs_of_parts(
+    scene: Scene, setting: Setting, measure: Measure, tell: Progress
+) -> tuple[Cost, Costs]:
+    """The cost of a step, and by how much each part adds to it."""
+    parts = [("constraints", name) for name in scene.constraints]
+    parts += [("effects", name) for name in scene.effects]
+    motions: list[Motion | None] = []
+    reasons: dict[tuple[str, str], str] = {}
+    began = time.process_time()
+    for i, part in enumerate([None, *parts]):
+        tell(f"compiling without {part[1]}" if part else "compiling", i / (len(parts) + 2))
+        late = part is not None and time.process_time() - began > PREPARING
+        made = LATE if late else variant(scene, part, setting, measure)
+        if isinstance(made, str):
+            if part is None:
+                raise SimulationError(f"a step cannot be measured: {made}")
+            reasons[part] = made
+        motions.append(None if isinstance(made, str) else made)
+    tell("measuring", (len(parts) + 1) / (len(parts) + 2))
+    whole, *without = interleaved(motions, measure.step, measure.count, measure.stretch)
+    for k, motion in enumerate(motions[1:]):
+        if without[k] is not None and parts[k][0] == "effects" and parted(motions[0], motion):
+            without[k] = None
+            reasons[parts[k]] = "contacts are others without it"
+    assert whole is not None
+    costs: Costs = {}
+    for part, rest in zip(parts, without, strict=True):
+        costs[part] = (None, reasons[part]) if rest is None else priced(cost_of(whole - rest))
+    return cost_of(whole), costs
+
+
+def lines_of(parts: Sequence[Any]) -> int:
+    """Constraint lines of these parts, joints' or contacts'."""
+    rows = [part.row for part in parts]
+    return sum(COUNT[type(r)] if type(r) in COUNT else contact_lines(r) for r in rows)
+
+
+def priced(cost: Cost) -> tuple[Cost | None, str]:
+    """The cost and "", or None and why it is none: a part has no negative price."""
+    if cost.nanoseconds >= 0.0:
+        return cost, ""
+    if -cost.nanoseconds <= NOISE * cost.spread:
+        return Cost(0.0, cost.spread), ""
+    return None, "the scene takes more time without it, in other coordinates or contacts"
+
+
+def item(name: str, spec: Any, cost: Cost | None, reason: str = "", rows: int = 0) -> Item:
+    on = getattr(spec, "body", None) or ", ".join(getattr(spec, "bodies", None) or ("all bodies",))
+    parent = getattr(spec, "parent", None)
+    return Item(name, spec.type, f"{on} by {parent}" if parent else on, rows, cost, reason)
+
+
+def absent(catalogue: Any, used: Any) -> tuple[str, ...]:
+    """Kinds of the catalogue that the scene does not name."""
+    named = {spec.type for spec in used}
+    return tuple(kind for kind in catalogue if kind not in named)
+
+
+def coordinates_of(compiled: Compiled) -> str:
+    """The coordinates y, as the system's own documentation names them."""
+    if not compiled.reduced:
+        return f"maximal: {len(compiled.y)} coordinates, multipliers, projection after each step"
+    text = (type(compiled.system).__doc__ or "").strip().split("\n")[0].rstrip(".")
+    return f"reduced ({type(compiled.system).__name__}): {text}"
+
+
+def variant(
+    scene: Scene, part: tuple[str, str] | None, setting: Setting, measure: Measure
+) -> Motion | str:
+    """The scene without one part, compiled, in fixed steps of its method if it has them.
+
+    A phrase where that has no meaning: the scene cannot be simulated without the part, or its
+    contacts change.
+    """
+    without = "" if part is None else " without it"
+    if part is not None:
+        section, name = part
+        rest = {k: spec for k, spec in getattr(scene, section).items() if k != name}
+        scene = scene.model_copy(update={section: rest})
+    try:
+        compiled = replace(compile_scene(scene), breakpoints=())
+        if not METHODS[setting.name].suits(compiled.system):
+            return f"{setting.name} does not integrate the scene{without}"
+        fixed = METHODS[setting.name].fixed
+        form = setting if fixed is None else Setting(setting.name, step=measure.step)
+        motion = motion_of(compiled, form.build(scene.simulation.duration))
+        motion.warm()
+        begin(motion, measure.stretch)
+        start = motion.time
+        limit = math.inf if part is None else FIRST_RUN
+        if not comes_to(motion, start + measure.count * measure.step, limit):
+            return "without it the same steps take too long to be measured"
+        if isinstance(motion, ContactMotion) and any(t > start for t in instants(motion)):
+            return f"contacts change{without} while it is measured"
+    except RbSimError:
+        return f"the scene does not run{without}"
+    return motion
+
+
+def parted(motion: Motion | None, other: Motion | None) -> bool:
+    """Whether two variants with the same contacts hold them otherwise at the end of their runs."""
+    if not isinstance(motion, ContactMotion) or not isinstance(other, ContactMotion):
+        return False
+    states = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions) + BALANCE + 1
+    return not np.array_equal(motion.sample()[0][states:], other.sample()[0][states:])

@@ -1,0 +1,430 @@
+"""What the poses of one body tell, stretch by stretch: energy, momenta, the wrench they take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.signal import savgol_coeffs
+
+from rb_sim.bags.analysis.derivatives import (
+    FILTER,
+    NORMAL,
+    ORDER,
+    ROUNDING,
+    WINDOW,
+    Body,
+    Jump,
+    Motion,
+    differentiated,
+    error_at,
+    even,
+    filled,
+    inverse_dynamics,
+    pieces,
+)
+from rb_sim.bags.analysis.figures import Figures
+from rb_sim.io.frames import norms
+
+# Instants at which the velocity of a body jumps: nothing follows from poses beside them.
+#
+# A polynomial through samples on both sides of an impact has accelerations of about the jump over a
+# few periods, which no force of the motion is. Where a run is ours its events tell the impacts. Of
+# others' poses a second difference d_k stands out from what those beside it foretell,
+#
+#     D_k = d_k - 0.9 (d_k-2 + d_k+2) + 0.4 (d_k-3 + d_k+3)
+#
+# (the cubic through four of them), is more than noise makes, and larger than all four.
+
+
+LOOK = 4
+"""Samples on either side of one that are looked at."""
+NEIGHBOURS = {2: 0.9, 3: -0.4}
+"""Weights of the second differences as many samples before and after."""
+SURE_JUMP = 6.0
+"""Standard deviations of D that noise does not reach."""
+LARGER = 2.0
+"""Times the second differences beside it: an oscillation of up to a radian a sample stays below."""
+STILL = 1e-12
+"""[m]: what moves by less is a point at rest, and its rounding."""
+KEPT = 20
+"""Intervals that are kept one by one."""
+EVENT_COLUMNS = 3
+
+
+class Struck:
+    """The instants of one body, in bounded memory.
+
+    told: events tell them; else they are looked for in the poses.
+    """
+
+    def __init__(self, told: bool = False) -> None:
+        self.told = told
+        self.count = self.samples = self.of = 0
+        """jumps; samples beside them; samples in all."""
+        self.intervals: list[list[float]] = []
+        self._times = np.empty(0)
+        self._first: list[float] = []
+        self._reach = 0.0
+
+    def add(self, times: np.ndarray) -> None:
+        """The next instants [s], increasing."""
+        self._times = np.concatenate([self._times, times])
+        self.count += len(times)
+        self._first += times[: EVENT_COLUMNS - len(self._first)].tolist()
+
+    def look(self, t: np.ndarray, pose: np.ndarray) -> None:
+        """Find those in poses (n, 7); stretches overlap by LOOK samples at least."""
+        if self.told:
+            return
+        for part in pieces(t):
+            if part.stop - part.start <= 2 * LOOK:
+                continue
+            at, rows, h = even(t[part], pose[part, :3], pose[part, 3:7])
+            last = self._times[-1] if len(self._times) else -np.inf
+            fresh = []
+            for time in at[jumps(rows)].tolist():
+                if time - last > 2.5 * h:
+                    fresh.append(time)
+                last = max(time, last)
+            self.add(np.array(fresh))
+
+    def beside(self, t: np.ndarray, h: float) -> np.ndarray:
+        """Which of the instants t, h apart, have one within the filter's window."""
+        reach = self._reach = (WINDOW // 2 + (0.0 if self.told else 1.0)) * h
+        self._times = self._times[self._times >= t[0] - reach - WINDOW * h]
+        k = np.searchsorted(self._times, t - reach)
+        padded = np.append(self._times, np.inf)
+        found = padded[k] <= t + reach
+        self.of += len(t)
+        self.samples += int(found.sum())
+        self._keep(t, found, h)
+        return found
+
+    def _keep(self, t: np.ndarray, found: np.ndarray, h: float) -> None:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], found, [False]]).astype(int)))
+        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if self.intervals and t[a] - self.intervals[-1][1] < 1.5 * h:
+                self.intervals[-1][1] = float(t[b - 1])
+            elif len(self.intervals) < KEPT:
+                self.intervals.append([float(t[a]), float(t[b - 1])])
+
+    @property
+    def note(self) -> str:
+        """When, and what is left out for it; or ""."""
+        if not self.samples:
+            return ""
+        at = ", ".join(f"{t:.6g}" for t in self._first) + ", ..." * (self.count > len(self._first))
+        what = "is struck" if self.told else "jumps, or moves too fast for its samples,"
+        times = "once" if self.count == 1 else f"{self.count} times"
+        return (
+            f"{what} {times} (t = {at} s): within {self._reach:.2g} s of that nothing follows from "
+            f"its poses; {self.samples} of {self.of} samples are left out of its motion and wrench"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers."""
+        return {"count": self.count, "samples": self.samples, "intervals": self.intervals}
+
+
+def jumps(rows: np.ndarray) -> np.ndarray:
+    """Indices of jumps of the velocity in even samples of a pose, shape (7, n)."""
+    d = np.diff(rows, 2, axis=1)  # of sample 1 + k
+    n, width = d.shape[1], max(NEIGHBOURS)
+    middle = d[:, width : n - width]
+    beside = {j: d[:, width + j : n - width + j] for k in NEIGHBOURS for j in (-k, k)}
+    D = middle - sum(NEIGHBOURS[abs(j)] * part for j, part in beside.items())
+    sigma = np.median(np.abs(D), axis=1) / NORMAL
+    found = np.zeros(D.shape[1], bool)
+    for part, still in ((slice(0, 3), STILL), (slice(3, 7), 0.0)):
+        # of the noisiest component: how noise is shared among those of a quaternion changes
+        least = max(SURE_JUMP * sigma[part].max(), ROUNDING * np.abs(rows[part]).max(), still)
+        size = np.linalg.norm(D[part], axis=0)
+        others = np.max([np.linalg.norm(b[part], axis=0) for b in beside.values()], axis=0)
+        found |= (np.abs(D[part]).max(axis=0) > least) & (size > LARGER * others)
+    return np.flatnonzero(found) + width + 1
+
+
+# How far the largest acceleration of a motion is off that a filter makes of its poses.
+#
+# A polynomial of order ORDER through WINDOW samples flattens a peak of few samples. How much, one
+# of order NEXT through the same samples tells: by how much both differ is the error of the first
+# where that of the second is much smaller. It is asked at the largest acceleration only, which the
+# extremes of the wrench belong to.
+
+
+NEXT = ORDER + 2
+"""Order of the polynomial beside which that of the filter is laid."""
+NOTABLE_ERROR = 0.01
+"""Of the largest acceleration: an error from which on it is told."""
+SURE_PEAK = 5.0
+"""Standard deviations of what noise makes of the difference, below which it tells nothing."""
+UNITS = ("m/s^2", "rad/s^2")
+NAMES = ("acceleration", "angular_acceleration")
+HALF = WINDOW // 2
+BETWEEN = savgol_coeffs(WINDOW, NEXT, deriv=2) - savgol_coeffs(WINDOW, ORDER, deriv=2)
+"""Weights of the samples in the difference of both second derivatives, for a period of 1."""
+OF_NOISE = float(np.linalg.norm(BETWEEN) / np.linalg.norm(savgol_coeffs(WINDOW, ORDER, deriv=2)))
+"""What noise makes of the difference, of what it makes of the acceleration."""
+
+
+class Peaks:
+    """Follows the largest acceleration of C and the largest angular one of a body."""
+
+    def __init__(self) -> None:
+        self._size = [0.0, 0.0]
+        self._off: list[float | None] = [None, None]
+        """None where it is not told from noise or rounding, or lies beside an end of the poses."""
+
+    def look(
+        self, motion: Motion, squares: Sequence[np.ndarray], kept: np.ndarray, h: float
+    ) -> None:
+        """The next motion, h apart [s].
+
+        squares: of its accelerations and its angular ones, (n,) each; kept: the samples that mean
+        anything, (n,).
+        """
+        for j in (0, 1):
+            of_kept = np.where(kept, squares[j], 0.0)
+            k = int(np.argmax(of_kept))
+            size = float(np.sqrt(of_kept[k]))
+            if size > self._size[j]:
+                self._size[j], self._off[j] = size, _off(motion, j, k, h)
+
+    @property
+    def note(self) -> str:
+        """What is off, where it is worth a word; or ""."""
+        parts = [
+            f"{off:.2g} of {size:.3g} {unit}"
+            for off, size, unit in zip(self._off, self._size, UNITS, strict=True)
+            if off is not None and off > NOTABLE_ERROR * size
+        ]
+        if not parts:
+            return ""
+        return (
+            "its motion has peaks of few samples, which the filter makes other than they are: its "
+            f"largest accelerations are off by about {' and '.join(parts)}"
+        )
+
+    def as_dict(self) -> dict[str, dict[str, float | None]]:
+        """Plain numbers [m/s^2, rad/s^2]."""
+        return {
+            name: {"largest": size, "off": off}
+            for name, size, off in zip(NAMES, self._size, self._off, strict=True)
+        }
+
+
+def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
+    """How far the acceleration (j = 0) or the angular one (1) is off at sample k."""
+    if not HALF <= k < len(motion.t) - HALF:
+        return None
+    gain, rows = ((1.0, motion.position), (2.0, motion.orientation))[j]
+    near = rows[k - HALF : k + HALF + 1]
+    off = gain * float(np.linalg.norm(BETWEEN @ near)) / h**2
+    rounding = gain * ROUNDING * float(np.abs(near).max() * np.linalg.norm(BETWEEN)) / h**2
+    return off if off > max(SURE_PEAK * OF_NOISE * motion.noise[j], rounding) else None
+
+
+Listener = Callable[[Motion, list[Jump]], None]
+STRETCH = 8192
+"""Samples that are differentiated at once; stretches overlap by the filter's window."""
+COARSE = 0.01
+"""Relative error of accelerations from which on it is told."""
+NOISY = 0.1
+"""Noise of accelerations, of their RMS, from which on it is told."""
+UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
+"""Where no mass is known: force is acceleration, and there is no torque."""
+WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
+STATE = ("kinetic", "Px", "Py", "Pz", "Lx", "Ly", "Lz")
+MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+
+class BodyFigures:
+    """Follows the poses of one body, and the total wrench that was recorded for it if any.
+
+    listener: gets the motion, stretch by stretch, and where the stamps went back before it.
+    struck: told when the body was struck; else that is looked for in its poses.
+    """
+
+    def __init__(
+        self, body: Body | None, listener: Listener | None = None, struck: Struck | None = None
+    ) -> None:
+        self.known = body is not None
+        self._struck = struck or Struck()
+        self._peaks = Peaks()
+        self._listeners = [] if listener is None else [listener]
+        self._body = body or UNIT
+        self.motion, self.state = Figures(MOTION), Figures(STATE)
+        self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
+        self._t = np.empty(0)
+        self._rows = np.empty((0, 19))
+        """pose, total wrench, twist in the body's axes; NaN where not known."""
+        self._difference = np.zeros(2)
+        self._compared = 0
+        self._jumps: list[Jump] = []
+        self._by_twist = np.zeros(2, bool)
+        """whether velocity and spin were those of recorded twists."""
+        self._turn = 0.0
+        """largest turn between two samples [rad]."""
+        self._poses, self._row = 0, 0
+        """how many came, and how many of them in one stretch at most."""
+        self._squares = np.zeros((2, 2))
+        """summed over the samples: accelerations and angular ones, of their noise and of them."""
+
+    def add(
+        self,
+        t: np.ndarray,
+        pose: np.ndarray,
+        recorded: np.ndarray | None = None,
+        twist: np.ndarray | None = None,
+    ) -> None:
+        """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None, twists of the origin in
+        the body's axes (n, 6) or None."""
+        self._poses += len(t)
+        none = np.full((len(t), 6), np.nan)
+        others = [none if each is None else each for each in (recorded, twist)]
+        self._t = np.concatenate([self._t, t])
+        self._rows = np.concatenate([self._rows, np.hstack([pose, *others])])
+        if len(self._t) >= STRETCH + LOOK:
+            self._t, self._rows = filled(self._t, self._rows)
+        while len(self._t) >= STRETCH + LOOK:
+            self._differentiate(STRETCH)
+            self._t, self._rows = (
+                self._t[STRETCH - WINDOW + 1 :],
+                self._rows[STRETCH - WINDOW + 1 :],
+            )
+
+    def finish(self) -> None:
+        """No more poses come, or they go on with another motion."""
+        if len(self._t):
+            self._t, self._rows = filled(self._t, self._rows)
+        self._differentiate(len(self._t))
+        self._t, self._rows = self._t[:0], self._rows[:0]
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        for figures in (self.motion, self.state, self.wrench, self.recorded):
+            figures.begin_anew()
+
+    def listen(self, listener: Listener) -> None:
+        """Another one gets the motion from now on."""
+        self._listeners.append(listener)
+
+    @property
+    def center_of_mass(self) -> np.ndarray:
+        """From the body's origin, in its axes."""
+        return self._body.center_of_mass
+
+    def struck(self, times: np.ndarray) -> None:
+        """The body is struck at these instants, before the next poses come."""
+        self._struck.add(times)
+
+    def _differentiate(self, n: int) -> None:
+        self._struck.look(self._t[: n + LOOK], self._rows[: n + LOOK])
+        for part in pieces(self._t[:n]):
+            t, rows = self._t[:n][part], self._rows[:n][part]
+            self._row = max(self._row, len(t))
+            if part.start:
+                self._begin_anew()
+            self._note_jump(part.start)
+            twist = rows[:, 13:] if np.isfinite(rows[:, 13:]).all() else None
+            motion = differentiated(t, rows[:, :3], rows[:, 3:7], self._body.center_of_mass, twist)
+            if motion is None:
+                continue
+            period = float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+            fastest = float(norms(motion.spin).max())
+            self._turn = max(self._turn, period * fastest)
+            squares = [np.einsum("ij,ij->i", a, a) for a in (motion.acceleration, motion.turning)]
+            noise = len(motion.t) * np.square(motion.noise)
+            self._squares += [noise, [each.sum() for each in squares]]
+            for listener in self._listeners:
+                listener(motion, self._jumps)
+            self._by_twist |= np.array(motion.by_twist)
+            self._jumps = []
+            struck = self._struck.beside(motion.t, period)
+            self._peaks.look(motion, squares, ~struck, period)
+            self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:13], ~struck)
+
+    def _take(self, motion: Motion, recorded: np.ndarray, kept: np.ndarray) -> None:
+        """Figures of a motion, but for where the body is struck."""
+        if not kept.any():
+            return
+        which = slice(None) if kept.all() else kept  # a slice copies nothing
+        t = motion.t[which]
+        wrench, energy, linear, angular = inverse_dynamics(motion, self._body)
+        state = np.hstack([energy[:, None], linear, angular])
+        self.motion.add(t, np.hstack([motion.velocity, motion.spin])[which])
+        self.state.add(t, state[which])
+        self.wrench.add(t, wrench[which])
+        if np.isfinite(recorded).all():
+            self.recorded.add(t, recorded[which])
+            apart = (wrench - recorded)[which]
+            self._difference += [np.sum(apart[:, :3] ** 2), np.sum(apart[:, 3:] ** 2)]
+            self._compared += len(apart)
+
+    def _note_jump(self, k: int) -> None:
+        """Keep the step back before sample k, if it is one; stretches overlap: only once."""
+        if k and self._t[k] < self._t[k - 1]:
+            jump = float(self._t[k - 1]), float(self._t[k])
+            if jump not in self._jumps:
+                self._jumps.append(jump)
+
+    @property
+    def notes(self) -> list[str]:
+        """What is not to be trusted, and what was left out."""
+        peaks = "" if error_at(self._turn) > COARSE else self._peaks.note
+        return [line for line in (self._struck.note, peaks, self._quality) if line]
+
+    @property
+    def _quality(self) -> str:
+        """Where the samples are too few for the motion, or too noisy: by how much the accelerations
+        are off; or ""."""
+        error = error_at(self._turn)
+        if error > COARSE:
+            return (
+                f"turns by up to {self._turn:.2g} rad between samples: its accelerations and "
+                f"torques from poses are off by {100.0 * min(error, 1.0):.0f} % or more"
+            )
+        noise, size = np.sqrt(self._squares / max(1, self.motion.rates.count))
+        parts = [
+            f"{n:.2g} of {s:.2g} {unit}"
+            for n, s, unit in zip(noise, size, ("m/s^2", "rad/s^2"), strict=True)
+            if n > NOISY * s
+        ]
+        if not parts:
+            return ""
+        of = " and ".join(parts)
+        return (
+            "its poses or stamps are noisy, or too few for so fast a motion: of its accelerations "
+            f"{of} are not to be trusted (RMS)"
+        )
+
+    @property
+    def _too_few(self) -> str:
+        if self._struck.samples:
+            return "nothing is differentiated: it " + self._struck.note
+        many = "1 pose" if self._poses == 1 else f"{self._poses} poses"
+        broken = f", {self._row} at most without a gap" if self._row < self._poses else ""
+        return f"{many}{broken}: nothing is differentiated, which takes {WINDOW + 2} in a row"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers; without mass properties only the motion."""
+        if not self.motion.rates.count:
+            return {"note": self._too_few}
+        found: dict[str, Any] = {"filter": FILTER, "motion": self.motion.as_dict()["values"]}
+        found["by_twist"] = dict(zip(("velocity", "spin"), self._by_twist.tolist(), strict=True))
+        found["peaks"] = self._peaks.as_dict()
+        if self._struck.samples:
+            found["struck"] = self._struck.as_dict()
+        if not self.known:
+            return found
+        found |= {
+            "state": self.state.as_dict()["values"],
+            "wrench": self.wrench.as_dict()["values"],
+        }
+        if self._compared:
+            force, torque = np.sqrt(self._difference / self._compared)
+            found["recorded"] = self.recorded.as_dict()["values"]
+            found["apart"] = {"force": float(force), "torque": float(torque)}
+        return found

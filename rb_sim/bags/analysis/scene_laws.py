@@ -1,0 +1,266 @@
+"""What a scene says of a motion, many instants at a time: errors of constraints, energies, loads.
+
+The lines of the constraints and the laws of the effects are those that the engine integrates,
+traced once and evaluated on arrays. Where they come from poses alone, the velocities are those of
+the filter that differentiates the poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
+from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.catalogue.geometry.carriers import carrier
+from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.catalogue.types import BodyState, potential, wrench
+from rb_sim.graph.functions import call
+from rb_sim.graph.on_arrays import ArrayLaw
+from rb_sim.graph.symbols import External, Graph
+from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.systems.many_bodies import WIDTH, arm_of, fill_all, inertial_of, state_of
+from rb_sim.mechanics.systems.multibody import put_momenta
+from rb_sim.mechanics.systems.multipliers import row_velocity
+from rb_sim.numerics.vectors import add, cross, dot, rotate, sub
+from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.schema import Scene
+
+
+class Line(NamedTuple):
+    """One equation of a constraint."""
+
+    constraint: str
+    holonomic: bool
+    """it has a position error besides that of the velocity."""
+    arm: float
+    """what makes a length of its error: 1, or of an angle the scene's length [m]."""
+
+
+class Found(NamedTuple):
+    """At n instants."""
+
+    gap: Array
+    """g of each line; 0 where it is not holonomic, shape (n, lines)."""
+    slip: Array
+    """G u - b of each line, shape (n, lines)."""
+    overlap: Array
+    """how deep each point of contact lies in its support [m], negative where it is apart;
+    shape (n, points)."""
+    potential: Array
+    """of the effects that have one [J], shape (n,)."""
+    power: Array
+    """of the others [W], shape (n,)."""
+    kinetic: Array
+    """[J], shape (n,)."""
+    momenta: Array
+    """P and L about the world's origin, shape (n, 6)."""
+    loads: Array
+    """outer force and torque about the world's origin of the effects, shape (n, 6)."""
+
+
+class SceneLaws:
+    """The laws of a scene's constraints and effects; commands count as zero.
+
+    lines, points: what the columns of `Found` belong to. length, speed: the scene's scales, as in
+    the residual of a run. Laws that decide by branches are called instant by instant.
+    Raises SceneError as compiling does.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        place = InitialPlace(scene)
+        self.bodies = tuple(scene.bodies)
+        system: Any = compile_motion(scene, "maximal").system
+        self.length, self.speed = float(system.length), float(system.speed)
+        owners = [
+            name
+            for name, spec in scene.constraints.items()
+            if not isinstance(spec, Touching)
+            for part in spec.parts(place)  # type: ignore[attr-defined]
+            for _ in range(COUNT[type(part.row)])
+        ]
+        graph = Graph()
+        t, y = graph.input("t"), list(graph.vector("y", WIDTH * len(self.bodies)))
+        rows = np.zeros(system.rows.shape, object)
+        here = system._replace(rows=rows)
+        fill_all(here.constraints, t, here, y, 0)
+        count = len(owners)
+        self.lines = [
+            Line(owners[k], rows[k, HOLONOMIC] != 0.0, arm_of(system, k)) for k in range(count)
+        ]
+        gaps = [rows[k, ERROR] if line.holonomic else 0.0 for k, line in enumerate(self.lines)]
+        slips = [row_velocity(here, y, k) - rows[k, RATE] for k in range(count)]
+        self.points, depths = _overlaps(scene, place, t, y)
+        effects = _effects(system, t, y)
+        momenta: list[Any] = [0.0] * 6
+        kinetic = put_momenta(here, y, momenta, 0)
+        ends = np.cumsum([count, count, len(depths), 1, 1, 1, 6])
+        self._ends = ends.tolist()
+        self._law = ArrayLaw(
+            [*gaps, *slips, *depths, *effects[:2], kinetic, *momenta, *effects[2:]]
+        )
+
+    def at(self, t: Array, y: Array) -> Found:
+        """t [s]: shape (n,); y: p_WC, q_WB, v_WC, w_WB_B of each body, shape (n, 13 N)."""
+        parts = np.split(self._law(t, y), self._ends, axis=1)
+        gap, slip, overlap, potential, power, kinetic, momenta, loads = parts
+        return Found(
+            gap, slip, overlap, potential[:, 0], power[:, 0], kinetic[:, 0], momenta, loads
+        )
+
+
+def _effects(system: Any, t: Any, y: list[Any]) -> list[Any]:
+    """Potential energy, power of the effects without one, force and torque about the world's
+    origin of all of them, world axes."""
+    energy: Any = 0.0
+    power: Any = 0.0
+    force: Any = (0.0, 0.0, 0.0)
+    torque: Any = (0.0, 0.0, 0.0)
+    for placed in system.effects:
+        row, inertial = placed.row, inertial_of(system, placed.body)
+        B, A = state_of(y, placed.body), state_of(y, placed.parent)
+        f, k_B = _wrench(row, t, inertial, B, A)
+        k = rotate(B.q_WB, k_B)
+        if type(row) in potential.kernels:
+            energy = energy + potential(row, t, inertial, B, A)
+        else:
+            power = power + dot(f, B.v_WC) + dot(k_B, B.w_WB_B)
+        if placed.parent < 0:
+            force, torque = add(force, f), add(torque, add(k, cross(B.p_WC, f)))
+        elif type(row) not in potential.kernels:  # between bodies: no outer wrench, but power
+            moment = add(k, cross(sub(B.p_WC, A.p_WC), f))
+            power = power - dot(f, A.v_WC) - dot(moment, rotate(A.q_WB, A.w_WB_B))
+    return [energy, power, *force, *torque]
+
+
+def _wrench(row: Any, t: Any, inertial: Any, B: BodyState, A: BodyState) -> Any:
+    """Force, world axes, and torque about C, body axes, of one effect."""
+    try:
+        return wrench(row, t, inertial, B, A)
+    except TypeError:  # it branches on the time or the state
+
+        def plainly(t: float, *numbers: float) -> tuple[float, ...]:
+            f, k = wrench(row, t, inertial, _state(numbers[:13]), _state(numbers[13:]))
+            return (*f, *k)
+
+        found = _called(plainly, 6, t, B, A)
+        return found[:3], found[3:]
+
+
+def _called(plainly: Any, results: int, t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
+    """What a function of t and two states gives, called instant by instant."""
+    numbers = [x for state in (B, A) for vector in state for x in vector]
+    return call(External(plainly.__qualname__, results, plainly, lambda: 0), t, *numbers)
+
+
+def _state(numbers: Any) -> BodyState:
+    n = tuple(numbers)
+    return BodyState(n[:3], n[3:7], n[7:10], n[10:13])
+
+
+def _overlaps(
+    scene: Scene, place: InitialPlace, t: Any, y: list[Any]
+) -> tuple[list[str], list[Any]]:
+    """Points of contact, and how deep they lie in their supports."""
+    index = {name: i for i, name in enumerate(scene.bodies)}
+    names: list[str] = []
+    depths: list[Any] = []
+    for name, spec in scene.constraints.items():
+        if not isinstance(spec, Touching):
+            continue
+        B = state_of(y, index[spec.body])
+        A = state_of(y, -1 if spec.parent is None else index[spec.parent])
+        found = [_overlap(part.row, t, B, A) for part in spec.parts(place)]
+        depths += found
+        names += [name if len(found) == 1 else f"{name}/{i + 1}" for i in range(len(found))]
+    return names, depths
+
+
+def _overlap(row: Any, t: Any, B: BodyState, A: BodyState) -> Any:
+    try:
+        return -touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap
+    except TypeError:  # it branches on the state, or its support moves
+
+        def plainly(t: float, *numbers: float) -> tuple[float, ...]:
+            support = carrier(row.carrier, t, _state(numbers[13:]))[0]
+            return (-touching(row.pair, _state(numbers[:13]), support).gap,)
+
+        return _called(plainly, 1, t, B, A)[0]
+
+
+# How far a motion is from the constraints of a scene, recomputed from its poses.
+
+
+@dataclass
+class _Worst:
+    """The largest value so far, and when."""
+
+    value: float = 0.0
+    at: float | None = None
+
+    def follow(self, t: Array, values: Array) -> None:
+        k = int(np.nanargmax(values)) if np.isfinite(values).any() else -1
+        if k >= 0 and (self.at is None or values[k] > self.value):
+            self.value, self.at = float(values[k]), float(t[k])
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"largest": self.value, "at": self.at}
+
+
+TOUCHES = 1e-9
+"""Of the scene's length: a gap that is none, or an overlap."""
+
+
+class ConstraintFigures:
+    """Follows the errors of all constraints of `laws`."""
+
+    def __init__(self, laws: SceneLaws) -> None:
+        self._laws = laws
+        names = dict.fromkeys(line.constraint for line in laws.lines)
+        self._position = {name: _Worst() for name in names if self._of(name, True)}
+        self._velocity = {name: _Worst() for name in names}
+        self._overlap = {name: _Worst() for name in laws.points}
+        self._relative = 0.0
+
+    def _of(self, name: str, holonomic: bool = False) -> list[int]:
+        """The lines of a constraint; those that are holonomic."""
+        lines = enumerate(self._laws.lines)
+        return [k for k, x in lines if x.constraint == name and (x.holonomic or not holonomic)]
+
+    def add(self, t: Array, found: Found) -> None:
+        """The next instants."""
+        if not len(t):
+            return
+        for name, worst in self._position.items():
+            worst.follow(t, np.abs(found.gap[:, self._of(name, True)]).max(axis=1))
+        for name, worst in self._velocity.items():
+            worst.follow(t, np.abs(found.slip[:, self._of(name)]).max(axis=1))
+        for k, worst in enumerate(self._overlap.values()):
+            worst.follow(t, found.overlap[:, k])
+        arms = np.array([line.arm for line in self._laws.lines])
+        gap = np.abs(found.gap * arms).max(initial=0.0) / self._laws.length
+        slip = np.abs(found.slip * arms).max(initial=0.0) / self._laws.speed
+        depth = found.overlap.max(initial=0.0) / self._laws.length
+        self._relative = float(np.nanmax([self._relative, gap, slip, depth]))
+
+    def as_dict(self) -> dict[str, Any] | None:
+        """Largest errors by constraint and their times; None where the scene has none.
+
+        position [m or rad] and velocity [m/s or rad/s] of joints; overlap [m] of contacts, negative
+        where they never touched, and whether they did; relative: the largest of all, of the scene's
+        length and speed, angles and spins at the end of an arm of that length.
+        """
+        if not (self._velocity or self._overlap):
+            return None
+        return {
+            "relative": self._relative,
+            "position": {name: worst.as_dict() for name, worst in self._position.items()},
+            "velocity": {name: worst.as_dict() for name, worst in self._velocity.items()},
+            "overlap": {
+                name: worst.as_dict() | {"touches": worst.value >= -TOUCHES * self._laws.length}
+                for name, worst in self._overlap.items()
+            },
+        }

@@ -1,0 +1,357 @@
+"""Balances of somebody else's bag: energy and momenta of its bodies against what acted on them.
+
+Momenta and energies follow from the poses, differentiated; what acted from the effects of a scene,
+if there is one, and from the recorded wrenches, which are taken to act ON the body: in its own axes
+at its origin where their frame is the body's, in world axes at its origin where it is the world's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
+from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
+from rb_sim.bags.message_rates import GAP, GrowingTime
+from rb_sim.bags.sources import words
+from rb_sim.checks.sample_integrals import CheckedQuadrature
+from rb_sim.io.frames import conjugate, cross, rotate
+from rb_sim.mechanics.samples import Array
+from rb_sim.scene.schema import Scene
+
+ROWS = 8192
+"""Samples that are taken at once."""
+MOST = 16 * ROWS
+"""Samples that wait for the readings of another source; then it counts as silent."""
+LATE = 2.0
+"""Periods of the poses: stamps that step back by less are late; else the clock was set."""
+SURELY = 2.0
+"""Standard deviations that are given as the bound of noise."""
+SAME = 1000
+"""Nanoseconds within which the poses of several bodies are at one instant."""
+
+
+class _Acting(NamedTuple):
+    """Readings of one source of wrenches."""
+
+    body: str
+    own_axes: bool
+    """in the body's axes; else in the world's."""
+    t: list[Array]
+    """growing time."""
+    values: list[Array]
+    new: list[tuple[Array, Array]]
+    """stamps and values that have no growing time yet."""
+    silent: list[int]
+    """how many instants it was asked at, and how many of them have no reading near."""
+
+
+class Whole:
+    """Follows the motion of all bodies of a scene, sample by sample.
+
+    bodies: their mass properties. silent: lines about what was left out.
+    """
+
+    def __init__(self, scene: Scene, bodies: dict[str, Body]) -> None:
+        laws = SceneLaws(scene)
+        self._effects = sorted(scene.effects)
+        self._supports = [
+            name
+            for name, spec in scene.constraints.items()
+            if getattr(spec, "parent", None) is None and spec.type != "free"  # type: ignore[attr-defined]
+        ]
+        """what holds bodies from the world: its reactions change the momentum."""
+        self.constraints = ConstraintFigures(laws)
+        self.notes: list[str] = []
+        self._laws, self._bodies = laws, bodies
+        self._waiting: dict[str, list[tuple[Array, Array]]] = {name: [] for name in laws.bodies}
+        self._acting: dict[str, _Acting] = {}
+        self._balance = _Balance()
+        self._time = GrowingTime()
+        self._late = np.inf
+        self._scatter: dict[str, Scatter] = {}
+        self._random = np.random.default_rng(0)
+
+    def motion(self, body: str, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
+        """The next samples of a body, and where its stamps went back before them."""
+        q = motion.orientation
+        q = q / np.linalg.norm(q, axis=1, keepdims=True)
+        rows = [motion.position, q, motion.velocity, rotate(conjugate(q), motion.spin)]
+        if self._late == np.inf:
+            self._late = LATE * float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
+        source = f"poses of {body}"
+        for old, new in jumps:
+            if old - new > self._late:
+                self._time.jump(source, old, new)
+        self._scatter[body] = motion.scatter
+        self._waiting[body].append((self._time.of(source, motion.t), np.hstack(rows)))
+        if sum(len(t) for t, _ in self._waiting[body]) >= ROWS:
+            self._take()
+
+    def wrench(self, source: str, body: str, own_axes: bool, t: Array, values: Array) -> None:
+        """The next readings, shape (n, 6), of a source of wrenches on a body."""
+        acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], [], [0, 0]))
+        acting.new.append((t, values))
+
+    def finish(self, seen: Container[str] = ()) -> dict[str, Any]:
+        """Energy and momenta as of a run, which sources acted, and the constraints.
+
+        seen: bodies that have poses, be they too few to be differentiated.
+        """
+        self._take(last=True)
+        self.notes += self._time.notes()
+        absent = [name for name, parts in self._waiting.items() if not parts and not self.samples]
+        few = [name for name in absent if name in seen]
+        none = [name for name in absent if name not in seen]
+        if absent:
+            lacks = [f"no poses of {', '.join(none)}"] if none else []
+            lacks += [f"too few poses in a row of {', '.join(few)}"] if few else []
+            self.notes.append(f"{', '.join(lacks)}: no balance, no constraints")
+        elif not self.samples:
+            names = ", ".join(self._waiting)
+            self.notes.append(f"{names}: no instant at which all poses are known: no balance")
+        self.notes += [
+            f"{source}: no reading near {acting.silent[1]} of {acting.silent[0]} instants of the "
+            "poses: taken as zero before its first and after its last, as linear in between"
+            for source, acting in self._acting.items()
+            if acting.silent[1]
+        ]
+        found = self._balance.as_dict()
+        recorded = {word for source in self._acting for word in words(source)}
+        lacks = [name for name in self._supports if name not in recorded]
+        if lacks:
+            found |= {"momentum": None, "momentum_lacks_reactions_of": lacks}
+        acted = {"wrenches": sorted(self._acting), "effects": self._effects}
+        return {**found, **acted, "constraints": self.told}
+
+    @property
+    def samples(self) -> int:
+        """Instants at which all bodies were known."""
+        return self._balance.samples
+
+    @property
+    def told(self) -> dict[str, Any] | None:
+        """Errors of the constraints."""
+        return self.constraints.as_dict() if self.samples else None
+
+    def _take(self, last: bool = False) -> None:
+        """Evaluate the instants that all sources have reached; all of them at the end."""
+        if not all(self._waiting.values()):
+            return
+        for source, acting in self._acting.items():
+            for stamps, values in acting.new:
+                acting.t.append(self._time.found(source, stamps, self._late))
+                acting.values.append(values)
+            acting.new.clear()
+        columns = {name: _joined(parts) for name, parts in self._waiting.items()}
+        full = max(len(t) for t, _ in columns.values()) > MOST
+        ends = [t[-1] for t, _ in columns.values()]
+        if not last and not full:
+            ends += [acting.t[-1][-1] for acting in self._acting.values()]
+        limit = np.inf if last else min(ends)
+        ready = {}
+        for name, (t, rows) in columns.items():
+            upto = int(np.searchsorted(t, limit, side="right"))
+            ready[name] = t[:upto], rows[:upto]
+            rest = [(t[upto:], rows[upto:])] if upto < len(t) else []
+            self._waiting[name] = rest if not last else self._waiting[name]
+        t, y = _together(list(ready.values()))
+        for first in range(0, len(t), ROWS):
+            part = slice(first, first + ROWS)
+            self._evaluate(t[part], y[part])
+        if len(t):
+            self._forget(float(t[-1]))
+
+    def _evaluate(self, t: Array, y: Array) -> None:
+        stamps = self._time.stamps(t)
+        found = self._laws.at(stamps, y)
+        self.constraints.add(stamps, found)
+        state, supply = self._balanced(t, y, found)
+        other = self._with_noise(y)
+        noise = None
+        if other is not None:
+            noisy = self._balanced(t, other, self._laws.at(stamps, other))
+            noise = noisy[0] - state, noisy[1] - supply
+        for acting in self._acting.values():
+            acting.silent[0] += len(t)
+            at = np.concatenate(acting.t)
+            acting.silent[1] += int(_silent(_increasing(at), t).sum())
+        self._balance.add(t, found.kinetic, state, supply, noise)
+
+    def _balanced(self, t: Array, y: Array, found: Found) -> tuple[Array, Array]:
+        """Energy and momenta, and what supplies them, each (n, 7)."""
+        power, loads = found.power.copy(), found.loads.copy()
+        for acting in self._acting.values():
+            i = self._laws.bodies.index(acting.body)
+            p, q, v, w_B = np.split(y[:, 13 * i : 13 * i + 13], [3, 7, 10], axis=1)
+            at, readings = _joined(list(zip(acting.t, acting.values, strict=True)))
+            wrench = np.stack([np.interp(t, at, c, left=0, right=0) for c in readings.T], axis=1)
+            force, torque = wrench[:, :3], wrench[:, 3:]
+            if acting.own_axes:
+                force, torque = rotate(q, force), rotate(q, torque)
+            arm = -rotate(q, self._bodies[acting.body].center_of_mass)
+            torque = torque + cross(arm, force)  # about the centre of mass
+            power += np.sum(force * v + torque * rotate(q, w_B), axis=1)
+            loads += np.hstack([force, torque + cross(p, force)])
+        energy = found.kinetic + found.potential
+        return np.column_stack([energy, found.momenta]), np.column_stack([power, loads])
+
+    def _with_noise(self, y: Array) -> Array | None:
+        """The motion with as much noise again as it has, None where it has none."""
+        if not any(max(scatter) > 0.0 for scatter in self._scatter.values()):
+            return None
+        y = y.copy()
+        for i, name in enumerate(self._laws.bodies):
+            scatter = self._scatter[name]
+            p, turn, v, w = (
+                size / np.sqrt(3.0) * self._random.standard_normal((len(y), 3)) for size in scatter
+            )
+            own = y[:, 13 * i : 13 * i + 13]
+            own[:, :3] += p
+            turned = Rotation.from_rotvec(turn) * Rotation.from_quat(own[:, 3:7])
+            own[:, 3:7] = turned.as_quat()
+            own[:, 7:10] += v
+            own[:, 10:] += w
+        return y
+
+    def _forget(self, before: float) -> None:
+        """Drop readings that are not needed any more, but for the last one before."""
+        for acting in self._acting.values():
+            while len(acting.t) > 1 and acting.t[1][0] <= before:
+                del acting.t[0], acting.values[0]
+
+
+class _Balance:
+    """Change less supply over stretches without a gap, summed up."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.stretches = 0
+        self._period: float | None = None
+        self._last: tuple[float, Array] | None = None
+        self._first: Array = np.zeros(7)
+        self._quadrature = CheckedQuadrature(7)
+        self._change, self._supply, self._doubt = np.zeros(7), np.zeros(7), np.zeros(7)
+        self._scale = np.zeros(3)
+        self._ends = np.zeros(2)
+        self._squares = np.zeros((2, 7))
+        """summed over the instants: what noise changes of the state, and of its supply."""
+
+    def add(
+        self,
+        t: Array,
+        kinetic: Array,
+        state: Array,
+        supply: Array,
+        noise: tuple[Array, Array] | None = None,
+    ) -> None:
+        """The next instants: energy [J] and [P, L]; power [W] and the force and torque, about the
+        world's origin, that change them; and what noise of the motion changes both by."""
+        if not len(t):
+            return
+        energy, momenta = state[:, 0], state[:, 1:]
+        if self._period is None:
+            self._period = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
+            self._ends[0] = energy[0]
+        self._ends[1] = energy[-1]
+        if noise is not None:
+            self._squares += [np.sum(each * each, axis=0) for each in noise]
+        self.samples += len(t)
+        sizes = [np.linalg.norm(momenta[:, k : k + 3], axis=1).max() for k in (0, 3)]
+        self._scale = np.maximum(self._scale, [kinetic.max(), *sizes])
+        steps = np.diff(t, prepend=t[0] if self._last is None else self._last[0])
+        cuts = np.flatnonzero(steps > GAP * self._period).tolist()
+        for a, b in zip([0, *cuts], [*cuts, len(t)], strict=True):
+            if a in cuts or self._last is None:
+                self._end()
+                self._first = state[a]
+            if b > a:
+                self._quadrature.add(t[a:b], supply[a:b])
+                self._last = float(t[b - 1]), state[b - 1]
+
+    def _end(self) -> None:
+        """A stretch is over."""
+        if self._last is not None:
+            total, doubt = self._quadrature.finish()
+            self._change += self._last[1] - self._first
+            self._supply += total
+            self._doubt += doubt
+            self.stretches += 1
+            self._quadrature = CheckedQuadrature(7)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As `Ledger` has them; None where nothing was known."""
+        if not self.samples:
+            return {"energy": None, "momentum": None}
+        self._end()
+        self._last = None
+        error = self._change - self._supply
+        scale = np.maximum(self._scale, [np.linalg.norm(self._change[k]) for k in _PARTS])
+        scale = np.maximum(scale, [np.linalg.norm(self._supply[k]) for k in _PARTS])
+        noise = self._noise()
+        told = []
+        for part, size in zip(_PARTS, scale.tolist(), strict=True):
+            apart = float(np.linalg.norm(error[part]))
+            relative = apart / size if size > 0.0 else None
+            doubt = float(np.linalg.norm(self._doubt[part]))
+            told.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt,
+                         "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
+        initial, final = self._ends.tolist()
+        told[0] |= {"error": float(error[0]), "initial": initial, "final": final,
+                    "change": float(self._change[0]), "work": float(self._supply[0])}  # fmt: skip
+        return {
+            "stretches": self.stretches,
+            "energy": told[0],
+            "momentum": {"linear": told[1], "angular": told[2]},
+        }
+
+    def _noise(self) -> Array:
+        """What noise makes of the change less the supply, SURELY standard deviations, (7,): at the
+        ends of each stretch, and summed over steps, within the filter's window in one direction."""
+        step = self._period if self._period is not None and np.isfinite(self._period) else 0.0
+        ends = 2.0 * self.stretches * self._squares[0] / max(1, self.samples)
+        return SURELY * np.sqrt(ends + WINDOW * step**2 * self._squares[1])
+
+
+_PARTS = (slice(0, 1), slice(1, 4), slice(4, 7))
+
+
+def _silent(at: Array, t: Array) -> Array:
+    """Which of the instants t lie in a gap of the times `at`, or outside of them."""
+    steps = np.diff(at)
+    far = GAP * float(np.median(steps)) if len(steps) else 0.0
+    after = np.searchsorted(at, t)
+    inside = np.clip(after, 1, max(1, len(at) - 1))
+    width = at[np.minimum(inside, len(at) - 1)] - at[inside - 1]
+    outside = (t < at[0] - far) | (t > at[-1] + far)
+    return outside | ((after > 0) & (after < len(at)) & (width > far) & (at[after % len(at)] != t))
+
+
+def _increasing(t: Array) -> Array:
+    return t[np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])]
+
+
+def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Parts in a row, without those whose time goes back."""
+    t = np.concatenate([part[0] for part in parts])
+    rows = np.concatenate([part[1] for part in parts])
+    forward = np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])
+    return t[forward], rows[forward]
+
+
+def _together(columns: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The instants at which all have a row, and these rows side by side."""
+    t, first = columns[0]
+    rows = [first]
+    for other_t, other in columns[1:]:
+        near = np.clip(np.searchsorted(other_t, t), 1, max(1, len(other_t) - 1))
+        if len(other_t) < 2:
+            return t[:0], np.empty((0, 13 * len(columns)))
+        near -= t - other_t[near - 1] < other_t[near] - t
+        same = np.abs(other_t[near] - t) * 1e9 < SAME
+        t, rows = t[same], [r[same] for r in rows]
+        rows.append(other[near[same]])
+    return t, np.hstack(rows)

@@ -1,0 +1,148 @@
+"""Pictures of two motions beside each other: differences over time, a Rerun recording."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.alignment import Interpolated, stretches
+from rb_sim.bags.compare import UNITS, Differences
+from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.base.errors import MissingExtraError
+
+# The differences of two motions over time, as a picture.
+
+
+CURVE_POINTS = 4000
+FLOOR = 1e-17
+"""A logarithm has no zero: smaller differences are left out, or drawn there if all are."""
+
+
+def picture(found: Differences, path: Path, title: str) -> None:
+    """Write one axis per quantity, logarithmic, with a line for each body or reaction."""
+    from matplotlib.figure import Figure
+
+    quantities = [q for q in UNITS if any(q in series for series in found.series.values())]
+    figure = Figure(figsize=(9, 1.0 + 2.2 * len(quantities)), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(len(quantities), 1, sharex=True))
+    figure.suptitle(title, fontsize=10)
+    for axis, quantity in zip(axes, quantities, strict=True):
+        for name, series in found.series.items():
+            if quantity in series:
+                stride = max(1, len(series[quantity]) // CURVE_POINTS)
+                values = _above_floor(series[quantity][::stride])
+                axis.semilogy(
+                    found.t[name][::stride] - found.start, values, label=name, linewidth=1.0
+                )
+        _shade_rounding(axis, found.floors[quantity])
+        axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7, loc="best")
+    axes[-1].set_xlabel(f"t - {found.start:.6f} [s]" if found.start else "t [s]")
+    figure.savefig(path, dpi=120)
+
+
+def _shade_rounding(axis: Any, floor: float) -> None:
+    """Grey below the floor, which is always in view: what lies there is the same motion."""
+    if not floor > 0.0:
+        return
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, max(high, 10.0 * floor))
+    if low < floor:
+        axis.axhspan(low, floor, color="0.9", zorder=0, label="rounding")
+
+
+def _above_floor(values: np.ndarray) -> np.ndarray:
+    """The values; NaN, thus a hole, for those below FLOOR, but a line at FLOOR if all are."""
+    hole = FLOOR if (values <= FLOOR).all() else np.nan
+    return np.where(values > FLOOR, values, hole)
+
+
+# Two motions in one Rerun recording: A in blue, B in orange, on the clock of A.
+
+
+COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
+TIMELINE = "sim_time"
+TRAIL_POINTS = 20_000
+"""Of a trail."""
+EYE = np.array([0.9, -1.35, 0.85])
+"""From the middle of the motion to the eye, in sizes of the motion."""
+
+
+def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
+    """Write FILE.rrd: frames and trails of both, and the differences as plots.
+
+    Raises MissingExtraError without rerun-sdk.
+    """
+    try:
+        rr = import_module("rerun")
+        rrb = import_module("rerun.blueprint")
+    except ImportError:
+        raise MissingExtraError("rerun-sdk", "rerun", "an overlay") from None
+    recording = rr.RecordingStream("rb_sim_compare")
+    recording.save(str(path))
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    center, size = _extent(a, found)
+    for name, other in found.pairs.items():
+        if name not in found.t:
+            continue
+        _motion(rr, recording, f"world/A/{name}", a.bodies[name], "A", size)
+        _motion(rr, recording, f"world/B/{name}", _on_clock(b.bodies[other], found), "B", size)
+    for name, series in found.series.items():
+        for quantity, values in series.items():
+            entity = f"apart/{quantity}/{name.replace(' ', '_')}"
+            if values.max() <= found.floors[quantity]:  # else an axis of the noise
+                entity, values = f"{entity}_rounding", np.zeros(len(values))
+            times = rr.TimeColumn(TIMELINE, duration=found.t[name])
+            recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
+    plots = [q for q in UNITS if any(q in series for series in found.series.values())]
+    views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=center + size * EYE,
+        look_target=center,
+        eye_up=(0, 0, 1),
+    )
+    scene = rrb.Spatial3DView(origin="world", name="A blue, B orange", eye_controls=eye)
+    layout = rrb.Horizontal(scene, rrb.Vertical(*views))
+    panels = (
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+    recording.send_blueprint(rrb.Blueprint(layout, *panels))
+    recording.flush()
+    recording.disconnect()
+
+
+def _extent(a: Tracks, found: Differences) -> tuple[np.ndarray, float]:
+    """Middle and size [m] of the motion of A; at least 0.1 m, for bodies that only turn."""
+    places = np.concatenate([a.bodies[name].position for name in found.pairs])
+    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    return (low + high) / 2.0, max(float((high - low).max()), 0.1)
+
+
+def _on_clock(track: Track, found: Differences) -> Track:
+    """The track with its times on the clock of A."""
+    clocks = found.clocks
+    t = clocks.start + (track.t - clocks.offset - clocks.start) / (1.0 + clocks.drift)
+    return Track(t, track.position, Interpolated(track).q, anew=track.anew)
+
+
+def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size: float) -> None:
+    length = (0.25 if which == "A" else 0.2) * size  # unequal: neither hides the other
+    recording.log(
+        entity,
+        rr.Arrows3D(vectors=length * np.eye(3), colors=[COLORS[which]] * 3, radii=0.03 * length),
+        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.06 * length], colors=[COLORS[which]]),
+        static=True,
+    )
+    stride = max(1, len(track.t) // TRAIL_POINTS)
+    strips = [track.position[part][::stride] for part in stretches(track)]
+    line = rr.LineStrips3D(strips, colors=[COLORS[which]], radii=0.01 * length)
+    recording.log(f"{entity}_trail", line, static=True)
+    columns = rr.Transform3D.columns(translation=track.position, quaternion=track.orientation)
+    recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=track.t)], columns)

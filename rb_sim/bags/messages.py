@@ -1,0 +1,320 @@
+"""Messages of any ROS 2 bag as arrays of numbers, by the schema in the file."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.io.bag.batches import Messages
+
+# Where the fields of a message lie, by the schema in the file that holds it.
+#
+# A type may have other fields than the one of that name that this program knows: an older or newer
+# release, somebody's own copy. Fields that are not needed are passed over; a needed one that is
+# missing, or no double, is an error. The form is that of ROS 2's .msg files, concatenated (MCAP,
+# "ros2msg"): the type itself first, then each that it uses behind a line of = and "MSG: ...".
+
+
+NEEDED: dict[str, tuple[str, ...]] = {
+    "geometry_msgs/msg/PoseStamped": ("header", "pose"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("header", "pose.pose"),
+    "geometry_msgs/msg/Pose": ("position", "orientation"),
+    "geometry_msgs/msg/TwistStamped": ("header", "twist"),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": ("header", "twist.twist"),
+    "geometry_msgs/msg/WrenchStamped": ("header", "wrench"),
+    "geometry_msgs/msg/AccelStamped": ("header", "accel"),
+    "geometry_msgs/msg/TransformStamped": ("header", "child_frame_id", "transform"),
+    "nav_msgs/msg/Odometry": ("header", "child_frame_id", "pose.pose", "twist.twist"),
+    "sensor_msgs/msg/Imu": ("header", "orientation", "angular_velocity", "linear_acceleration"),
+    "std_msgs/msg/Float64": ("data",),
+    "tf2_msgs/msg/TFMessage": ("transforms",),
+}
+"""Fields of each type that are read, all that is in them; they come in this order."""
+INNER = {"tf2_msgs/msg/TFMessage": "geometry_msgs/msg/TransformStamped"}
+"""Types that are a sequence of another one."""
+SIZES = {
+    "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4,
+    "uint32": 4, "float32": 4, "int64": 8, "uint64": 8, "float64": 8,
+}  # fmt: skip
+TIMES = ("builtin_interfaces/Time", "builtin_interfaces/msg/Time", "time")
+_FIELD = re.compile(r"([\w/]+)(?:<=\d+)?(\[(?:<=)?(\d*)\])?\s+(\w+)")
+_PART = re.compile(r"^=+\s*$", re.MULTILINE)
+DEEPEST = 16
+"""Types within types."""
+
+
+class _Leaf(NamedTuple):
+    path: str
+    kind: str
+    """a primitive, "string" or "time"."""
+    count: int
+    """1, of a fixed array its length; -1 of a sequence."""
+
+
+@cache
+def layout_of(ros_type: str, text: str) -> str:
+    """The layout of messages of a type by its schema, as `templates.LAYOUTS` has it.
+
+    Raises ValueError in one line for a schema that lacks what is needed.
+    """
+    types = _types(text)
+    inner = INNER.get(ros_type)
+    if inner is None:
+        return " ".join(_tokens(ros_type, list(_leaves("", "", types, 0))))
+    fields = types[""]
+    if len(fields) != 1 or fields[0][1] != -1 or fields[0][2] != NEEDED[ros_type][0]:
+        raise ValueError(f"its schema of {ros_type} is not a sequence {NEEDED[ros_type][0]} alone")
+    return f"({' '.join(_tokens(inner, list(_leaves('', fields[0][0], types, 0))))})"
+
+
+def _types(text: str) -> dict[str, list[tuple[str, int, str]]]:
+    """Fields (type, count as of a leaf, name) of each type by its short name; "" is the first."""
+    found: dict[str, list[tuple[str, int, str]]] = {}
+    for part in _PART.split(text):
+        lines = [line.split("#")[0].strip() for line in part.splitlines()]
+        name = next((line[4:].strip() for line in lines if line.startswith("MSG:")), "")
+        fields = []
+        for line in lines:
+            match = _FIELD.match(line)
+            if match is None or line.startswith("MSG:") or re.match(r"\S+\s+\w+\s*=", line):
+                continue  # blank, or a constant
+            count = 1 if match[2] is None else int(match[3]) if match[3] else -1
+            if "<=" in (match[2] or ""):
+                count = -1
+            fields.append((match[1], count, match[4]))
+        found.setdefault(_short(name), fields)
+    return found
+
+
+def _short(name: str) -> str:
+    return name.replace("/msg/", "/")
+
+
+def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
+    """The primitives of a type in their order."""
+    fields = types.get(_short(name))
+    if fields is None:  # within a package names may stand without it
+        fields = next((v for k, v in types.items() if k.rpartition("/")[2] == name), None)
+    if fields is None or depth > DEEPEST:
+        raise ValueError(f"its schema does not say what {name} is")
+    for kind, count, field in fields:
+        where = f"{path}.{field}" if path else field
+        if kind in TIMES:
+            yield _Leaf(where, "time", count)
+        elif kind in SIZES or kind in ("string", "wstring"):
+            yield _Leaf(where, kind, count)
+        elif count == 1:
+            yield from _leaves(where, kind, types, depth + 1)
+        else:
+            raise ValueError(f"its schema has several {kind} in {where}, which are not passed over")
+
+
+def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
+    """What the cursor of `templates` is to do, field by field."""
+    order = {path: k for k, path in enumerate(NEEDED[ros_type])}
+    seen: list[int] = []
+    parts: list[tuple[str, int]] = []
+    for leaf in leaves:
+        needed = next((p for p in order if leaf.path == p or leaf.path.startswith(p + ".")), None)
+        if needed is not None:
+            seen.append(order[needed])
+            if leaf.kind == "time" and leaf.count == 1:
+                parts.append(("T", 1))
+            elif leaf.kind == "string" and leaf.count == 1:
+                parts.append(("S", 1))
+            elif leaf.kind == "float64" and leaf.count > 0:
+                parts.append(("", leaf.count))
+            elif leaf.path.endswith(".seq"):  # of headers of ROS 1
+                parts.append((f"-{SIZES[leaf.kind]}", 1))
+            else:
+                raise ValueError(f"{leaf.path} in its schema is {leaf.kind}, not float64")
+        elif leaf.kind in ("string", "wstring") or leaf.count < 0:
+            if leaf.kind == "wstring" or (leaf.kind == "string" and leaf.count != 1):
+                raise ValueError(
+                    f"{leaf.path} in its schema is a {leaf.kind} that is not read over"
+                )
+            size = SIZES.get(leaf.kind, 8)
+            parts.append(("s" if leaf.kind == "string" else f"[{size}", 1))
+        elif leaf.kind == "float64":
+            parts.append(("_", leaf.count))
+        elif leaf.kind == "time":
+            parts.append(("-4", 2 * leaf.count))
+        else:
+            parts.append((f"-{SIZES[leaf.kind]}", leaf.count))
+    lacks = [path for path, k in order.items() if k not in seen]
+    if lacks or seen != sorted(seen):
+        what = f"lacks {', '.join(lacks)}" if lacks else "has its fields in another order"
+        raise ValueError(f"its schema of {ros_type} {what}")
+    for kind, group in groupby(parts, key=lambda part: part[0]):
+        counts = [count for _, count in group]
+        if kind in ("T", "S", "s") or kind.startswith(("-", "[")):
+            for count in counts:
+                yield from [kind] * count
+        else:
+            yield f"{kind}{sum(counts)}"
+
+
+# ROS 2 messages of anybody as numbers, many at a time.
+#
+# Messages of one topic mostly differ in stamps and numbers only: strings and lengths are read once,
+# and the numbers of all messages with the same ones are taken as columns. Alignment counts from
+# after the four bytes of the encapsulation header (OMG XTypes, encoding version 1, little endian).
+
+
+NANO = 1_000_000_000
+_ENCAPSULATION = 4
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""A frame of zstd begins so (RFC 8878)."""
+_MOST = 10_000
+"""Transforms in one message; more are taken for damage."""
+
+LAYOUTS: dict[str, str] = {
+    "geometry_msgs/msg/PoseStamped": "T S 7",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "T S 7 _36",
+    "geometry_msgs/msg/Pose": "7",
+    "geometry_msgs/msg/TwistStamped": "T S 6",
+    "geometry_msgs/msg/TwistWithCovarianceStamped": "T S 6 _36",
+    "geometry_msgs/msg/WrenchStamped": "T S 6",
+    "geometry_msgs/msg/AccelStamped": "T S 6",
+    "geometry_msgs/msg/TransformStamped": "T S S 7",
+    "nav_msgs/msg/Odometry": "T S S 7 _36 6 _36",
+    "sensor_msgs/msg/Imu": "T S 4 _9 3 _9 3 _9",
+    "std_msgs/msg/Float64": "1",
+    "tf2_msgs/msg/TFMessage": "(T S S 7)",
+}
+"""What each type consists of: T stamp, S string, n doubles, _n doubles to pass over, () many. Of
+other schemas (`schemas.layout_of`) also, to pass over: s string, -n a number of n bytes, [n a
+sequence of such numbers."""
+
+
+class Group(NamedTuple):
+    """n readings with the same strings."""
+
+    which: np.ndarray
+    """index of the message of each, shape (n,)."""
+    names: tuple[str, ...]
+    """frame_id, and child_frame_id where the type has one."""
+    stamp: np.ndarray | None
+    """[ns], shape (n,); None for a type without one."""
+    values: np.ndarray
+    """shape (n, m)."""
+
+
+class _Field(NamedTuple):
+    names: tuple[str, ...]
+    stamp: int | None
+    runs: tuple[tuple[int, int], ...]
+    """(offset, how many doubles)."""
+
+
+def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
+    """The readings in the messages of one topic; counts those that are not of that type, by why."""
+    rest = np.arange(len(messages.start))
+    while len(rest):
+        first = messages.data(int(rest[0]))
+        try:
+            fields, fixed = _parse(layout, first, ros_type)
+        except ValueError as error:
+            wrong[str(error)] += 1
+            rest = rest[1:]
+            continue
+        same = rest[messages.size[rest] == len(first)]
+        rows = messages.take(same).rows(len(first))
+        alike = (rows[:, fixed] == np.frombuffer(first, np.uint8)[fixed]).all(axis=1)
+        rows, same = rows[alike], same[alike]
+        for field in fields:
+            stamp = None if field.stamp is None else _stamps(rows, field.stamp)
+            values = [_doubles(rows, offset, count) for offset, count in field.runs]
+            yield Group(same, field.names, stamp, np.concatenate(values, axis=1))
+        rest = np.setdiff1d(rest, same, assume_unique=True)
+
+
+def _stamps(rows: np.ndarray, offset: int) -> np.ndarray:
+    part = np.ascontiguousarray(rows[:, offset : offset + 8])
+    seconds = part[:, :4].copy().view("<i4")[:, 0].astype(np.int64)
+    return seconds * NANO + part[:, 4:].copy().view("<u4")[:, 0]
+
+
+def _doubles(rows: np.ndarray, offset: int, count: int) -> np.ndarray:
+    return np.ascontiguousarray(rows[:, offset : offset + 8 * count]).view("<f8")
+
+
+def _parse(layout: str, data: bytes, ros_type: str) -> tuple[list[_Field], np.ndarray]:
+    """Where the fields of a message are, and which bytes are the same in all like it."""
+    if len(data) < _ENCAPSULATION:
+        raise ValueError(f"a message of {len(data)} bytes is no {ros_type}")
+    if data[:4] == _ZSTD:
+        raise ValueError(
+            "its messages are compressed one by one by rosbag2 (zstd): convert the bag with "
+            "rosbags-convert"
+        )
+    if data[:2] != b"\x00\x01":
+        raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
+    cursor = _Cursor(data, ros_type)
+    if not layout.startswith("("):
+        return [cursor.field(layout.split())], cursor.fixed
+    count = cursor.count()
+    if count > _MOST:
+        raise ValueError(f"a message with {count} parts is no {ros_type}")
+    return [cursor.field(layout[1:-1].split()) for _ in range(count)], cursor.fixed
+
+
+class _Cursor:
+    """Walks over a message."""
+
+    def __init__(self, data: bytes, ros_type: str) -> None:
+        self._data, self._type, self._at = data, ros_type, _ENCAPSULATION
+        self.fixed = np.ones(len(data), bool)
+        """bytes that are the same in all messages of this layout."""
+
+    def field(self, parts: list[str]) -> _Field:
+        names: list[str] = []
+        runs: list[tuple[int, int]] = []
+        stamp = None
+        for part in parts:
+            if part == "T":
+                stamp = self._take(4, 8)
+                self.fixed[stamp : stamp + 8] = False
+            elif part == "S":
+                names.append(self._text())
+            elif part == "s":
+                self._text()
+            elif part[0] in "-[":
+                self._pass_over(int(part[1:]), 1 if part[0] == "-" else self.count())
+            else:
+                count = int(part.lstrip("_"))
+                at = self._take(8, 8 * count)
+                self.fixed[at : at + 8 * count] = False
+                if not part.startswith("_"):
+                    runs.append((at, count))
+        return _Field(tuple(names), stamp, tuple(runs))
+
+    def _pass_over(self, size: int, count: int) -> None:
+        """Numbers of this size that are not read; a sequence has one length in all alike."""
+        if count:
+            at = self._take(size, size * count)
+            self.fixed[at : at + size * count] = False
+
+    def count(self) -> int:
+        return struct.unpack_from("<I", self._data, self._take(4, 4))[0]
+
+    def _text(self) -> str:
+        length = self.count()
+        at = self._take(1, length)
+        return self._data[at : at + max(0, length - 1)].decode("utf-8", "replace")
+
+    def _take(self, alignment: int, size: int) -> int:
+        before = self._at
+        self._at += -(self._at - _ENCAPSULATION) % alignment
+        self.fixed[before : self._at] = False  # padding is whatever it is
+        start, self._at = self._at, self._at + size
+        if self._at > len(self._data):
+            raise ValueError(f"a message of {len(self._data)} bytes is no {self._type}")
+        return start

@@ -1,0 +1,398 @@
+"""The tree of transforms in a bag: poses of frames in the root of the tree."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.bags.message_rates import GrowingTime
+from rb_sim.bags.sources import POSE, Piece
+from rb_sim.io.frames import cross, rotate
+from rb_sim.numerics.vectors import quaternion_product
+
+# Which frame stands in which in the transforms of a bag, and the way from a frame to its root.
+#
+# A robot's transforms form a tree (`map` to `odom` to `base_link`): the pose of a frame in the root
+# is the product of the transforms on the way. Each namespace (`/robot1/tf` with
+# `/robot1/tf_static`) has a tree of its own.
+
+
+Links = dict[str, dict[str, str]]
+"""Source of the transform by its parent frame, by child frame."""
+
+
+class Chain(NamedTuple):
+    """How the pose of a frame in the root of its tree is made.
+
+    root_child = before[-1] ... before[0] driver after[0] ... after[-1], by names of sources.
+    """
+
+    name: str
+    """of what is made."""
+    driver: str
+    """the source at whose stamps it is made."""
+    before: tuple[str, ...]
+    """the transforms from the frame of the driver's poses up to the root."""
+    after: tuple[str, ...]
+    """the static transforms from the driver's own frame down to the child."""
+    root: str
+    child: str
+    replaced: str
+    """the source whose poses are of the same child, but not in the root."""
+
+
+def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
+    """What can be made of the first readings of a bag.
+
+    wanted: names of frames whose poses are made even where they are fixed to their parent. Frames
+    with two parents, and those in a circle, have no place in a tree: nothing is made through them.
+    """
+    trees: dict[str, Links] = {}
+    firsts: dict[str, Piece] = {}
+    for piece in pieces:
+        if piece.kind == POSE and piece.source not in firsts:
+            firsts[piece.source] = piece
+            if piece.transform:
+                links = trees.setdefault(namespace(piece.source), {})
+                links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
+    made = [_chain(piece, trees, firsts, wanted) for piece in firsts.values()]
+    return [chain for chain in made if chain is not None]
+
+
+def plain(frame: str) -> str:
+    """The frame's name without the slash that ROS 1 put before it."""
+    return frame.removeprefix("/")
+
+
+def is_static(source: str) -> bool:
+    """Whether a source of transforms is one that holds for all times."""
+    return source.partition(":")[0].endswith("/tf_static")
+
+
+def namespace(source: str) -> str:
+    """What stands before /tf or /tf_static in the name of a source of transforms."""
+    return source.partition(":")[0].rpartition("/")[0]
+
+
+def _chain(
+    piece: Piece, trees: dict[str, Links], firsts: dict[str, Piece], wanted: frozenset[str]
+) -> Chain | None:
+    """The chain of a source of poses, if it has one."""
+    links, driver = _tree_of(piece, trees), piece
+    after: list[str] = []
+    while driver.transform and is_static(driver.source):
+        above = links.get(plain(driver.frame), {})
+        after.insert(0, driver.source)
+        if plain(piece.child) not in wanted or len(above) != 1 or len(after) > len(links):
+            return None
+        driver = firsts[next(iter(above.values()))]
+    found = _way(plain(driver.frame), links)
+    if found is None:
+        return None
+    before, root = found
+    if not after and all(_is_nothing(firsts[source]) for source in before):
+        return None
+    name = f"{piece.source} (in {root} by transforms)"
+    return Chain(name, driver.source, before, tuple(after), root, piece.child, piece.source)
+
+
+def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
+    """The tree of a transform; of other poses the only one that knows their frame, if there is."""
+    if piece.transform:
+        return trees[namespace(piece.source)]
+    known = [links for links in trees.values() if plain(piece.frame) in links]
+    return known[0] if len(known) == 1 else {}
+
+
+def _way(frame: str, links: Links) -> tuple[tuple[str, ...], str] | None:
+    """The transforms from a frame up to the root, and the root; None where that is not clear."""
+    way: list[str] = []
+    while frame in links:
+        parents = links[frame]
+        if len(parents) != 1 or len(way) > len(links):
+            return None
+        frame, source = next(iter(parents.items()))
+        way.append(source)
+    return tuple(way), frame
+
+
+def _is_nothing(piece: Piece) -> bool:
+    """Whether a transform is static and turns and moves nothing."""
+    value = piece.values[0]
+    return is_static(piece.source) and not np.any(value[:6]) and bool(value[6])
+
+
+# Poses in the root of a tree of transforms, made of the transforms on the way.
+#
+#     p_RC = p_RP + R(q_RP) p_PC        q_RC = q_RP q_PC        (root R, parent P, child C)
+#
+# at the stamps of the lowest transform that is not static. A parent's transform between two stamps
+# is taken as tf2 does: positions linear, attitudes turning evenly about one axis (slerp: Shoemake,
+# Animating rotation with quaternion curves, 1985).
+
+
+APART = 1.0
+"""[s]: no transform is made between two stamps that lie further apart, unless they mostly do."""
+USUAL = 3.0
+"""Times the median of the intervals of a transform, up to which one is not further apart."""
+BACK = 1.0
+"""[s]: stamps that step back by more are of a clock that was set; by less they are late."""
+MOST = 100_000
+"""Poses that wait for the transforms of their parents, and transforms that wait for poses."""
+TOLD = 4
+
+
+class Composed:
+    """Makes the poses of `chains` out of readings that come in pieces; bounded memory.
+
+    known: the readings that the chains were found in, with the static transforms.
+    """
+
+    def __init__(self, chains: list[Chain], known: Iterable[Piece] = ()) -> None:
+        self._chains = chains
+        links = {source for chain in chains for source in (*chain.before, *chain.after)}
+        self._static: dict[str, Array] = {}
+        """pose, shape (1, 7), by source."""
+        self._changed: set[str] = set()
+        self._histories = {source: _History() for source in links if not is_static(source)}
+        self._links = links
+        self._drivers = {chain.driver for chain in chains}
+        self._waiting: dict[str, list[tuple[Array, Piece]]] = {c.name: [] for c in chains}
+        self._reached = {chain.name: -np.inf for chain in chains}
+        """latest time up to which the poses of a chain were made."""
+        self._time = GrowingTime()
+        self._start: int | None = None
+        self._lost: Counter[str] = Counter()
+        self._made: Counter[str] = Counter()
+        self._between: Counter[str] = Counter()
+        for piece in known:
+            if is_static(piece.source):
+                self.add(piece)
+
+    def add(self, piece: Piece) -> None:
+        """The next readings of a source."""
+        if piece.source not in self._links and piece.source not in self._drivers:
+            return
+        if is_static(piece.source) and piece.source in self._links:
+            first = self._static.setdefault(piece.source, piece.values[:1])
+            if not np.array_equal(first.repeat(len(piece.values), axis=0), piece.values):
+                self._changed.add(piece.source)
+            return
+        if self._start is None:
+            self._start = int(piece.stamp[0])
+        t = self._time.found(piece.source, (piece.stamp - self._start) * 1e-9, BACK)
+        if piece.source in self._histories:
+            self._histories[piece.source].add(t, piece.values)
+        for chain in self._chains:
+            if chain.driver == piece.source:
+                self._waiting[chain.name].append((t, piece))
+
+    def ready(self, *, last: bool = False) -> Iterator[Piece]:
+        """The poses that all transforms on their way have reached; all that wait at the end."""
+        for chain in self._chains:
+            yield from self._take(chain, last)
+        for source, history in self._histories.items():
+            history.forget(min(self._reached[c.name] for c in self._chains if source in c.before))
+
+    @property
+    def notes(self) -> list[str]:
+        """What was made, and what could not be."""
+        roots: dict[str, list[str]] = {}
+        for chain in self._chains:
+            if self._made[chain.name]:
+                roots.setdefault(chain.root, []).append(chain.replaced)
+        lines = [f"along the tree of transforms also in {root}: {_some(of)}"
+                 for root, of in roots.items()]  # fmt: skip
+        for name, count in self._between.items():
+            lines.append(
+                f"{name}: {count} of {self._made[name]} poses by transforms between two stamps "
+                "(linear, as tf2 has it): accelerations are only as good as that"
+            )
+        for name, count in self._lost.items():
+            lines.append(f"{name}: {count} poses left out: a transform on the way has no two "
+                         "stamps about theirs that are near enough")  # fmt: skip
+        lines += [f"{source}: changes, though static: the first is taken"
+                  for source in sorted(self._changed)]  # fmt: skip
+        return lines
+
+    def _take(self, chain: Chain, last: bool) -> Iterator[Piece]:
+        waiting = self._waiting[chain.name]
+        moving = [self._histories[s] for s in chain.before if s in self._histories]
+        size = sum(len(t) for t, _ in waiting)
+        limit = min((history.last for history in moving), default=np.inf)
+        if last or size > MOST:
+            limit = np.inf
+        rest: list[tuple[Array, Piece]] = []
+        for t, piece in waiting:
+            now = t <= limit
+            if not now.all():
+                rest.append((t[~now], _picked(piece, ~now)))
+            if now.any():
+                self._reached[chain.name] = max(self._reached[chain.name], float(t[now].max()))
+                yield from self._made_of(chain, t[now], _picked(piece, now))
+        self._waiting[chain.name] = rest
+
+    def _made_of(self, chain: Chain, t: Array, piece: Piece) -> Iterator[Piece]:
+        """The poses of a chain at times t of its driver."""
+        pose, known, between = _unit(piece.values), np.ones(len(t), bool), np.zeros(len(t), bool)
+        for source in chain.after:
+            pose = product(pose, _unit(self._static[source]))
+        for source in chain.before:
+            if source in self._static:
+                parent = _unit(self._static[source])
+            else:
+                parent, reached, inside = self._histories[source].at(t)
+                known, between = known & reached, between | inside
+            pose = product(parent, pose)
+        self._count(chain.name, known, between)
+        if known.any():
+            yield _picked(piece, known)._replace(
+                source=chain.name, frame=chain.root, child=chain.child, values=pose[known],
+                transform=False,
+            )  # fmt: skip
+
+    def _count(self, name: str, known: Array, between: Array) -> None:
+        self._made[name] += int(known.sum())
+        for counter, which in ((self._lost, ~known), (self._between, between & known)):
+            if which.any():
+                counter[name] += int(which.sum())
+
+
+class _History:
+    """Poses of one transform over a growing time."""
+
+    def __init__(self) -> None:
+        self._t, self._poses = np.empty(0), np.empty((0, 7))
+        self._apart: float | None = None
+
+    @property
+    def last(self) -> float:
+        """The latest time known; -inf before the first."""
+        return float(self._t[-1]) if len(self._t) else -np.inf
+
+    def add(self, t: Array, poses: Array) -> None:
+        """The next poses; those that are not later than all before are left out."""
+        later = t > np.maximum.accumulate(np.append(self.last, t))[:-1]
+        self._t = np.concatenate([self._t, t[later]])[-MOST:]
+        self._poses = np.concatenate([self._poses, _unit(poses[later])])[-MOST:]
+        if self._apart is None and len(self._t) > 1:
+            self._apart = max(APART, USUAL * float(np.median(np.diff(self._t))))
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Poses (n, 7) at times t, which of them are known, and which lie between two stamps."""
+        if not len(self._t):
+            return np.tile([0.0] * 6 + [1.0], (len(t), 1)), np.zeros(len(t), bool), t < -np.inf
+        upper = np.clip(np.searchsorted(self._t, t), 0, len(self._t) - 1)
+        lower = np.maximum(upper - 1, 0)
+        same = self._t[upper] == t
+        width = np.where(same, 1.0, self._t[upper] - self._t[lower])
+        inside = (t > self._t[lower]) & (t < self._t[upper]) & (width <= (self._apart or 0.0))
+        part = np.where(same | ~inside, 1.0, (t - self._t[lower]) / np.where(inside, width, 1.0))
+        poses = interpolated(self._poses[lower], self._poses[upper], part)
+        return poses, same | inside, inside
+
+    def forget(self, before: float) -> None:
+        """Drop what is not needed for times from `before` on."""
+        first = max(0, int(np.searchsorted(self._t, before, side="right")) - 1)
+        self._t, self._poses = self._t[first:], self._poses[first:]
+
+
+def product(parent: Array, child: Array) -> Array:
+    """The pose of a child in the frame in which the parent's pose is; shapes (n, 7) or (1, 7)."""
+    p, q = parent[:, :3], parent[:, 3:]
+    turned = quaternion_product(q.T, child[:, 3:].T)
+    return np.hstack([p + rotate(q, child[:, :3]), np.transpose(turned)])
+
+
+def interpolated(a: Array, b: Array, part: Array) -> Array:
+    """The poses at a part, 0 to 1, of the way from a to b; shapes (n, 7), (n,)."""
+    p, q, u = a[:, 3:], b[:, 3:], part[:, None]
+    q = np.where(np.sum(p * q, axis=1, keepdims=True) < 0, -q, q)
+    angle = 2.0 * np.arctan2(*(np.linalg.norm(x, axis=1)[:, None] for x in (q - p, q + p)))
+    size = np.where(angle > 0, np.sin(angle), 1.0)
+    left = np.where(angle > 0, np.sin((1 - u) * angle) / size, 1 - u)
+    right = np.where(angle > 0, np.sin(u * angle) / size, u)
+    return np.hstack([(1 - u) * a[:, :3] + u * b[:, :3], left * p + right * q])
+
+
+def _unit(poses: Array) -> Array:
+    q = poses[:, 3:7]
+    return np.hstack([poses[:, :3], q / np.linalg.norm(q, axis=1, keepdims=True)])
+
+
+def _picked(piece: Piece, which: Array) -> Piece:
+    columns = ("t", "log", "values", "stamp")
+    return piece._replace(**{name: getattr(piece, name)[which] for name in columns})
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:TOLD]) + f" and {len(names) - TOLD} more" * (len(names) > TOLD)
+
+
+# Frames that static transforms hold together: where one of them lies in another, at all times.
+
+
+Array = np.ndarray
+HERE = np.array([0.0] * 6 + [1.0])
+"""The pose of a frame in itself."""
+
+
+class _Link(NamedTuple):
+    parent: str
+    pose: Array
+    """of the child in the parent, shape (7,)."""
+
+
+class FixedFrames:
+    """The static transforms of a bag. A child with two parents, or whose transform changes, is
+    fixed to nothing."""
+
+    def __init__(self, pieces: Iterable[Piece] = ()) -> None:
+        self._trees: dict[str, dict[str, _Link | None]] = {}
+        for piece in pieces:
+            if piece.kind != POSE or not piece.transform or not is_static(piece.source):
+                continue
+            links = self._trees.setdefault(namespace(piece.source), {})
+            child, pose = plain(piece.child), piece.values[0, :7].copy()
+            pose[3:] /= np.linalg.norm(pose[3:])
+            link = links.setdefault(child, _Link(plain(piece.frame), pose))
+            one = link is not None and link.parent == plain(piece.frame)
+            if not one or not (piece.values == piece.values[0]).all():
+                links[child] = None
+
+    def carrier(self, frame: str, bodies: Container[str]) -> tuple[str, Array] | None:
+        """The nearest of the frames above that is one of `bodies`, and the pose in it, (7,).
+
+        None where there is none, or where trees of several namespaces say different things.
+        """
+        found = [way for links in self._trees.values() if (way := _up(frame, links, bodies))]
+        same = all(f == found[0][0] and np.array_equal(p, found[0][1]) for f, p in found)
+        return found[0] if found and same else None
+
+
+def _up(
+    frame: str, links: dict[str, _Link | None], bodies: Container[str]
+) -> tuple[str, Array] | None:
+    at, pose = plain(frame), HERE
+    for _ in range(len(links) + 1):  # a circle ends, too
+        if at in bodies and pose is not HERE:
+            return at, pose
+        link = links.get(at)
+        if link is None:
+            return None
+        at, pose = link.parent, product(link.pose[None], pose[None])[0]
+    return None
+
+
+def carried_over(wrench: Array, pose: Array) -> Array:
+    """Forces and torques about a frame's origin, in its axes, as about the origin and in the axes
+    of the frame in which it has that pose; shapes (n, 6) and (7,).
+
+        F_B = R F_S        K_B = R K_S + r x F_B
+    """
+    r, q = pose[:3], pose[3:]
+    force = rotate(q, wrench[:, :3])
+    return np.hstack([force, rotate(q, wrench[:, 3:]) + cross(r, force)])

@@ -1,0 +1,1 @@
+"""What every package may use: errors, diagnostics, and what a failed start says."""

@@ -1,0 +1,316 @@
+"""Contact: the body's surface touches a support, which it may push, rub and leave (LL 38).
+
+A support in the world may turn or shake as prescribed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+from pydantic import Field, PlainValidator, model_validator
+
+from rb_sim.catalogue.contacts import friction
+from rb_sim.catalogue.contacts.surfaces import (
+    SURFACES,
+    BodySurface,
+    CylinderSurface,
+    PlaneSurface,
+    SphereSurface,
+    pairs_of,
+)
+from rb_sim.catalogue.contacts.touching import Compliance, ContactLaw, ContactRow, Touching
+from rb_sim.catalogue.geometry import carriers
+from rb_sim.catalogue.geometry.corners_and_rims import held_by_faces
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Points,
+    Positive,
+    Spec,
+    UnitVector3,
+    Vector3,
+    refuse,
+    refuse_at,
+    spec_of_type,
+)
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.numerics.vectors import ZERO, scale
+
+MOST_POINTS = 64
+"""Of one contact: the equations of all of them are solved together."""
+
+
+class SmoothLaw(Spec):
+    """No friction."""
+
+    type: Literal["smooth"] = "smooth"
+
+    def law(self) -> friction.Friction:
+        return friction.Smooth()
+
+
+class CoulombLaw(Spec):
+    """|T| <= static N at rest, kinetic N against the slip."""
+
+    type: Literal["coulomb"] = "coulomb"
+    static: NonNegative
+    """coefficient of a contact that sticks or rolls."""
+    kinetic: NonNegative | None = None
+    """coefficient of one that slips; left out: as static."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> CoulombLaw:
+        if self.kinetic is not None and self.kinetic > self.static:
+            allowed = refuse(f"at most static ({self.static:g})")
+            raise refuse_at((("kinetic",), self.kinetic, allowed))
+        return self
+
+    def law(self) -> friction.Friction:
+        kinetic = self.static if self.kinetic is None else self.kinetic
+        return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
+
+
+class ViscousLaw(Spec):
+    """-c s, or with `per_normal` -c N s."""
+
+    type: Literal["viscous"] = "viscous"
+    coefficient: NonNegative
+    """[N s/m], or [s/m] with per_normal."""
+    per_normal: bool = False
+    """whether the traction grows with the push N."""
+
+    def law(self) -> friction.Friction:
+        kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
+        return kind(self.coefficient)
+
+
+class RegularisedLaw(Spec):
+    """-mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+
+    type: Literal["regularised"] = "regularised"
+    coefficient: NonNegative
+    """mu."""
+    speed: Positive
+    """v, of the slip at which 0.7 of mu N is reached [m/s]."""
+
+    def law(self) -> friction.Friction:
+        return friction.Regularised(self.coefficient, self.speed)
+
+
+class RoughLaw(Spec):
+    """Perfectly rough: rolls, never slips."""
+
+    type: Literal["rough"] = "rough"
+
+    def law(self) -> friction.Friction:
+        return friction.Rough()
+
+
+CORNERLESS = (friction.Regularised, friction.ViscousPerNormal)
+"""Laws that cannot stick, but whose traction grows with the push, in an impact without bound."""
+
+LAWS: dict[str, type[Spec]] = {
+    "smooth": SmoothLaw,
+    "coulomb": CoulombLaw,
+    "viscous": ViscousLaw,
+    "regularised": RegularisedLaw,
+    "rough": RoughLaw,
+}
+
+
+class TurntableMotion(Spec):
+    """The support turns at a constant `rate` [rad/s] about `axis` through `point`."""
+
+    type: Literal["turntable"] = "turntable"
+    rate: Finite
+    """[rad/s]."""
+    axis: UnitVector3 = (0.0, 0.0, 1.0)
+    """world."""
+    point: Vector3 = ZERO
+    """of the axis, world [m]."""
+
+    def carrier(self) -> NamedTuple:
+        return carriers.Turntable(self.point, scale(self.rate, self.axis))
+
+
+class ShakenMotion(Spec):
+    """The support is shifted by amplitude direction sin(2 pi frequency t + phase)."""
+
+    type: Literal["shaken"] = "shaken"
+    direction: UnitVector3
+    """world."""
+    amplitude: Positive
+    """[m]."""
+    frequency: Positive
+    """[Hz]."""
+    phase: Finite = 0.0
+    """[rad]."""
+
+    def carrier(self) -> NamedTuple:
+        amplitude = scale(self.amplitude, self.direction)
+        return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
+
+
+MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": ShakenMotion}
+
+
+def _group(value: Any) -> Any:
+    """Names of bodies, or all."""
+    if value in (None, "all"):
+        return value
+    names = tuple(value) if isinstance(value, (list, tuple)) else ()
+    if len(names) < 2 or len(set(map(str, names))) < len(names):
+        raise refuse("all, or a list of at least two different bodies")
+    if not all(isinstance(name, str) for name in names):
+        raise refuse("all, or a list of names of bodies")
+    return names
+
+
+class Contact(Touching):
+    """The body's shape (or its `points`) against a support.
+
+    Outputs: NAME, the total, about the contact point (about C where there are several); with
+    several points also NAME/1, NAME/2 ..., each about its own point. Of a contact `between` bodies
+    NAME_BODY of each, about C: what all others exert on it.
+    """
+
+    type: Literal["contact"]
+    body: Name
+    """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
+    Left out where `between` is given."""
+    parent: Name | None = None
+    between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
+    """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
+    shape; pairs that another constraint joins do not. With method time_stepping."""
+    surface: Annotated[
+        PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
+        PlainValidator(lambda value: spec_of_type(SURFACES, value)),
+    ] = PlaneSurface()
+    """in the parent's coordinates (from its origin), or in the world."""
+    points: Points | None = None
+    """what touches instead of the shape, from the body origin [m]."""
+    lies_flat: bool | None = None
+    """of a disk or a cylinder on a plane: whether an end may lie on it, held by six points of its
+    rim; left out: a cylinder's may, a disk's may not."""
+    friction: Annotated[
+        SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
+        PlainValidator(lambda value: spec_of_type(LAWS, value)),
+    ] = SmoothLaw()
+    """what acts along the support where the body slips or sticks on it."""
+    restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    """e: share of the speed of approach that comes back in an impact."""
+    rolling_resistance: NonNegative = 0.0
+    """arm [m]: torque of at most arm N against rolling."""
+    spinning_resistance: NonNegative = 0.0
+    """arm [m]: the same about the normal."""
+    mode: Literal["unilateral", "bilateral"] = "unilateral"
+    """whether it only pushes and may open, or also pulls and stays closed."""
+    motion: (
+        Annotated[
+            TurntableMotion | ShakenMotion,
+            PlainValidator(lambda value: spec_of_type(MOTIONS, value)),
+        ]
+        | None
+    ) = None
+    """of a support in the world; left out: it rests."""
+    compliance: Compliance | None = None
+    """of a support that gives way; left out: rigid."""
+
+    EQUATION: ClassVar[str] = """
+    g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign
+    impact:  g'_after = -e g'_before
+    compliant:  N = max(0, k depth + c depth')
+    friction T along the support, s the slip:  as its law says, below
+    |torque against rolling| <= rolling_resistance N,  about the normal <= spinning_resistance N
+    on the body: the force N n + T and these torques, at the point of contact
+    """
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Contact:
+        if self.between is not None:
+            self._check_between()
+        if self.motion is not None and self.parent is not None:
+            allowed = refuse("left out where the support belongs to a parent body")
+            raise refuse_at((("motion",), self.motion.type, allowed))
+        if isinstance(self.surface, BodySurface) and self.parent is None:
+            allowed = refuse("plane, sphere or cylinder where there is no parent")
+            raise refuse_at((("surface", "type"), "shape", allowed))
+        if self.points is not None and len(self.points) > MOST_POINTS:
+            allowed = refuse(f"at most {MOST_POINTS} points")
+            raise refuse_at((("points",), len(self.points), allowed))
+        if self.compliance is not None and self.mode == "bilateral":
+            allowed = refuse("unilateral where the support is compliant")
+            raise refuse_at((("mode",), self.mode, allowed))
+        if self.lies_flat and not self.opens_rigidly:
+            allowed = refuse("false where the contact is bilateral or compliant")
+            raise refuse_at((("lies_flat",), True, allowed))
+        return self
+
+    def _check_between(self) -> None:
+        """Refuse what says something of one pair alone."""
+        own = Contact.model_fields
+        for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
+            if (value := getattr(self, key)) != own[key].default:
+                value = getattr(value, "type", value)
+                raise refuse_at(((key,), value, refuse("left out where between is given")))
+
+    def of_pair(self, body: str, parent: str) -> Contact:
+        """The contact of one pair of the bodies that this one is between."""
+        pair = {"body": body, "parent": parent, "between": None, "surface": BodySurface()}
+        return self.model_copy(update=pair)
+
+    def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
+        listed = enumerate(() if self.between in (None, "all") else self.between)
+        return (*super().body_references(), *((("between", i), name) for i, name in listed))
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        return ("",) if self.between is not None else super().contact_suffixes(place)
+
+    @property
+    def opens_rigidly(self) -> bool:
+        return self.mode == "unilateral" and self.compliance is None
+
+    def law(self) -> ContactLaw:
+        law, soft = self.friction.law(), self.compliance
+        kinetic = law.kinetic if isinstance(law, friction.Coulomb) else 0.0
+        return ContactLaw(
+            self.restitution,
+            self.mode == "bilateral",
+            self.compliance is not None,
+            law.static,
+            math.inf if isinstance(law, friction.Rough) else kinetic,
+            self.rolling_resistance,
+            self.spinning_resistance,
+            (0.0, 0.0) if soft is None else soft.spring,
+            drags=isinstance(law, friction.Viscous),
+            per_slip=law.coefficient if isinstance(law, CORNERLESS) else 0.0,
+            rounded=law.speed if isinstance(law, friction.Regularised) else 0.0,
+        )
+
+    def parts(self, place: Place) -> list[Part]:
+        if self.between is not None:
+            return []  # its pairs are found as they come near, see contact.between
+        touching = pairs_of(
+            place,
+            self.body,
+            self.parent,
+            self.surface,
+            self.points,
+            self.lies_flat,
+            self.opens_rigidly,
+            self.mode == "bilateral",
+        )
+        if self.compliance is None:
+            touching = held_by_faces(touching)
+        law = self.friction.law()
+        resistance = friction.NoResistance()
+        if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:
+            resistance = friction.Resistance(self.rolling_resistance, self.spinning_resistance)
+        carrier = carriers.Resting() if self.motion is None else self.motion.carrier()
+        spring = () if self.compliance is None else self.compliance.spring
+        rows = [ContactRow(pair, law, resistance, carrier, spring) for pair in touching]
+        return [
+            Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)
+        ]

@@ -1,0 +1,235 @@
+"""Smooth bodies on round supports: where the contact point has to be sought.
+
+A smooth convex surface touches a sphere or a cylinder where its point p(n) of inward normal n lies
+straight along n from the support's centre or axis:  t . (p(n) - c) = 0  for every tangent t.  This
+is solved by Newton's method from the direction of the body's centre; the rate of n follows from the
+same linear equations, differentiated in time.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from rb_sim.catalogue.geometry.pairs import Touch, carried_direction, carried_point, touching
+from rb_sim.catalogue.geometry.smooth_surfaces import (
+    EllipsoidSurface,
+    LyingRimSurface,
+    support,
+    support_rate,
+)
+from rb_sim.catalogue.types import Vec3
+from rb_sim.graph.functions import call
+from rb_sim.graph.symbols import External, graph_of
+from rb_sim.numerics.kernels import inline, routine
+from rb_sim.numerics.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
+
+ROUNDS = 30
+SOUGHT = 1e-15
+"""Change of the normal at which Newton's iteration ends."""
+LARGEST_TURN = 0.5
+"""Of the normal in one round [rad]."""
+
+
+class SurfaceOnSphere(NamedTuple):
+    """An ellipsoid or a rim and the parent's sphere."""
+
+    surface: Any
+    r_A: Vec3
+    curved: float
+    """radius of the parent's sphere [m]."""
+    side: float
+    """+1: the body is outside, -1: inside."""
+
+
+class SurfaceOnCylinder(NamedTuple):
+    """An ellipsoid or a rim and the parent's infinite circular cylinder."""
+
+    surface: Any
+    r_A: Vec3
+    """a point of the axis."""
+    axis_A: Vec3
+    curved: float
+    side: float
+
+
+@inline
+def moved(surface, q, n, turn):
+    """Change of the surface's point of inward normal n (world) when n turns by `turn`, world."""
+    return rotate(q, support_rate(surface, unrotate(q, n), unrotate(q, turn)))
+
+
+@inline
+def normalised(a):
+    return scale(1.0 / norm(a), a)
+
+
+@inline
+def slopes(surface, q, n, t1, t2, reach):
+    """d(t_i . (p - c)) per turn of n along t_j, as (11, 12, 21, 22); reach = n . (p - c)."""
+    a, b = moved(surface, q, n, t1), moved(surface, q, n, t2)
+    return dot(t1, a) - reach, dot(t1, b), dot(t2, a), dot(t2, b) - reach
+
+
+@inline
+def solved(m, x, y):
+    """(u, v) with m (u, v) = (x, y)."""
+    determinant = m[0] * m[3] - m[1] * m[2]
+    return (m[3] * x - m[1] * y) / determinant, (m[0] * y - m[2] * x) / determinant
+
+
+@inline
+def limited(u, v):
+    size = (u * u + v * v) ** 0.5
+    s = LARGEST_TURN / size if size > LARGEST_TURN else 1.0
+    return s * u, s * v
+
+
+@inline
+def normal_on_sphere(surface, side, p_WC, q, c):
+    """The normal at which the surface's point lies straight along it from c."""
+    n = scale(side, normalised(sub(p_WC, c)))
+    for _ in range(ROUNDS):
+        t1, t2 = perpendicular(n)
+        far = sub(add(p_WC, rotate(q, support(surface, unrotate(q, n)))), c)
+        m = slopes(surface, q, n, t1, t2, dot(n, far))
+        u, v = solved(m, -dot(t1, far), -dot(t2, far))
+        u, v = limited(u, v)
+        n = normalised(add(n, add(scale(u, t1), scale(v, t2))))
+        if abs(u) + abs(v) <= SOUGHT:
+            break
+    return n
+
+
+@inline
+def normal_on_cylinder(surface, side, p_WC, q, c, e):
+    """The normal at which the surface's point lies straight along it from the axis e through c."""
+    away = sub(p_WC, c)
+    n = scale(side, normalised(sub(away, scale(dot(away, e), e))))
+    for _ in range(ROUNDS):
+        t = cross(e, n)
+        far = sub(add(p_WC, rotate(q, support(surface, unrotate(q, n)))), c)
+        slope = dot(t, moved(surface, q, n, t)) - dot(n, far)
+        u, _ = limited(-dot(t, far) / slope, 0.0)
+        n = normalised(add(n, scale(u, t)))
+        if abs(u) <= SOUGHT:
+            break
+    return n
+
+
+@inline
+def three(a, i):
+    return (a[i], a[i + 1], a[i + 2])
+
+
+@inline
+def ellipsoid(a):
+    return EllipsoidSurface(three(a, 11), three(a, 14))
+
+
+@inline
+def rim(a):
+    return LyingRimSurface(three(a, 11), a[14], three(a, 15))
+
+
+@inline
+def normal_for(surface, side, p_WC, q, c, axis):
+    """The normal on a cylinder with this axis through c; on a sphere where the axis is zero."""
+    if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+        return normal_on_sphere(surface, side, p_WC, q, c)
+    return normal_on_cylinder(surface, side, p_WC, q, c, axis)
+
+
+@inline
+def normal_by(surface, a, axis):
+    """The normal for the first 11 numbers of `a`: side, p, q, c."""
+    return normal_for(surface, a[0], three(a, 1), (a[4], a[5], a[6], a[7]), three(a, 8), axis)
+
+
+@routine
+def normal_of_ellipsoid(arguments, results):
+    """arguments: side, p, q, c, centre, semi-axes, axis of the support; results: the normal."""
+    n = normal_by(ellipsoid(arguments), arguments, three(arguments, 17))
+    results[0], results[1], results[2] = n
+
+
+@routine
+def normal_of_rim(arguments, results):
+    """arguments: side, p, q, c, centre, radius, axis, axis of the support; results: the normal."""
+    n = normal_by(rim(arguments), arguments, three(arguments, 18))
+    results[0], results[1], results[2] = n
+
+
+OF_ELLIPSOID = External(
+    "rb_sim_normal_of_ellipsoid",
+    3,
+    lambda *a: normal_by(ellipsoid(a), a, a[-3:]),
+    lambda: normal_of_ellipsoid.address,
+)
+OF_RIM = External(
+    "rb_sim_normal_of_rim",
+    3,
+    lambda *a: normal_by(rim(a), a, a[-3:]),
+    lambda: normal_of_rim.address,
+)
+
+
+def sought(pair, B, c, axis):
+    """The normal; in traced laws by one function for all contacts of such surfaces."""
+    surface, at = pair.surface, (pair.side, *B.p_WC, *B.q_WB, *c)
+    if graph_of(at) is None:
+        return normal_for(surface, pair.side, B.p_WC, B.q_WB, c, axis)
+    if isinstance(surface, EllipsoidSurface):
+        return call(OF_ELLIPSOID, *at, *surface.centre_C, *surface.semi_axes, *axis)
+    return call(OF_RIM, *at, *surface.centre_C, surface.radius, *surface.axis_B, *axis)
+
+
+@touching.register(SurfaceOnSphere)
+def surface_on_sphere(pair, B, A):
+    c, c_dot = carried_point(A, pair.r_A)
+    spin_B = rotate(B.q_WB, B.w_WB_B)
+    n = sought(pair, B, c, ZERO)
+    t1, t2 = perpendicular(n)
+    r = rotate(B.q_WB, support(pair.surface, unrotate(B.q_WB, n)))
+    p = add(B.p_WC, r)
+    reach = dot(n, sub(p, c))
+    # p' = v + w x r + (dp/dn)(n' - w x n), and t . (p' - c') = reach t . n'
+    fixed = sub(add(B.v_WC, cross(spin_B, r)), moved(pair.surface, B.q_WB, n, cross(spin_B, n)))
+    m = slopes(pair.surface, B.q_WB, n, t1, t2, reach)
+    late = sub(c_dot, fixed)
+    u, v = solved(m, dot(t1, late), dot(t2, late))
+    n_dot = add(scale(u, t1), scale(v, t2))
+    p_dot = add(fixed, moved(pair.surface, B.q_WB, n, n_dot))
+    return Touch(reach - pair.side * pair.curved, n, n_dot, p, p_dot)
+
+
+@touching.register(SurfaceOnCylinder)
+def surface_on_cylinder(pair, B, A):
+    c, c_dot = carried_point(A, pair.r_A)
+    e, e_dot = carried_direction(A, pair.axis_A)
+    spin_B = rotate(B.q_WB, B.w_WB_B)
+    n = sought(pair, B, c, e)
+    t = cross(e, n)
+    r = rotate(B.q_WB, support(pair.surface, unrotate(B.q_WB, n)))
+    p = add(B.p_WC, r)
+    far = sub(p, c)
+    reach = dot(n, far)
+    # n stays normal to the axis: n' = u t - (n . e') e, and t' = -u n - (t . e') e
+    tilted = scale(-dot(n, e_dot), e)
+    fixed = sub(add(B.v_WC, cross(spin_B, r)), moved(pair.surface, B.q_WB, n, cross(spin_B, n)))
+    fixed = add(fixed, moved(pair.surface, B.q_WB, n, tilted))
+    slope = dot(t, moved(pair.surface, B.q_WB, n, t)) - reach
+    u = (dot(t, sub(c_dot, fixed)) + dot(t, e_dot) * dot(e, far)) / slope
+    n_dot = add(scale(u, t), tilted)
+    p_dot = add(fixed, moved(pair.surface, B.q_WB, n, scale(u, t)))
+    return Touch(reach - pair.side * pair.curved, n, n_dot, p, p_dot)

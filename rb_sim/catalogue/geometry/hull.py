@@ -1,0 +1,223 @@
+"""The convex hull of listed points: a polyhedron, or a polygon, a segment, a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest, off_segment
+from rb_sim.catalogue.types import Vec3
+from rb_sim.graph.functions import call
+from rb_sim.graph.symbols import External
+from rb_sim.numerics.kernels import inline, routine, table_at
+from rb_sim.numerics.vectors import ZERO, dot, perpendicular, sub
+
+FLAT = 1e-12
+"""Distance from a plane or line, over the size of the hull, at which a point lies on it."""
+
+
+class Hull(NamedTuple):
+    """Flat faces with all that lies in one plane merged; a polygon has a face on either side."""
+
+    faces: np.ndarray
+    """outward normal n and n . x of the plane of each face, shape (f, 4)."""
+    sides: np.ndarray
+    """the same of the planes through a face's edges and normal to it; outward, shape (s, 4)."""
+    first: np.ndarray
+    """sides of face i: first[i] to first[i + 1]; integers, shape (f + 1,)."""
+    edges: np.ndarray
+    """start, unit vector, length; shape (e, 7).  A single point is an edge without length."""
+    reach: float
+    """distance of the farthest point from C [m]."""
+
+
+@inline
+def triple(table, i, at):
+    return (table[i, at], table[i, at + 1], table[i, at + 2])
+
+
+@inline
+def height(planes, i, x):
+    return dot(triple(planes, i, 0), x) - planes[i, 3]
+
+
+@inline
+def highest_face(hull, x):
+    """(height of x above it, number) of the face whose plane x is highest above; (., -1): none.
+
+    No plane is farther from x than the hull, so only this face can hold the nearest point.
+    """
+    best, face = -1e300, -1
+    for i in range(hull.faces.shape[0]):
+        h = height(hull.faces, i, x)
+        if h > best:
+            best, face = h, i
+    return best, face
+
+
+@inline
+def is_over(hull, face, x):
+    """Whether the foot of x on the plane of the face lies in it."""
+    for i in range(hull.first[face], hull.first[face + 1]):
+        if height(hull.sides, i, x) > 0.0:
+            return False
+    return True
+
+
+class PackedHull(NamedTuple):
+    """A hull as traced laws see it: its tables are looked through by one function for all."""
+
+    place: float
+    """of the hull's `packed` tables."""
+
+
+def packed(hull: Hull) -> np.ndarray:
+    """Numbers of faces, sides and edges, then the tables."""
+    counts = [len(hull.faces), len(hull.sides), len(hull.edges)]
+    tables = (hull.faces, hull.sides, hull.first, hull.edges)
+    return np.concatenate([counts, *(np.ravel(table).astype(float) for table in tables)])
+
+
+def hull_at(place):
+    """The hull whose packed tables are at the place; without its reach."""
+    counts = table_at(place, 3)
+    f, s, e = int(counts[0]), int(counts[1]), int(counts[2])
+    tables = table_at(place, 3 + 4 * f + 4 * s + f + 1 + 7 * e)
+    sides, first = 3 + 4 * f, 3 + 4 * f + 4 * s
+    edges = first + f + 1
+    return Hull(
+        tables[3:sides].reshape((f, 4)),
+        tables[sides:first].reshape((s, 4)),
+        tables[first:edges].astype(np.int64),
+        tables[edges : edges + 7 * e].reshape((e, 7)),
+        0.0,
+    )
+
+
+hull_in_loops = inline(hull_at)
+
+
+@routine
+def nearest_of_packed_hull(arguments, results):
+    """arguments: place, x, x_dot; results: distance, u, its rate."""
+    x = (arguments[1], arguments[2], arguments[3])
+    x_dot = (arguments[4], arguments[5], arguments[6])
+    distance, u, u_dot = nearest_of_hull(hull_in_loops(arguments[0]), x, x_dot)
+    results[0] = distance
+    for i in range(3):
+        results[1 + i], results[4 + i] = u[i], u_dot[i]
+
+
+def _nearest_plainly(place: float, *at: float) -> tuple[float, ...]:
+    distance, u, u_dot = nearest_of_hull(hull_at(place), at[:3], at[3:])
+    return (distance, *u, *u_dot)
+
+
+NEAREST = External(
+    "rb_sim_nearest_of_hull", 7, _nearest_plainly, lambda: nearest_of_packed_hull.address
+)
+
+
+@nearest.register(PackedHull)
+def nearest_by_routine(hull, x, x_dot):
+    found = call(NEAREST, hull.place, *x, *x_dot)
+    return found[0], found[1:4], found[4:7]
+
+
+@nearest.register(Hull)
+def nearest_of_hull(hull, x, x_dot):
+    above, face = highest_face(hull, x)
+    if face >= 0 and (above < 0.0 or is_over(hull, face, x)):
+        return above, triple(hull.faces, face, 0), ZERO
+    best, away, away_dot = 1e300, ZERO, ZERO
+    for i in range(hull.edges.shape[0]):
+        far = sub(x, triple(hull.edges, i, 0))
+        a, a_dot = off_segment(far, x_dot, triple(hull.edges, i, 3), hull.edges[i, 6])
+        square = dot(a, a)
+        if square < best:
+            best, away, away_dot = square, a, a_dot
+    return direction(away, away_dot, SPARE)
+
+
+def principal(points: np.ndarray) -> tuple[int, np.ndarray]:
+    """(dimension of what the points span, axes as rows with the longest first)."""
+    away = points - points.mean(axis=0)
+    axes = np.linalg.svd(away)[2]
+    extents = np.abs(away @ axes.T).max(axis=0)
+    return int(np.sum(extents > FLAT * extents.max())), axes
+
+
+def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Numbers of the corners of points in a plane, counterclockwise about the normal."""
+    from scipy.spatial import ConvexHull  # slow to import, and few scenes need it
+
+    flat = points @ np.stack(perpendicular(normal), axis=1)
+    around = ConvexHull(flat).vertices
+    away = np.linalg.norm(flat[around] - flat.mean(axis=0), axis=1)
+    around = np.roll(around, -np.argmax(away))  # the farthest is a corner, whatever the rounding
+    corners: list[int] = []
+    for i in [*around, around[0]]:
+        while len(corners) > 1:
+            before, last = flat[corners[-2]], flat[corners[-1]]
+            if not is_straight(before, last, flat[i], away.max()):
+                break
+            corners.pop()
+        corners.append(i)
+    return np.array(corners[:-1])
+
+
+def is_straight(a: np.ndarray, b: np.ndarray, c: np.ndarray, size: float) -> bool:
+    """Whether b lies on the line from a to c."""
+    (x, y), (u, v) = c - a, b - a
+    return abs(x * v - y * u) <= FLAT * size * float(np.hypot(x, y))
+
+
+def faces_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(outward normal, numbers of the corners) of each face of points that span 2 or 3 axes."""
+    from scipy.spatial import ConvexHull
+
+    dimension, axes = principal(points)
+    if dimension == 2:
+        return [(n, polygon(points, n)) for n in (axes[2], -axes[2])]
+    size = np.abs(points - points.mean(axis=0)).max()
+    found = {}
+    for *n, offset in ConvexHull(points).equations:
+        on = np.flatnonzero(np.abs(points @ n + offset) <= FLAT * size)
+        if principal(points[on])[0] == 2:
+            found.setdefault(tuple(on), np.array(n))
+    return [(n, np.array(on)[polygon(points[list(on)], n)]) for on, n in found.items()]
+
+
+def hull_of(points: Sequence[Vec3]) -> Hull:
+    """The hull of points from C, body axes [m]."""
+    p = np.unique(np.array(points, dtype=float), axis=0)
+    dimension, axes = principal(p)
+    faces = faces_of(p) if dimension > 1 else []
+    planes, sides, first, lines = [], [], [0], set()
+    for n, corners in faces:
+        planes.append([*n, np.mean(p[corners] @ n)])
+        for a, b in zip(corners, np.roll(corners, -1), strict=True):
+            side = np.cross(p[b] - p[a], n)
+            side /= np.linalg.norm(side)
+            sides.append([*side, side @ p[a]])
+            lines.add((min(a, b), max(a, b)))
+        first.append(len(sides))
+    if not faces:
+        along = p @ axes[0]
+        lines.add((int(np.argmin(along)), int(np.argmax(along))))
+    return Hull(
+        np.array(planes, dtype=float).reshape(-1, 4),
+        np.array(sides, dtype=float).reshape(-1, 4),
+        np.array(first, dtype=np.int64),
+        np.array([edge(p[a], p[b]) for a, b in sorted(lines)]),
+        float(np.linalg.norm(p, axis=1).max()),
+    )
+
+
+def edge(a: np.ndarray, b: np.ndarray) -> list[float]:
+    """Row of the edge from a to b."""
+    length = float(np.linalg.norm(b - a))
+    along = (b - a) / length if length > 0.0 else SPARE
+    return [float(value) for value in (*a, *along, length)]

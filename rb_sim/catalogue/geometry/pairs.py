@@ -1,0 +1,225 @@
+"""Who touches what: gap, normal and contact point of each kind of pair, and how they move.
+
+`touching` gives all of it at one instant.  The normal n points from the parent's surface A towards
+the body B; P is the point of B's surface that is nearest to A's.  P and n wander over the bodies:
+their rates are those of the geometric point and direction, not of a material point, which is what
+the derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 needs (LL 38.2).
+
+Vectors that a pair keeps are taken from the centre of mass of their body.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
+from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest
+from rb_sim.catalogue.types import Vec3
+from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.vectors import (
+    add,
+    cross,
+    dot,
+    neg,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
+
+
+class Touch(NamedTuple):
+    """The geometry of one contact at one instant, world axes."""
+
+    gap: float
+    """distance of the surfaces, negative where they overlap [m]."""
+    normal: Vec3
+    """from A's surface towards B."""
+    normal_rate: Vec3
+    """[1/s]."""
+    point: Vec3
+    """P [m]."""
+    point_rate: Vec3
+    """[m/s]."""
+
+
+@dispatch
+def touching(pair, B, A):
+    """The Touch of body state B with the support's state A."""
+
+
+@inline
+def carried_point(S, r):
+    """World position and velocity of the point r of a body."""
+    return (
+        add(S.p_WC, rotate(S.q_WB, r)),
+        add(S.v_WC, rotate(S.q_WB, cross(S.w_WB_B, r))),
+    )
+
+
+@inline
+def carried_direction(S, a):
+    """The direction a of a body in world axes, and its rate."""
+    d = rotate(S.q_WB, a)
+    return d, cross(rotate(S.q_WB, S.w_WB_B), d)
+
+
+class PointOnPlane(NamedTuple):
+    """A corner or end of the body and the parent's plane through r_A with normal n_A."""
+
+    r_B: Vec3
+    r_A: Vec3
+    n_A: Vec3
+
+
+@touching.register(PointOnPlane)
+def point_on_plane(pair, B, A):
+    p, v = carried_point(B, pair.r_B)
+    on, _ = carried_point(A, pair.r_A)
+    n, n_dot = carried_direction(A, pair.n_A)
+    return Touch(dot(n, sub(p, on)), n, n_dot, p, v)
+
+
+class SurfaceOnPlane(NamedTuple):
+    """A smooth convex surface (see shapes) and the parent's plane."""
+
+    surface: tuple
+    r_A: Vec3
+    n_A: Vec3
+
+
+@touching.register(SurfaceOnPlane)
+def surface_on_plane(pair, B, A):
+    n, n_dot = carried_direction(A, pair.n_A)
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    gamma = unrotate(B.q_WB, n)
+    gamma_dot = cross(gamma, sub(B.w_WB_B, unrotate(B.q_WB, spin_A)))
+    r = rotate(B.q_WB, support(pair.surface, gamma))
+    r_dot = rotate(B.q_WB, support_rate(pair.surface, gamma, gamma_dot))
+    on, _ = carried_point(A, pair.r_A)
+    p = add(B.p_WC, r)
+    p_dot = add(B.v_WC, add(r_dot, cross(spin_B, r)))
+    return Touch(dot(n, sub(p, on)), n, n_dot, p, p_dot)
+
+
+@inline
+def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare):
+    """A ball at `centre` and a round support from whose middle `away` leads to it.
+
+    curved: radius of the support; side: +1 outside it, -1 inside; spare: a unit vector, the
+    direction taken in the very middle, where all are alike.
+    """
+    distance, u, u_dot = direction(away, away_rate, spare)
+    n, n_dot = scale(side, u), scale(side, u_dot)
+    gap = side * (distance - curved) - radius
+    p, p_dot = sub(centre, scale(radius, n)), sub(velocity, scale(radius, n_dot))
+    return Touch(gap, n, n_dot, p, p_dot)
+
+
+class BallOnSphere(NamedTuple):
+    """A ball (a point, with radius 0) and the parent's sphere."""
+
+    r_B: Vec3
+    radius: float
+    r_A: Vec3
+    curved: float
+    """radius of the parent's sphere [m]."""
+    side: float
+    """+1: the ball is outside, -1: inside."""
+
+
+@touching.register(BallOnSphere)
+def ball_on_sphere(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    c_A, v_A = carried_point(A, pair.r_A)
+    away, away_dot = sub(c, c_A), sub(v, v_A)
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, SPARE)
+
+
+class BallOnCylinder(NamedTuple):
+    """A ball (a point, with radius 0) and the parent's infinite circular cylinder."""
+
+    r_B: Vec3
+    radius: float
+    r_A: Vec3
+    """a point of the axis."""
+    axis_A: Vec3
+    curved: float
+    side: float
+
+
+@touching.register(BallOnCylinder)
+def ball_on_cylinder(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    c_A, v_A = carried_point(A, pair.r_A)
+    e, e_dot = carried_direction(A, pair.axis_A)
+    far, far_dot = sub(c, c_A), sub(v, v_A)
+    along = dot(far, e)
+    along_dot = dot(far_dot, e) + dot(far, e_dot)
+    away = sub(far, scale(along, e))
+    away_dot = sub(far_dot, add(scale(along_dot, e), scale(along, e_dot)))
+    across, _ = perpendicular(e)
+    return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, across)
+
+
+@inline
+def into_solid(S, c, v):
+    """Place and velocity of the world point c, which has the velocity v, as a solid of state S sees
+    them, in its axes."""
+    spin, far = rotate(S.q_WB, S.w_WB_B), sub(c, S.p_WC)
+    return unrotate(S.q_WB, far), unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
+
+
+@inline
+def out_of_solid(S, u, u_dot):
+    """The direction u, and its rate, that a solid of state S sees in its axes, in the world's."""
+    n, turned = carried_direction(S, u)
+    return n, add(rotate(S.q_WB, u_dot), turned)
+
+
+@inline
+def off_solid(surface, S, c, v):
+    """(distance, its rate, direction n, its rate) of the world point c from a solid of state S.
+
+    v: velocity of c; the nearest point of the surface is c - distance n.
+    """
+    x, x_dot = into_solid(S, c, v)
+    distance, u, u_dot = nearest(surface, x, x_dot)
+    n, n_dot = out_of_solid(S, u, u_dot)
+    return distance, dot(u, x_dot), n, n_dot
+
+
+class BallOnSolid(NamedTuple):
+    """A ball (a point, with radius 0) outside the parent's solid."""
+
+    r_B: Vec3
+    radius: float
+    surface: tuple
+    """of the parent, see solids."""
+
+
+@touching.register(BallOnSolid)
+def ball_on_solid(pair, B, A):
+    c, v = carried_point(B, pair.r_B)
+    distance, _, n, n_dot = off_solid(pair.surface, A, c, v)
+    p, p_dot = sub(c, scale(pair.radius, n)), sub(v, scale(pair.radius, n_dot))
+    return Touch(distance - pair.radius, n, n_dot, p, p_dot)
+
+
+class SolidOnSphere(NamedTuple):
+    """A solid of the body (see solids) outside the parent's sphere."""
+
+    surface: tuple
+    r_A: Vec3
+    curved: float
+    """radius of the parent's sphere [m]."""
+
+
+@touching.register(SolidOnSphere)
+def solid_on_sphere(pair, B, A):
+    c, v = carried_point(A, pair.r_A)
+    distance, rising, n, n_dot = off_solid(pair.surface, B, c, v)
+    p = sub(c, scale(distance, n))
+    p_dot = sub(v, add(scale(rising, n), scale(distance, n_dot)))
+    return Touch(distance - pair.curved, neg(n), neg(n_dot), p, p_dot)

@@ -1,0 +1,1 @@
+"""Accuracy checks of every run: a second run, balances, constraints, steps."""

@@ -1,0 +1,572 @@
+"""Balances of a run from its samples: energy against work, momentum against impulse.
+
+Both are independent of the integrator: they use only what is logged. Their limit is the quadrature
+over the samples, which is stated with them.
+
+The work of contacts, impacts included, is among the samples; only the other powers are integrated.
+Momentum is not balanced with contacts: their forces jump and strike between samples.
+
+A block of samples may also be passed with a glance: work is summed up all the same, momentum is
+then balanced over the stretches before and after it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.checks.sample_integrals import CheckedQuadrature
+from rb_sim.io.contact_power import contacts_of, smooth_power
+from rb_sim.io.frames import cross, norms, rotate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Body, Scene
+
+
+# What happened to the contacts of a run, counted and summed up.
+
+
+FIRST_EVENTS = 10
+"""Events that a summary lists."""
+
+
+class Events:
+    """What happened to the contacts of a run, in bounded memory."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+        self._first: list[ContactEvent] = []
+        self._impulses: dict[str, Array] = {}
+
+    def add(self, events: tuple[ContactEvent, ...]) -> None:
+        """The next events."""
+        self._first += events[: FIRST_EVENTS - len(self._first)]
+        for event in events:
+            self._counts[event.kind] = self._counts.get(event.kind, 0) + 1
+            if any(event.impulse):
+                before = self._impulses.get(event.contact, np.zeros(3))
+                self._impulses[event.contact] = before + event.impulse
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: events by kind, the first of them, and the sum of impulses [N s] by contact."""
+        return {
+            "events": dict(self._counts),
+            "first_events": [
+                {"t": e.t, "contact": e.contact, "kind": e.kind, "impulse": list(e.impulse)}
+                for e in self._first
+            ],
+            "impulses": {name: sum_.tolist() for name, sum_ in self._impulses.items()},
+        }
+
+
+# What a scene says of its loads before it runs: whether they work, jump or stay unknown.
+
+
+def jumps_of_tables(scene: Scene) -> list[float]:
+    """Instants at which tabulated wrenches jump or bend, increasing [s]."""
+    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    return sorted({float(t) for table in times for t in table})
+
+
+def ends_of_tables(scene: Scene) -> list[float]:
+    """Instants at which a sample shows a wrench that acts neither before nor after [s]."""
+    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    return [float(table[-1]) for table in times if table]
+
+
+QUIET = ("gravity", "spring", "torsion_spring")
+"""Effects with a potential, but for their damping."""
+
+
+def may_work(scene: Scene) -> bool:
+    """Whether an effect without potential, or a joint that moves, is in the scene."""
+    return bool(_effects_at_work(scene)) or _joints_move(scene)
+
+
+def bodies_at_work(scene: Scene) -> list[str] | None:
+    """Bodies whose motion tells the power of all loads without a potential; None: it may take all
+    of them, since reactions of joints that move work as well. Those of contacts are told apart."""
+    if _joints_move(scene):
+        return None
+    effects = _effects_at_work(scene)
+    acted_on = {getattr(effect, end, None) for effect in effects for end in ("body", "parent")}
+    return [name for name in scene.bodies if name in acted_on]
+
+
+def _effects_at_work(scene: Scene) -> list[Any]:
+    effects: list[Any] = list(scene.effects.values())
+    return [e for e in effects if e.type not in QUIET or getattr(e, "damping", 0.0)]
+
+
+def _joints_move(scene: Scene) -> bool:
+    constraints: list[Any] = list(scene.constraints.values())
+    return any(getattr(spec, "rate", 0.0) for spec in constraints)
+
+
+def unknown_force(scene: Scene) -> str:
+    """Name of the first effect that exerts an outer force not told by the samples; or ""."""
+    for name, effect in scene.effects.items():
+        kind: str = effect.type  # type: ignore[attr-defined]
+        between_bodies = getattr(effect, "parent", None) is not None
+        steady = kind == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3  # type: ignore[attr-defined]
+        if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
+            return name
+    return ""
+
+
+# The energy that a run exchanges, with which the error of its balance is compared.
+
+
+ROUNDING = 1e-13
+"""Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
+
+AT_REST = 1e-9
+"""Share of a scene's lengths by which places of bodies at rest may be in doubt."""
+
+
+class Exchanged:
+    """Scale of the energies: what the scene started with or has exchanged by right.
+
+    The kinetic energy at the start, the fall of the potential from there, and the work of what has
+    none. What an error makes, a spring that gains without end, is in none of the three.
+    """
+
+    def __init__(self, given: float = 0.0) -> None:
+        """given: kinetic energy of the velocities that the scene gives, before constraints take
+        theirs [J]; what is left of them then may be rounding."""
+        self._given = ROUNDING**2 * given
+        self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
+        self._loads = 0.0
+        """weights and reactions times lengths, at the start [J]."""
+        self._potential: float | None = None
+        self._struck = 0.0
+        """contact work before the first sample."""
+        self._signed = 0.0
+        """the works with their signs."""
+
+    def add(self, block: SampleBlock) -> None:
+        if self._potential is None:
+            self._potential = float(block.potential_energy[0])
+            self._kinetic = float(block.kinetic_energy[0])
+            self._struck = float(block.contact_work[0])
+            self._noise = self._roundings(block)
+        self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
+        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+
+    def saw(self, block: SampleBlock) -> None:
+        """How far the potential falls in samples beside those of the run."""
+        if self._potential is not None:
+            self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
+
+    def glance(self, block: SampleBlock) -> float:
+        """The next samples by the last of them; its energy less that of the start and the work."""
+        kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])
+        if self._potential is None:
+            self.add(block)
+        assert self._potential is not None
+        struck = float(block.contact_work[-1])
+        self._fall = max(self._fall, self._potential - potential)
+        self._contacts = max(self._contacts, abs(struck))
+        given = self._kinetic + self._potential + self._signed + struck - self._struck
+        return kinetic + potential - given
+
+    def work(self, size: float, signed: float) -> None:
+        """The size of the work of forces without potential so far, and the work itself, about."""
+        self._works, self._signed = size, signed
+
+    def _roundings(self, block: SampleBlock) -> float:
+        """Energy that the loads at the start make of a rounding of the places where they act."""
+        force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
+        reach = float(np.abs(block.position[0]).max())
+        self._loads = abs(float(block.potential_energy[0])) + force * reach
+        return self._given + ROUNDING * self._loads
+
+    @property
+    def rounding(self) -> float:
+        """Energy that cannot be told from round-off [J]."""
+        return self._noise
+
+    @property
+    def at_rest(self) -> float:
+        """Energy that is no error: loads times a billionth of the lengths at which they act, by
+        which solvers and tolerances may leave in doubt where a body at rest is [J]."""
+        return AT_REST * self._loads
+
+    @property
+    def scale(self) -> float:
+        """[J]; 0 where nothing but rounding has moved."""
+        found = self._kinetic + self._fall + self._works + self._contacts
+        return found if found > self._noise else 0.0
+
+
+def farthest(points: Array) -> float:
+    """The largest coordinate."""
+    return float(max(points.max(), -points.min()))
+
+
+# Momentum against impulse over the stretches of a run that are looked at closely.
+
+
+class Impulses:
+    """Change of [momentum, angular momentum about the world origin] less the impulse from outside.
+
+    A stretch of samples that is left out parts the run: what its momentum does not account for is
+    added up over the stretches before and after it.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._scene, self._layout = scene, layout
+        self._isolated = not scene.effects and not scene.constraints
+        """whether nothing acts from outside: no stretch is left out, then."""
+        self.samples = 0
+        """in the stretches that are balanced."""
+        self.largest = np.zeros(2)
+        """norms of momentum and angular momentum."""
+        self._missed, self._given, self._doubt = np.zeros(6), np.zeros(6), np.zeros(6)
+        self._first: Array | None = None
+        self._last = np.zeros(6)
+        self._impulse = CheckedQuadrature(6)
+
+    def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
+        """The next samples. breaks: increasing, where commands change; a sample there is after."""
+        if not self._isolated:
+            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout), breaks)
+        for k, vectors in enumerate((block.momentum, block.angular_momentum)):
+            self.largest[k] = max(self.largest[k], largest(vectors))
+        if self._first is None:
+            self._first = np.append(block.momentum[0], block.angular_momentum[0])
+        self._last = np.append(block.momentum[-1], block.angular_momentum[-1])
+        self.samples += len(block)
+
+    def leave_out(self) -> None:
+        """Samples follow that do not come to `add`."""
+        if self._first is None or self._isolated:
+            return
+        self._missed, self._given, self._doubt = self.finish()
+        self._first, self._impulse = None, CheckedQuadrature(6)
+
+    def finish(self) -> tuple[Array, Array, Array]:
+        """(change less impulse, impulse, how uncertain it is) of all stretches, each (6,)."""
+        if self._first is None:
+            return self._missed, self._given, self._doubt
+        impulse, doubt = self._impulse.finish()
+        missed = self._last - self._first - impulse
+        return self._missed + missed, self._given + impulse, self._doubt + doubt
+
+
+def largest(vectors: Array) -> float:
+    """The largest norm."""
+    return float(norms(vectors).max())
+
+
+def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Sum of the outer [force, torque about the world origin], world axes, shape (n, 6)."""
+    total = np.zeros((len(block), 6))
+    for k, name in enumerate(layout.reactions):
+        if "/" in name or getattr(scene.constraints[name], "parent", None) is not None:
+            continue  # part of a total, or an inner force
+        put(total, block.reaction_force[:, k], block.reaction_torque[:, k], block.anchor[:, k])
+    for effect in scene.effects.values():
+        kind: str = effect.type  # type: ignore[attr-defined]
+        if kind == "gravity":
+            _put_gravity(total, effect, block, scene, layout)
+        elif kind == "commanded_wrench":
+            command = block.command[:, layout.commanded.index(effect.body)]  # type: ignore[attr-defined]
+            origin = _point(block, scene, layout, effect.body, np.zeros(3))  # type: ignore[attr-defined]
+            put(total, command[:, :3], command[:, 3:], origin)
+        elif kind == "wrench":
+            _put_wrench(total, effect, block, scene, layout)
+    return total
+
+
+def put(total: Array, force: Array, torque: Array, point: Array) -> None:
+    """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
+    total[:, :3] += force
+    total[:, 3:] += torque + cross(point, force)
+
+
+def _put_gravity(
+    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
+) -> None:
+    for body in effect.bodies or layout.bodies:
+        force = scene.bodies[body].mass * np.array(effect.acceleration)
+        total[:, :3] += force
+        total[:, 3:] += cross(block.position[:, layout.bodies.index(body)], force)
+
+
+def _put_wrench(
+    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
+) -> None:
+    point = _point(block, scene, layout, effect.body, np.array(effect.point_B))
+    force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
+    if effect.frame == "body":
+        q = block.orientation[:, layout.bodies.index(effect.body)]
+        force, torque = rotate(q, force), rotate(q, torque)
+    put(total, force, torque, point)
+
+
+def _point(
+    block: SampleBlock, scene: Scene, layout: SampleLayout, body: str, point_B: Array
+) -> Array:
+    """A point of the body, given from its origin in body axes, in the world, shape (n, 3)."""
+    i = layout.bodies.index(body)
+    arm = point_B - np.array(scene.bodies[body].center_of_mass)
+    return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))
+
+
+SPARSE = 16
+"""Of so many samples a glance takes in one for the spin of bodies."""
+
+
+class Balance(NamedTuple):
+    """change - supply, which would be zero without error."""
+
+    error: float
+    """norm of the difference; with its sign for energy."""
+    scale: float
+    """what the error is to be compared with."""
+    quadrature: float
+    """change of the supply where only every other sample is used."""
+
+    @property
+    def relative(self) -> float | None:
+        return abs(self.error) / self.scale if self.scale > 0.0 else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "error": self.error,
+            "relative": self.relative,
+            "scale": self.scale,
+            "quadrature": self.quadrature,
+        }
+
+
+def _given(body: Body) -> tuple[float, float, float]:
+    """Momentum, angular momentum and kinetic energy of the velocities that the scene gives."""
+    speed, spin = np.linalg.norm(body.linear_velocity), np.array(body.angular_velocity)
+    own = body.inertia @ spin
+    momentum = float(body.mass * speed)
+    about = momentum * float(np.linalg.norm(body.position)) + float(np.linalg.norm(own))
+    return momentum, about, 0.5 * float(momentum * speed + own @ spin)
+
+
+class Ledger:
+    """Follows the samples of one run.
+
+    since: stamp at which the scene's own time was zero [s].
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout, since: float = 0.0) -> None:
+        self._scene, self._layout = scene, layout
+        self.samples = 0
+        self.worst_residual = 0.0
+        """of all samples."""
+        self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
+        """effect whose force the samples do not tell, or contact, for which momentum is not
+        balanced; or ""."""
+        self.has_work = False
+        """whether forces without a potential, but for contacts, have done any so far, or may have
+        where contacts change more often than samples are taken."""
+        self.worked = 0.0
+        """size of the power of these forces over time so far, by trapezoids of the samples [J]."""
+        self._jumps = [since + t for t in jumps_of_tables(scene)]
+        self._given_jumps = 0
+        """of these, that are behind."""
+        self._ends = [since + t for t in ends_of_tables(scene)]
+        self._events = Events()
+        self._work = CheckedQuadrature(1)
+        self._impulses = Impulses(scene, layout)
+        self._first: SampleBlock | None = None
+        self._last: SampleBlock | None = None
+        self._may_work = bool(contacts_of(scene)) or may_work(scene)
+        self._may_work_smoothly = may_work(scene)
+        given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
+        self._energies = Exchanged(float(given[:, 2].sum()))
+        self._given = given[:, :2].sum(axis=0)
+        self._momentum_noise = np.zeros(2)
+        self._own = np.zeros(2)
+        """the largest sums of the sizes of each body's momentum and angular momentum."""
+        inertias = [scene.bodies[name].inertia for name in layout.bodies]
+        self._moments = np.array([np.linalg.norm(inertia, 2) for inertia in inertias])
+        self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
+
+    def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
+        """The next samples. breaks: increasing, where commands change; a sample there is after."""
+        if not len(block):
+            return
+        self._pass(block, len(block), block.worst_residual)
+        self._energies.add(block)
+        self._events.add(block.events)
+        if self._may_work or block.power.any():
+            self._integrate(block, smooth_power(block, self._scene, self._layout), breaks)
+        self.look_back(block, breaks)
+
+    def glance(self, block: SampleBlock, count: int, residual: float) -> float:
+        """The next samples, without events: only what cannot be made up for later, `leave_out`
+        before samples that are looked at again.
+
+        count: of them; residual: the worst. Returns the energy balance at the end, about [J].
+        """
+        self._pass(block, count, residual)
+        if self._may_work_smoothly:
+            self._integrate(block, smooth_power(block, self._scene, self._layout))
+        return self._energies.glance(block)
+
+    def leave_out(self) -> None:
+        """The momentum over the samples that follow is not balanced."""
+        self._impulses.leave_out()
+
+    def saw(self, block: SampleBlock) -> None:
+        """Samples beside those of the run, of the same motion: how much energy it exchanges."""
+        self._energies.saw(block)
+
+    def look_back(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
+        """Balance the momentum over the last block as well, at which a glance was taken."""
+        if not self.unknown_force:
+            self._impulses.add(block, breaks)
+            self._momentum_noise = self._roundings(block)
+
+    def _pass(self, block: SampleBlock, count: int, residual: float) -> None:
+        if self._first is None:
+            self._first = block
+        self._last = block
+        self.samples += count
+        self.worst_residual = max(self.worst_residual, residual)
+
+    def _integrate(self, block: SampleBlock, power: Array, commands: Sequence[float] = ()) -> None:
+        """Add the work of the block, piece by piece."""
+        assert self._first is not None
+        begin, end = float(self._first.t[0]), float(block.t[-1])
+        if not self.has_work:
+            # a body that sticks at every sample, and slips between, shows none
+            hidden = self._may_work_smoothly and len(block.events) >= len(block)
+            self.has_work = bool(power.any()) or hidden
+        breaks = {event.t for event in block.events if event.t > begin}
+        breaks.update(self._jumps_until(begin, end), commands)
+        t, f = block.t, power
+        if any(t[0] <= instant <= end for instant in self._ends):
+            kept = ~np.isin(t, self._ends)
+            kept[-1] = True
+            t, f = t[kept], f[kept]
+        self._work.add(t, f[:, None], sorted(breaks))
+        self.worked, signed = self._work.by_trapezoids()[0].tolist()
+        self._energies.work(self.worked, signed)
+
+    def _jumps_until(self, begin: float, end: float) -> list[float]:
+        """Instants up to `end`, not yet given, at which a table jumps or bends."""
+        jumps, first = self._jumps, self._given_jumps
+        if first == len(jumps) or jumps[first] > end:
+            return []
+        self._given_jumps = bisect_right(jumps, end, first)
+        return [t for t in jumps[first : self._given_jumps] if t > begin]
+
+    def _roundings(self, block: SampleBlock) -> Array:
+        """Momentum and angular momentum that are not told from the roundings of what adds up to
+        them, each body's own and the impulses of reactions up to the block's end, (2,)."""
+        assert self._first is not None
+        own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
+        noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
+        about = norms(cross(block.position, block.linear_velocity)) * self._masses
+        about = about + norms(block.angular_velocity) * self._moments
+        self._own = np.maximum(self._own, [noise[0], about.sum(axis=1).max()])
+        noise += self._given
+        if block.reaction_force.shape[1]:
+            force, reach = norms(block.reaction_force), max(reach, farthest(block.anchor))
+            span = float(block.t[-1] - self._first.t[0])
+            noise += force.sum(axis=1).max() * span * np.array([1.0, reach])
+        return ROUNDING * noise
+
+    @property
+    def exchanged(self) -> float:
+        """What an error of the energy is compared with [J]."""
+        return self._energies.scale
+
+    @property
+    def rounding(self) -> float:
+        """Energy that is no error but a rounding of the loads [J]."""
+        return self._energies.rounding
+
+    @property
+    def at_rest(self) -> float:
+        """Energy that is no error of what stands still [J]."""
+        return self._energies.at_rest
+
+    @property
+    def end(self) -> float | None:
+        """Time of the last sample [s]."""
+        return None if self._last is None else float(self._last.t[-1])
+
+    @property
+    def initial(self) -> float:
+        """Energy of the first sample [J]."""
+        return 0.0 if self._first is None else float(self._first.energy[0])
+
+    def energy(self) -> dict[str, Any] | None:
+        """Energies, work of forces without potential and the balance [J]; None without samples."""
+        if self._first is None or self._last is None:
+            return None
+        (work,), (doubt,) = self._work.finish()
+        work += self._contact_work()
+        initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
+        scale = self._energies.scale
+        balance = Balance(final - initial - float(work), scale, float(doubt))
+        return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
+
+    def first_beyond(self, block: SampleBlock, bound: float) -> int:
+        """Index in the block just added at which the energy balance passes `bound`, about.
+
+        Within a block the work is summed from its end backwards, by trapezoids with the correction
+        dt^2 / 12 (f'(t0) - f'(t1)); what that changes is not held against the motion.
+        """
+        energy = self.energy()
+        if energy is None:
+            return 0
+        power = smooth_power(block, self._scene, self._layout)
+        dt = np.diff(block.t)
+        slope = np.gradient(power, block.t) if len(block) > 2 else np.zeros(len(block))
+        correction = dt * dt * (slope[:-1] - slope[1:]) / 12.0
+        pieces = 0.5 * dt * (power[1:] + power[:-1]) + correction
+        done = np.append(0.0, np.cumsum(pieces)) + block.contact_work - block.contact_work[-1]
+        work = energy["work"] + done - done[-1]
+        error = np.abs(block.energy - energy["initial"] - work) - np.abs(correction).sum()
+        beyond = np.flatnonzero(~(error <= bound * energy["scale"]))
+        return int(beyond[0]) if len(beyond) else len(block) - 1
+
+    def contacts(self) -> dict[str, Any] | None:
+        """Work [J] and events of the contacts; None if the scene has none."""
+        if not self._layout.contacts:
+            return None
+        return {"work": self._contact_work(), **self._events.as_dict()}
+
+    def _contact_work(self) -> float:
+        """From the first sample to the last [J]."""
+        if self._first is None or self._last is None:
+            return 0.0
+        return float(self._last.contact_work[-1] - self._first.contact_work[0])
+
+    def momentum(self) -> dict[str, Any] | None:
+        """Balances of linear and angular momentum (about the world origin), or None.
+
+        share: of the samples over whose stretches they are drawn; 1 where none was left out.
+        """
+        if self._first is None or self._last is None or self.unknown_force:
+            return None
+        missed, impulse, doubt = self._impulses.finish()
+        share = self._impulses.samples / self.samples
+        balances = {}
+        for k, name in enumerate(("linear", "angular")):
+            part = slice(3 * k, 3 * k + 3)
+            error = float(np.linalg.norm(missed[part]))
+            # what bodies have of their own counts, too: the total of all may be zero
+            scale = max(float(self._own[k]), float(np.linalg.norm(impulse[part])))
+            scale = max(scale, float(self._impulses.largest[k]))
+            scale = scale if scale > self._momentum_noise[k] else 0.0
+            balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
+            balances[name] = balance.as_dict() | {"share": share}
+        return balances

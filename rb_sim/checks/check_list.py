@@ -1,0 +1,568 @@
+"""All accuracy checks of one run: fed with its samples, asked for their findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.base.diagnostic import Finding, tell
+from rb_sim.checks.balance import SPARSE, Ledger
+from rb_sim.checks.bounds import RESIDUAL, Effort, effort_of
+from rb_sim.checks.effort import SAFE_TURN, found_in, turns
+from rb_sim.checks.half_turn import HalfTurns
+from rb_sim.checks.imbalance import Resolutions, energy_found, momentum_found
+from rb_sim.checks.second_run import BOUND, finding_of, is_decided
+from rb_sim.checks.singular_configuration import STRIDE, Conditioning
+from rb_sim.checks.violation import Inside, residual_found
+from rb_sim.mechanics.samples import ARRAYS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rb_sim.base.diagnostic import GlobalError
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.compiled import Compiled
+    from rb_sim.scene.schema import Scene
+
+
+# What a motion does between two samples: some taken closer, on the way ahead.
+#
+# Of an oscillation sampled once a period all samples are alike: it seems to exchange no energy, so
+# that a rounding of its balance is all there is, and to move by nothing but the errors of a step.
+# Nothing among them tells that; so where a watch is about to speak of one of these, the motion is
+# followed for some intervals by another one beside it.
+
+
+INTERVALS = 6
+"""Between samples, that are looked at."""
+
+CLOSER = 64
+"""Samples in place of one."""
+
+
+def closer_samples(block: SampleBlock, effort: Effort) -> SampleBlock | None:
+    """Samples CLOSER times as close as those of the block, from its end on; None where there are
+    none to be had.  effort: of the run, which stands at the end of the block."""
+    if effort.ahead is None or len(block) < 2:
+        return None
+    interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
+    return effort.ahead(INTERVALS * interval, INTERVALS * CLOSER)
+
+
+# Whether a contact chatters: opens and closes so often that its events say nothing any more.
+
+
+MOST_EVENTS_PER_SAMPLE = 50.0
+CHATTER = 1000
+"""Events, all in all and on average between two samples, that say: a contact chatters."""
+
+
+class Chatter:
+    """Counts the events of each contact of a run."""
+
+    def __init__(self) -> None:
+        self._events: dict[str, int] = {}
+        self._end = 0.0
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples, at least one."""
+        self._end = float(block.t[-1])
+        for event in block.events:
+            self._events[event.contact] = self._events.get(event.contact, 0) + 1
+
+    def found(self, samples: int) -> Finding | None:
+        """The finding after so many samples of the run, if a contact chatters."""
+        if not self._events:
+            return None
+        name, count = max(self._events.items(), key=lambda item: item[1])
+        mean = count / samples
+        if not (count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE):
+            return None
+        advice = "the contact chatters: try method time_stepping"
+        what = "number of events between two samples"
+        return Finding("events", self._end, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
+
+
+# Which blocks of a run's samples are looked at closely, so that watching costs little of a run.
+#
+# The first samples are all looked at. From there on every block adds to an account what a share of
+# its own making costs, and the account pays for looking closely at a block now and then, spread
+# evenly over the run. Costs are counted, not measured: the same run is looked at in the same
+# places.
+
+
+FIRST = 2048
+"""Samples at the beginning of a run that are all looked at closely."""
+
+SHARE = 0.004
+"""Of the cost of a run: what looking closely may cost after the first samples."""
+
+SAMPLE = 100.0
+"""Cost of a sample with its steps, at least, for each body and reaction beyond the first [ns]: a
+heavy top takes 230 ns for its two, a free body 290."""
+
+LOOK = 1e6
+"""Cost of looking closely at a block, whatever its size [ns]; most is Python that the caches of
+the processor have forgotten since the last look."""
+
+EACH = 200.0
+"""Cost of looking closely at a sample, for each body and reaction beyond the first [ns]."""
+
+
+class Pace:
+    """Keeps the account of a run. size: number of its bodies and reactions."""
+
+    def __init__(self, size: int) -> None:
+        self._size = float(size)
+        self._samples, self._account = 0, 0.0
+
+    def close(self, samples: int) -> bool:
+        """Whether the next block, of so many samples, is to be looked at closely."""
+        self._samples += samples
+        if self._samples <= FIRST:
+            return True
+        self._account += SHARE * SAMPLE * self._size * samples
+        price = LOOK + EACH * self._size * samples
+        if self._account < price:
+            return False
+        self._account -= price
+        return True
+
+
+# All watches of one run: fed with the samples as they come, asked for findings at any time.
+#
+# A long run is looked at closely here and there (see `pace`), with a glance elsewhere. A glance
+# takes in every sample's residual and work, the energy at the end of the block, half turns and dead
+# points, and where one of them passes its bound the block is looked at closely at once.
+
+
+CONTACT_RESIDUAL = 1e-6
+"""In contact the residual also tells overlaps, which an event's location leaves behind."""
+
+HELD = 64
+"""Glances in which one block is held back, to be looked at in the end where the last has fewer than
+SHORT samples. To hold back each would cost more than the glance: a block is as large as the caches
+of a processor, and the next one goes where the one before the last was."""
+
+SHORT = 64
+"""Samples of a block at the end of a run that show a balance by themselves."""
+
+AGAIN = 2000
+"""Steps, times bodies, that are taken again where samples hide the work of loads."""
+
+MOST_CHANGES = 16
+"""Changes of commands in one block above which no balance is drawn: a stream of commands leaves
+pieces of a few samples, which say nothing and would cost more than the motion."""
+
+
+class WatchList:
+    """Watches one run. scene, layout: of the simulation whose samples will come; compiled: the
+    scene as it is run, which spares compiling a linkage once more to watch its rank."""
+
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
+    ) -> None:
+        self._scene, self._layout, self._compiled = scene, layout, compiled
+        self._ledger = Ledger(scene, layout)
+        self._resolution = Resolutions(scene, layout)
+        self._conditioning: Conditioning | None = None
+        self._half_turns = HalfTurns(scene, layout)
+        self._inside = Inside(scene, layout)
+        self._springs = self._half_turns.springs > 0
+        self._found: dict[str, Finding] = {}
+        self._chatter = Chatter()
+        self._samples = 0
+        self._block: SampleBlock | None = None
+        """the last."""
+        self._looked = False
+        """whether samples were taken closer."""
+        self._command: np.ndarray | None = None
+        self._pace = Pace(len(layout.bodies) + len(layout.reactions))
+        self._effort = Effort("", None, None, 0, 0)
+        """the last that was asked for."""
+        self._balance = self._effort.balance
+        self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
+        """the last block that was passed with a glance, unless the one after it was not."""
+        self._held_back: SampleBlock | None = None
+        """one of the last HELD blocks that were passed with a glance."""
+        self._glances, self._apart = 0, False
+        """how many there were, and whether one since the last close look."""
+        self._held = bool(scene.constraints)
+        self._overlap = CONTACT_RESIDUAL if layout.contacts else RESIDUAL
+        self._stepped = scene.simulation.method == "time_stepping"
+        self._may_strike = bool(layout.contacts or layout.commanded)
+        self._innocent = 0.0
+        """what the energy seemed to miss at a glance, twice, where a close look missed nothing."""
+
+    @property
+    def ledger(self) -> Ledger:
+        """The balances of all samples so far, or since the last command."""
+        return self._ledger
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What has passed its bound so far, each watch at most once, by time.
+
+        Before `catch_up` the last blocks may only have been passed with a glance.
+        """
+        return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
+
+    def check(self, error: GlobalError, simulation: Any) -> None:
+        """Report what a second run of the simulation shows, if it is beyond its bound.
+
+        One within it decides what the setting seemed to leave open, and says more of the error
+        than balances that are within the same bound: they hang on how well samples resolve loads.
+        """
+        found = finding_of(error, simulation)
+        if found is not None:
+            self._say(found)
+        elif error.known and error.upto is None:
+            small = self._small_balances()
+            self._found = {
+                name: each
+                for name, each in self._found.items()
+                if name not in small and not is_decided(each)
+            }
+
+    def _small_balances(self) -> set[str]:
+        """Names of the balances that at the end of the run are within the bound of a second run."""
+        momentum = self._ledger.momentum() or {"linear": None, "angular": None}
+        balances = {
+            "energy": self._ledger.energy(),
+            "momentum": momentum["linear"],
+            "angular momentum": momentum["angular"],
+        }
+        shares = {name: (each or {}).get("relative") for name, each in balances.items()}
+        return {name for name, share in shares.items() if share is not None and share <= BOUND}
+
+    def advise(self, advice: str) -> None:
+        """Give this advice with all findings that a finer step may mend."""
+        for name, finding in self._found.items():
+            if finding.finer_step is not None:
+                self._found[name] = finding._replace(advice=advice)
+
+    def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:
+        """The next samples. effort: of the run up to their end; a function is asked for it only
+        where it is needed.
+
+        Where a command changes, balances begin anew from the first sample that it has acted on.
+        """
+        count = len(block.t)
+        if not count:
+            return
+        self._block = block
+        close = self._pace.close(count)
+        if not close and not (self._may_strike and self._strikes(block)):
+            self._glance(block, count, effort)
+            return
+        self._resume()
+        self._ask(effort)
+        with np.errstate(all="ignore"):
+            if not self._jumps_in(block, self._effort):
+                self._add(block, self._effort)
+
+    def _resume(self) -> None:
+        """Look closely again; where blocks were passed with a glance, a new stretch begins."""
+        if self._apart:
+            self._resolution.leave_out()
+            self._ledger.leave_out()
+        self._glanced, self._held_back, self._apart = None, None, False
+
+    def catch_up(self) -> None:
+        """Look closely at the energy and the effort up to the end of the samples so far."""
+        if self._glanced is None:
+            return
+        (block, effort), self._glanced = self._glanced, None
+        self._ask(effort)
+        with np.errstate(all="ignore"):
+            self._watch_energy(block, self._effort)
+            self._watch_effort(block, self._effort)
+            self._watch_turns(block, self._effort)
+
+    def finish(self) -> None:
+        """Look closely at the end of the run, as far as it was passed with a glance."""
+        glanced = self._glanced
+        self.catch_up()
+        self._watch_energy_again()
+        if glanced is None:
+            return
+        last, held = glanced[0], self._held_back
+        # the rest of a run may be a sample or two, which show no balance
+        ends = [last] if held is None or held is last or len(last) >= SHORT else [held, last]
+        with np.errstate(all="ignore"):
+            for block in ends:
+                self._ledger.leave_out()
+                self._resolution.leave_out()
+                self._ledger.look_back(block)
+                self._resolution.add(block)
+            self._watch_momentum(last, self._effort)
+
+    def _watch_energy_again(self) -> None:
+        """The energy of the beginning, sampled after each step: where samples are too far apart for
+        the work of loads, they say nothing of it."""
+        hidden = self._ledger.has_work and not isfinite(self._resolution.at_work.doubts)
+        if self._effort.again is None or not hidden or "energy" in self._found:
+            return
+        block = self._effort.again(AGAIN // len(self._layout.bodies))
+        if block is None:
+            return
+        ledger, resolution = (
+            Ledger(self._scene, self._layout),
+            Resolutions(self._scene, self._layout),
+        )
+        with np.errstate(all="ignore"):
+            ledger.add(block)
+            resolution.add(block)
+            found = energy_found(ledger, resolution.at_work, block, self._layout, self._effort)
+        if found is not None:
+            self._say(found)
+
+    def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
+        self._effort = effort if isinstance(effort, Effort) else effort()
+        self._balance = self._effort.balance
+
+    def _glance(
+        self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
+    ) -> None:
+        """Take a glance at the block, and look closely where it stands out."""
+        if self._glances % HELD == 0:
+            self._held_back = block
+        self._glances += 1
+        self._glanced, self._apart = (block, effort), True
+        self._watch_inside(block)
+        if self._stands_out(block, count):
+            self._ask(effort)
+            with np.errstate(all="ignore"):
+                self._watch_energy(block, self._effort)
+                self._watch_residual(block)
+
+    def _strikes(self, block: SampleBlock) -> bool:
+        """Whether contacts change or commands act, whose jumps a glance would miss.
+
+        Steps of time stepping tell no events.
+        """
+        if block.events or (self._layout.contacts and self._stepped):
+            return True
+        before = self._command is not None and bool(self._command.any())
+        return before or bool(block.command.any())
+
+    def _stands_out(self, block: SampleBlock, count: int) -> bool:
+        """Whether the block is to be looked at closely at once; `count` of its samples.
+
+        Most blocks of most runs come here only, a few microseconds each.
+        """
+        self._samples += count
+        residual = block.worst_residual if self._held else 0.0
+        found = not residual <= self._overlap and "residual" not in self._found
+        missed, effort = abs(self._ledger.glance(block, count, residual)), self._effort
+        if not missed <= self._balance * self._ledger.exchanged + self._innocent:
+            found |= "energy" not in self._found
+            self._innocent = 2.0 * missed if isfinite(missed) else inf
+        if self._springs:
+            self._watch_springs(block)
+        if self._conditioning is not None and self._conditioning.watching:
+            self._watch_rank(block, STRIDE)
+        if effort.step is not None:
+            spin = block.angular_velocity[::SPARSE].ravel()
+            if max(spin.max(), -spin.min()) * effort.step > SAFE_TURN:
+                self._watch_turns(block, effort, SPARSE)
+        return found
+
+    def _jumps_in(self, block: SampleBlock, effort: Effort) -> bool:
+        """Whether commands change in the block; then its pieces are looked at one by one."""
+        first, jumps = 0, self._jumps(block)
+        if len(jumps) > MOST_CHANGES:
+            self._begin_anew()
+            self._watch_block(block, effort)
+            return True
+        for jump in jumps:
+            self._add(_cut(block, first, jump), effort)
+            self._begin_anew()
+            first = jump
+        if first:
+            self._add(_cut(block, first, len(block)), effort)
+        return bool(first)
+
+    def _begin_anew(self) -> None:
+        """Draw balances from the next sample on."""
+        self._ledger = Ledger(self._scene, self._layout)
+        self._resolution = Resolutions(self._scene, self._layout)
+        self._looked = False
+
+    def _jumps(self, block: SampleBlock) -> list[int]:
+        """Samples of the block that show another command than the one before."""
+        if not self._layout.commanded or not len(block):
+            return []
+        flat = block.command.reshape(len(block), -1)
+        before = flat[:1] if self._command is None else self._command
+        self._command = flat[-1:].copy()
+        return np.flatnonzero((flat != np.append(before, flat[:-1], 0)).any(axis=1)).tolist()
+
+    def _add(self, block: SampleBlock, effort: Effort) -> None:
+        if not len(block):
+            return
+        self._ledger.add(block)
+        self._resolution.add(block)
+        self._watch_energy(block, effort)
+        self._watch_momentum(block, effort)
+        self._watch_block(block, effort)
+
+    def _watch_block(self, block: SampleBlock, effort: Effort) -> None:
+        """What shows without a balance."""
+        self._samples += len(block)
+        self._watch_residual(block)
+        self._watch_rank(block)
+        self._watch_effort(block, effort)
+        self._watch_turns(block, effort)
+        self._watch_springs(block)
+        self._watch_inside(block)
+        self._watch_events(block)
+
+    def _say(self, finding: Finding) -> None:
+        self._found.setdefault(finding.watch, finding)
+
+    def _watch_residual(self, block: SampleBlock) -> None:
+        if "residual" not in self._found:
+            found = residual_found(self._scene, self._layout, block, self._overlap)
+            if found is not None:
+                self._say(found)
+
+    def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
+        if "dead point" in self._found:
+            return
+        if self._conditioning is None:
+            self._conditioning = Conditioning(self._scene, self._layout, self._compiled)
+        self._conditioning.add(block, stride)
+        if self._conditioning.found is not None:
+            self._say(self._conditioning.found.finding)
+
+    def _watch_energy(self, block: SampleBlock, effort: Effort) -> None:
+        if "energy" in self._found:
+            return
+        for _ in range(2):
+            found = energy_found(
+                self._ledger, self._resolution.at_work, block, self._layout, effort
+            )
+            if found is None or not self._looks_closer(block, effort):
+                break
+        if found is not None:
+            self._say(found)
+
+    def _watch_momentum(self, block: SampleBlock, effort: Effort) -> None:
+        for found in momentum_found(
+            self._ledger, self._resolution.of_all, block, self._layout, effort
+        ):
+            self._say(found)
+
+    def _looks_closer(self, block: SampleBlock, effort: Effort) -> bool:
+        """Look, once, at what the motion does between samples; False where nothing was to be seen.
+
+        Asked only where a watch is about to speak.
+        """
+        if self._looked:
+            return False
+        self._looked = True
+        fine = closer_samples(block, effort)
+        if fine is None:
+            return False
+        self._ledger.saw(fine)
+        return True
+
+    def _watch_effort(self, block: SampleBlock, effort: Effort) -> None:
+        """What shows in how the run was integrated."""
+        for finding in found_in(block, effort, self._scene.simulation.rate, self._ledger.exchanged):
+            self._say(finding)
+
+    def _watch_turns(self, block: SampleBlock, effort: Effort, stride: int = 1) -> None:
+        if "turn" not in self._found:
+            for finding in turns(block, effort, self._layout.bodies, stride):
+                self._say(finding)
+
+    def _watch_springs(self, block: SampleBlock) -> None:
+        """Whether a torsion spring has passed half a turn."""
+        if "half turn" in self._found:
+            return
+        jump = self._half_turns.first(block)
+        if jump is not None:
+            name, t, angle = jump
+            what = "angle of a torsion spring [rad]"
+            advice = "it counts from -pi again, so that the torque has jumped to the other sign"
+            self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
+
+    def _watch_inside(self, block: SampleBlock) -> None:
+        """Whether the shape of a body with listed points lies in what it may touch."""
+        if "inside" not in self._found:
+            found = self._inside.first(block)
+            if found is not None:
+                self._say(found)
+
+    def _watch_events(self, block: SampleBlock) -> None:
+        self._chatter.add(block)
+        found = self._chatter.found(self._samples)
+        if found is not None:
+            self._say(found)
+
+
+def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:
+    """Samples first to end - 1; events stay with the piece that ends the block."""
+    last = end == len(block)
+    part = {name: getattr(block, name)[first:end] for name in ARRAYS}
+    return replace(block, **part, events=block.events if last else ())
+
+
+# Samples on their way from a simulation to whoever asked for them, looked at by all watches.
+
+
+class Watched:
+    """Iterates over blocks of samples and keeps what the watches find in them.
+
+    simulation: whose samples they are; its effort is asked for as they come. blocks: of samples in
+    time. From a reset, or a state that was set, on the watches begin anew, for it is another run.
+    """
+
+    def __init__(self, simulation: Any, blocks: Iterable[SampleBlock]) -> None:
+        self._simulation, self._blocks = simulation, blocks
+        self._watches = self._new()
+        self._found: list[Finding] = []
+        self._before: tuple[Finding, ...] = ()
+        """of runs before the last reset."""
+
+    def __iter__(self) -> Iterator[SampleBlock]:
+        try:
+            for block in self._blocks:
+                if any(given.state for given in block.inputs):
+                    self._end()
+                    self._watches = self._new()
+                else:
+                    self._watches.add(block, partial(effort_of, self._simulation))
+                yield block
+        finally:
+            self._end()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What has passed its bound, by time; whole once the blocks have come to their end."""
+        return tuple(self._found)
+
+    def check(self, error: GlobalError) -> None:
+        """Add what the second run shows."""
+        self._watches.check(error, self._simulation)
+        self._found = [*self._before, *self._watches.findings]
+
+    def warn(self, stacklevel: int = 2) -> None:
+        """Give a Python warning for each finding, at the caller of the function that calls this."""
+        tell((), self._found, stacklevel + 1)
+
+    def _new(self) -> WatchList:
+        of = self._simulation
+        return WatchList(of.scene, of.layout, of.compiled)
+
+    def _end(self) -> None:
+        self._watches.finish()
+        self._before = tuple(self._found)
+        self._found += self._watches.findings

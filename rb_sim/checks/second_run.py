@@ -1,0 +1,312 @@
+"""The global error of a run: the whole run is made again, finer, and the poses are compared.
+
+The second run takes half of the steps that were really taken, or a tenth of the tolerance.  Two
+runs of order p in steps h and h/2 are apart by 1 - 2^-p of the error of the first, and two runs in
+which the error is as the tolerance by 0.9 of it.  The error at an instant is the largest of
+
+    |x - x'| / S,   A turn / S,   turn / 1 rad
+
+over the bodies, with A^2 = largest moment / mass and S the largest |x - x_0| or A turn_0 of any
+body over the run, in the run or in the second one, whichever is smaller: of two runs of which one
+has exploded the other tells how large the motion is.
+
+It cannot see what both runs share: a law that is not the one that was meant, and a choice that the
+laws leave open and both runs make alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.accuracy.differences import turn_between
+from rb_sim.base.diagnostic import Finding, GlobalError
+from rb_sim.base.errors import SimulationError
+from rb_sim.checks.bounds import finer_step, round_down, try_step
+from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.motion.pieces import WatchEndedError
+from rb_sim.numerics.kernels import own_time
+from rb_sim.scene.compile import compile_method
+from rb_sim.scene.scales import at_its_size
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock
+    from rb_sim.motion.motion import Motion
+    from rb_sim.scene.compiled import Compiled
+
+BOUND = 1e-2
+"""Global error, as a share of the motion, above which a run is reported."""
+
+AFFORDED = 1.0
+"""Stepping time [s] up to which a run is checked as a whole without being asked; of a longer one
+as much as the second run comes to in this time."""
+
+MOST = 4096
+"""Instants of a run that are kept to be compared; of more every second, fourth, ... is kept."""
+
+BETWEEN, FEW = 256, 32
+"""Instants at which the second run is looked at besides the samples; the run itself is made once
+more at all of them where samples are fewer than FEW, or show less than half of the motion."""
+
+PATIENCE, GRACE = 8.0, 0.5
+"""The second run may take this many times as long as the first, and so much more [s]."""
+
+TIGHTEST = 1e-14
+"""Tolerance below which rounding makes the error: then a run is compared with a looser one."""
+
+REFINED = 3
+"""Times that the second run is made finer still because it took no more steps than the first."""
+
+ROUNDING = 1e-12
+"""Share of the distance from the origin, and of a body's size, that rounding may move a body by."""
+
+SOLVED = 1e-6
+"""Share of a body's size that is the smallest motion counted in contact: below it are the
+residuals of the contact solvers, by which bodies at rest creep."""
+
+
+class SecondRun:
+    """Keeps the poses of a run as its samples come, and makes the second run at its end."""
+
+    def __init__(self, simulation: Any) -> None:
+        """simulation: at the start of the run."""
+        self._simulation, motion = simulation, simulation.motion
+        self._t0, self._system = motion.time, motion.system
+        self._from_start = motion.as_compiled and motion.time == 0.0
+        self._y = None if self._from_start else _copy(motion.coordinates)
+        self._steps, self._took = motion.steps, simulation.stepping_time
+        self._rows: list[tuple[Array, Array]] = []
+        self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples of the run."""
+        self._disturbed |= bool(block.inputs) and self._seen > 0
+        first = -self._seen % self._stride
+        self._seen += len(block)
+        poses = np.concatenate([block.position, block.orientation], axis=2)[first :: self._stride]
+        self._rows.append((block.t[first :: self._stride].copy(), poses))
+        self._count += len(poses)
+        while self._count > MOST:
+            t, kept = self._kept()
+            self._rows, self._stride = [(t[::2], kept[::2])], 2 * self._stride
+            self._count = len(t[::2])
+
+    def _kept(self) -> tuple[Array, Array]:
+        times, poses = zip(*self._rows, strict=True)
+        return np.concatenate(times), np.concatenate(poses)
+
+    def result(
+        self, always: bool | None = None, look: Callable[[], None] | None = None
+    ) -> GlobalError:
+        """The global error of the run so far.
+
+        always: make the second run whatever it costs (True), or never (False); None: if the run
+        took less than AFFORDED. look: called now and then meanwhile; it may raise WatchEndedError.
+        """
+        took = self._simulation.stepping_time - self._took
+        motion = self._simulation.motion
+        if always is False:
+            return GlobalError(unknown="not checked")
+        if self._disturbed:
+            return GlobalError(unknown="commands came during the run")
+        if not self._from_start and motion.event_driven:
+            return GlobalError(unknown="the run goes on from another one, in contact")
+        if self._count < 2:
+            return GlobalError(unknown="the run has one sample")
+        limit = PATIENCE * took + GRACE if took <= AFFORDED else AFFORDED
+        try:
+            return self._compared(*self._kept(), math.inf if always else limit, look)
+        except WatchEndedError:
+            return GlobalError(unknown=f"stepping took {took:.2g} s; --check makes a second run")
+
+    def _compared(
+        self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
+    ) -> GlobalError:
+        simulation, run = self._simulation, self._simulation.motion
+        began = own_time()
+
+        def watch() -> None:
+            if own_time() - began > limit:
+                raise WatchEndedError
+            if look is not None:
+                look()
+
+        upto: float | None = None
+        finer, taken = 1, run.steps - self._steps
+        fixed = getattr(simulation.method, "tolerance", None) is None
+        grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
+        for _ in range(REFINED):
+            trial, by, share = _finer(simulation, finer)
+            self._begin(trial)
+            trial.watch = watch
+            before, out = trial.steps, np.zeros((len(grid), trial.width))
+            try:
+                trial.run_to(grid, out)
+            except WatchEndedError:  # in time it came so far only
+                grid = grid[: np.searchsorted(grid, trial.time, side="right")]
+                times = times[: np.searchsorted(times, trial.time, side="right")]
+                poses, upto = poses[: len(times)], trial.time
+                if len(times) < 2:
+                    raise
+                break
+            except SimulationError:
+                return GlobalError(math.inf, trial.time, "", math.inf, by)
+            more = trial.steps - before > (1.5 if fixed else 1.0) * taken
+            if more or share < 0.0:
+                break
+            finer += 1
+        second = _poses(out[: len(grid)], len(run.layout.bodies))
+        at = np.searchsorted(grid, times)
+        radius = _radii(simulation)
+        hidden = _size(second, radius) > 2.0 * _size(second[at], radius)
+        if (hidden or len(times) < FEW) and upto is None:
+            # the run once more, to see it between its samples
+            again, *_ = _finer(simulation, 0)
+            self._begin(again)
+            again.watch = watch
+            out = np.zeros((len(grid), again.width))
+            again.run_to(grid, out)
+            times, poses = grid, _poses(out, len(run.layout.bodies))
+        else:
+            second = second[at]
+        found = apart(times, poses, second, simulation)
+        return found._replace(relative=found.relative / abs(share), by=by, upto=upto)
+
+    def _begin(self, trial: Motion) -> None:
+        """Let the trial begin where the run began; it stands at the start of the scene."""
+        if not self._from_start:
+            trial.reset(self._y, self._t0)
+            if trial.layout.commanded:
+                trial.change_law(self._system)
+
+
+def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
+    """The largest difference of two runs, poses (n, bodies, 7), over the smaller motion."""
+    names, radius = simulation.layout.bodies, _radii(simulation)
+    with np.errstate(all="ignore"):
+        shift = np.linalg.norm(one[..., :3] - two[..., :3], axis=2)
+        turn = turn_between(one[..., 3:], two[..., 3:])
+        scale = min(_size(one, radius), _size(two, radius))
+        if simulation.layout.contacts:
+            scale = max(scale, SOLVED * float(radius.max()))
+        far = np.linalg.norm(two[..., :3], axis=2).max(axis=0) + radius
+        shift = np.where(shift > ROUNDING * far, shift, 0.0)
+        turn = np.where(turn > ROUNDING, turn, 0.0)
+        share = np.maximum(shift / scale, np.maximum(radius * turn / scale, turn))
+        share = np.where((shift > 0.0) | (turn > 0.0), share, 0.0)
+    share = np.nan_to_num(share, nan=math.inf, posinf=math.inf)
+    i, body = np.unravel_index(int(np.argmax(share)), share.shape)
+    pose = float(np.nan_to_num(np.maximum(shift, turn), nan=math.inf).max())
+    return GlobalError(float(share[i, body]), float(times[i]), names[int(body)], pose)
+
+
+def _poses(rows: Array, bodies: int) -> Array:
+    """Poses (n, bodies, 7) in the rows of samples."""
+    return rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, :7]
+
+
+def _radii(simulation: Any) -> Array:
+    """The largest radius of gyration of each body [m]."""
+    bodies = [simulation.scene.bodies[name] for name in simulation.layout.bodies]
+    return np.array([math.sqrt(np.linalg.norm(b.inertia, 2) / b.mass) for b in bodies])
+
+
+def _size(poses: Array, radius: Array) -> float:
+    """The largest way of a body from its start [m], or its largest turn as an arc of its size."""
+    way = np.linalg.norm(poses[..., :3] - poses[:1, :, :3], axis=2)
+    arc = radius * turn_between(poses[..., 3:], poses[:1, :, 3:])
+    return float(np.nan_to_num(np.maximum(way, arc), nan=0.0, posinf=math.inf).max())
+
+
+def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
+    """What the global error is reported as; None where it is within its bound or not known.
+
+    The bound is BOUND, and the tolerance where `auto` has chosen the setting to keep it.
+    """
+    choice = simulation.choice
+    if choice is not None and not choice.reached:
+        what, advice = "smallest error that can be assured [m, rad]", choice.reason
+        return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
+    figure, bound, of = error.relative, BOUND, "as a share of the motion"
+    if choice is not None and error.pose > choice.target:
+        figure, bound, of = error.pose, choice.target, "in m or rad"
+    if not error.known or not figure > bound:
+        return None
+    step = getattr(simulation.method, "step", None)
+    if choice is not None:
+        finer, advice = None, f"try a tolerance below {choice.target:g}"
+    elif step is not None:
+        entry = METHODS.get(simulation.setting.name)
+        known = figure if math.isfinite(figure) else 100.0 * bound
+        finer = finer_step(step, known, bound, entry.order if entry else 1)
+        advice = try_step(finer)
+    else:
+        tolerance = simulation.setting.tolerance or 0.0
+        known = figure if math.isfinite(figure) else 100.0 * bound
+        tighter = round_down(max(tolerance * 0.3 * bound / known, TIGHTEST))
+        finer, advice = None, f"try tolerance {tighter:g}; if that does not help, the motion "
+        advice += "magnifies every error (chaos, or an unstable start)"
+    what = f"estimate by a second run ({error.by}), {of},"
+    return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
+
+
+def is_decided(finding: Finding) -> bool:
+    """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
+    motion, or a choice in contact that the setting, not the laws, seemed to leave open.
+
+    Not friction that lags behind a slow slip: a tenth of the tolerance lags alike."""
+    if finding.watch != "ambiguous":
+        return finding.watch == "step"
+    from rb_sim.contact.events import shares  # loaded if contacts are there
+
+    by_setting = finding.advice not in (shares.OTHERS, shares.NO_SETTING)
+    return by_setting and shares.LAGGED not in finding.what
+
+
+def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
+    """A motion of half of the steps, or a tenth of the tolerance, taken so many times; how, in
+    words; and the share of the error of the run that the two differ by, negative where the second
+    one is the coarser."""
+    compiled, method = simulation.motion.compiled, simulation.method
+    step = getattr(method, "step", None)
+    if times == 0:
+        return motion_of(compiled, method), "as it was", 1.0
+    if getattr(method, "tolerance", None) is None:
+        parts = 2**times
+        order = METHODS[simulation.setting.name].order
+        finer = method._replace(step=step / parts)
+        words = "at half of the steps" if times == 1 else f"at {parts} steps for each"
+        return motion_of(_cut_between(compiled, parts), finer), words, 1.0 - parts ** -float(order)
+    factor = 10.0**-times if method.tolerance * 10.0**-times >= TIGHTEST else 10.0
+    first, options = method, simulation.scene.simulation
+    if simulation.choice is None:  # as the simulation was made: of small motions in two turns
+        first = compile_method(at_its_size(simulation.scene).simulation, options.duration)
+    trial = motion_of(compiled, first._replace(tolerance=factor * first.tolerance))
+    if trial.held and simulation.choice is None:
+        plain = compile_method(options, options.duration)
+        trial.take(plain._replace(tolerance=factor * plain.tolerance))
+        trial.reset()
+    words = f"at tolerance {factor * method.tolerance:.2g}"
+    return trial, words, 1.0 - factor if factor < 1.0 else -(factor - 1.0) / factor
+
+
+def _cut_between(compiled: Compiled, parts: int) -> Compiled:
+    """The same with further breakpoints, so that the steps that end at one are halved as well."""
+    if not compiled.breakpoints:
+        return compiled
+    ends = np.array([0.0, *compiled.breakpoints])
+    between = [a + (b - a) * k / parts for a, b in zip(ends, ends[1:], strict=False)
+               for k in range(1, parts)]  # fmt: skip
+    found = replace(compiled, breakpoints=tuple(np.union1d(ends[1:], between).tolist()))
+    if "laws" in compiled.__dict__:
+        found.__dict__["laws"] = compiled.laws
+    return found
+
+
+def _copy(coordinates: Any) -> Any:
+    return coordinates.copy() if isinstance(coordinates, np.ndarray) else coordinates

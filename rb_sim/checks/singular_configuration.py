@@ -1,0 +1,593 @@
+"""Singular configurations: constraints that become dependent on the way of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import RbSimError
+from rb_sim.graph.machine import Law, evaluate_rows
+from rb_sim.mechanics.independent import Dependent
+from rb_sim.mechanics.initial_projection import lines_left, lines_matrix
+from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.mechanics.systems.many_bodies import WIDTH
+from rb_sim.numerics.kernels import call_law, for_python, integers_to, part, pointer_to
+from rb_sim.numerics.vectors import quaternion_rate
+from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.initial import part_of
+from rb_sim.scene.place import InitialPlace
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, Indices, SampleBlock, SampleLayout
+    from rb_sim.scene.compiled import Compiled
+    from rb_sim.scene.schema import Scene
+
+
+# The least number that a law gives, at many instants and states in one call.
+
+
+LAW, TIMES_AT, STATES_AT, INPUTS_AT, ROOM_AT, FOUND_AT = range(6)
+COUNT, COORDINATES, LAW_WIDTH, TOLD = range(6, 10)
+"""Places in what `least_into` is told."""
+
+
+@for_python
+def least_into(places):
+    """Write the least number that the law gives at every time with its row of the states, and which
+    of its numbers that is; or, if TOLD, the last two of its numbers, which say the same."""
+    times, states = pointer_to(places, TIMES_AT), pointer_to(places, STATES_AT)
+    p, row = pointer_to(places, INPUTS_AT), pointer_to(places, ROOM_AT)
+    found, laws = pointer_to(places, FOUND_AT), integers_to(places, LAW)
+    width = places[LAW_WIDTH]
+    for i in range(places[COUNT]):
+        call_law(laws[0], times[i], part(states, i * places[COORDINATES]), p, row)
+        least, number = 1.0, 0.0
+        if places[TOLD]:
+            if row[width - 2] - row[width - 2] == 0.0:
+                least, number = row[width - 2], row[width - 1]
+        else:
+            for k in range(width):
+                if row[k] < least and row[k] - row[k] == 0.0:
+                    least, number = row[k], 1.0 * k
+        found[2 * i] = least
+        found[2 * i + 1] = number
+    return 0
+
+
+FEW = 1024
+"""Calls of a law up to which Python makes them, a third of a microsecond each: to load the loop
+takes more than that of all of them."""
+
+
+class LeastOf:
+    """The least number of those that a law gives at many instants, 1 where none is below.
+
+    What is not finite counts as 1. law: machine code, or a Python function of arrays.
+
+    inputs: p. width: how many numbers it gives. told: whether its last two tell the least of them
+    and which it is.
+    """
+
+    def __init__(self, law: Any, inputs: Any, width: int, told: bool) -> None:
+        self._law, self._inputs, self._width, self._told = law, inputs, width, told
+        self._address = np.array([law.address]) if isinstance(law, Law) else None
+        self._room = np.zeros(width)
+        self._called = 0
+
+    def __call__(self, t: Any, y: Any) -> tuple[Any, Any]:
+        """(the least, which) at every t (n,) with the rows of y (n, N), both contiguous."""
+        self._called += len(t)
+        if self._address is None or self._called <= FEW:
+            return self._by_python(t, y)
+        found = np.empty((len(t), 2))
+        arrays = self._address, t, y, self._inputs, self._room, found
+        numbers = *y.shape, self._width, int(self._told)
+        places = np.array([*(a.ctypes.data for a in arrays), *numbers])
+        least_into(places.ctypes.data)
+        return found[:, 0], found[:, 1].astype(int)
+
+    def _by_python(self, t: Any, y: Any) -> tuple[Any, Any]:
+        rows = np.zeros((len(t), self._width))
+        evaluate_rows(self._law, t, y, self._inputs, rows)
+        rows[~np.isfinite(rows)] = 1.0
+        if self._told:
+            return rows[:, -2], rows[:, -1].astype(int)
+        return np.minimum(rows.min(axis=1), 1.0), rows.argmin(axis=1)
+
+
+# Where a figure s >= 0 of the motion passes through zero as |x| does, also between two samples.
+#
+# Around such a place s makes a V, which may be narrower than what a body turns by between two
+# samples.  States between them are interpolated (cubic Hermite: places and velocities are known at
+# both ends), so that s is looked at wherever the bodies have gone on by GRID, and around each
+# minimum again and again, four times as fine each time.
+
+
+GRID = 0.1
+"""What bodies turn by, or go on by over the scene's length, between two looks at s [rad]."""
+RESOLVED = 0.8
+"""As GRID, between two samples: up to it interpolation is exact to 1e-3; above it samples have to
+show a V by themselves."""
+FINER = 2
+"""Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
+KEPT = 4
+"""Looks at a glance that are kept for the next samples."""
+CALL = 40
+"""What a look at many places costs besides, in those of one: most is Python."""
+MOST_STRIDE = 8
+"""The longest stride at which those are told."""
+FALLS = 0.8
+"""Share of a minimum to which the next look has to find it lower; above, it is a smooth one."""
+NEAR = 0.2
+"""Share of its surroundings below which a minimum may be that of a V in any case."""
+VANISHED = 1e-5
+"""s at or below which it is zero at the place itself."""
+OPEN = 1.3
+"""Two lowest places of a V over one step of its sides; above, s has a minimum beside zero."""
+
+Figure = Callable[["Array", "Array"], "tuple[Array, Indices]"]
+"""s, and to which line it belongs, at (t (n,), y (n, 13 N))."""
+
+
+class Vanishing(NamedTuple):
+    """Where s passes through zero."""
+
+    at: float
+    """[s]."""
+    s: float
+    """at the place next to it that was looked at."""
+    line: int
+    t: Array
+    """the places around it that were looked at [s] ..."""
+    y: Array
+    """... and the states there."""
+
+
+def suspects(s: Array) -> list[int]:
+    """Places at which s is zero, or after which it passes through zero."""
+    return np.flatnonzero(suspected(s)).tolist()
+
+
+def suspected(s: Array) -> np.ndarray:
+    """Whether s (..., n) is zero at a place, or passes through zero after it; shape (..., n)."""
+    found = s <= VANISHED
+    if s.shape[-1] > 3:
+        a, b, c, d = s[..., :-3], s[..., 1:-2], s[..., 2:-1], s[..., 3:]
+        found[..., 1:-2] |= (b < a) & (c < d) & (b + c <= OPEN * np.maximum(a - b, d - c))
+    return found
+
+
+class Follower:
+    """Follows s along the samples of a motion."""
+
+    def __init__(self, figure: Figure, length: float) -> None:
+        self._figure, self._length = figure, length
+        self._t, self._y, self._s = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
+        """the last places that were looked at closely ..."""
+        self._way = np.zeros(0)
+        """... and the ways between them."""
+        self._samples = np.zeros(0), np.zeros((0, 0))
+        """the last samples."""
+        self._rough = np.zeros(0)
+        """s at the last samples that `clear` has looked at."""
+        self.spent = 0
+        """what looks have cost so far, in those of one place."""
+
+    def _look(self, t: Array, y: Array) -> tuple[Array, Indices]:
+        self.spent += CALL + len(t)
+        return self._figure(t, y)
+
+    def clear(self, t: Array, y: Array, last: tuple[Array, Array]) -> bool:
+        """Whether every so many of the next samples, (t, y), show nothing; all are done with then.
+
+        last: the last of them, KEPT * MOST_STRIDE or fewer.
+        """
+        s = np.append(self._rough, self._look(t, y)[0])
+        self._rough = s[-3:]
+        if suspects(s):
+            return False
+        self._t, self._samples = self._t[:0], last
+        return True
+
+    def add(self, t: Array, y: Array, stride: int, between: bool = True) -> Vanishing | None:
+        """The next samples: looked at closely, or with a stride above 1 at a glance.
+
+        between: also between samples in a glance, which costs some times as much.
+        Returns the first place where s passes through zero, if there is one.
+        """
+        last = -1 if stride == 1 else -KEPT * stride
+        if len(self._samples[0]):
+            before, states = self._samples
+            t, y = np.append(before[last:], t), np.append(states[last:], y, 0)
+        self._samples = t[-KEPT * MOST_STRIDE :], y[-KEPT * MOST_STRIDE :]
+        return self._closely(t, y) if stride == 1 else self._at_a_glance(t, y, stride, between)
+
+    def _closely(self, t: Array, y: Array) -> Vanishing | None:
+        """All samples, and states between them; goes on from what was looked at closely before."""
+        times, states, ways = self._filled(t, y)
+        s, _ = self._look(times, states)
+        if len(self._t):
+            times, states = np.append(self._t[:-1], times), np.append(self._y[:-1], states, 0)
+            s, ways = np.append(self._s[:-1], s), np.append(self._way, ways)
+        self._t, self._y, self._s, self._way = times[-3:], states[-3:], s[-3:], ways[-2:]
+        return self._first(times, states, s, ways)
+
+    def _at_a_glance(self, t: Array, y: Array, stride: int, between: bool) -> Vanishing | None:
+        """Every stride-th sample, those around a suspect, and, if between, closely the last ones,
+        as far back as as many places go once more."""
+        rough, states = t[::stride], y[::stride]
+        s, _ = self._look(rough, states)
+        if between:
+            found = self._first(rough, states, s, self._ways(rough, states), sure=True)
+            if found is not None:
+                return found
+        looks = [slice(max(0, (k - 2) * stride), (k + 3) * stride + 1) for k in suspects(s)]
+        if between:
+            most = max(4, len(rough))
+            last = slice(-most - 1, None)  # each of them goes by one part at least
+            parts = np.cumsum(parts_of(self._ways(t[last], y[last]))[::-1]) <= most
+            looks.append(slice(len(t) - 1 - int(parts.sum()), None))
+        for look in looks:
+            self._t = self._t[:0]
+            found = self._closely(t[look], y[look])
+            if found is not None:
+                return found
+        return None
+
+    def _filled(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """The samples and states between them, and the way from each of these to the next."""
+        ways = self._ways(t, y)
+        parts = parts_of(ways)
+        if len(t) < 2 or parts.max() == 1:
+            return t, y, ways
+        k = np.repeat(np.arange(len(parts)), parts)
+        step = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
+        times, states = np.append(t[k], t[-1:]), np.append(y[k], y[-1:], 0)
+        inner = np.flatnonzero(step)
+        k, share = k[inner], step[inner] / parts[k[inner]]
+        times[inner], states[inner] = between(t, y, k, share)
+        return times, states, np.repeat(ways / parts, parts)
+
+    def _ways(self, t: Array, y: Array) -> Array:
+        """What bodies turn by, or go on by over the scene's length, from each place to the next."""
+        bodies = y.reshape(len(y), -1, WIDTH)
+        p, v, w = bodies[..., :3], bodies[..., 7:10], bodies[..., 10:13]
+        if bodies.shape[1] > 1:
+            p, v = (x - x.sum(axis=1, keepdims=True) / x.shape[1] for x in (p, v))
+        turns, goes = (np.einsum("nbi,nbi->nb", x, x).max(axis=1) for x in (w, v))
+        fastest = np.sqrt(np.maximum(turns, goes / self._length**2))
+        jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
+        return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
+
+    def leave_out(self) -> None:
+        """Samples follow that nobody looks at."""
+        self._t, self._rough = self._t[:0], self._rough[:0]
+        self._samples = np.zeros(0), np.zeros((0, 0))
+
+    def _first(
+        self, t: Array, y: Array, s: Array, ways: Array, sure: bool = False
+    ) -> Vanishing | None:
+        """The first of the places where s passes through zero.
+
+        ways: from each place to the next. sure: only where s is zero at a place, or interpolation
+        shows it.
+        """
+        inner = s[1:-1]
+        low = np.flatnonzero((inner < s[:-2]) & (inner <= s[2:])) + 1
+        fine = low[np.maximum(ways[low - 1], ways[low]) <= RESOLVED]
+        told = [k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED]
+        places = [self._told(t, y, s, k) for k in told if not sure or s[k] <= VANISHED][:1]
+        places += self._around(t, y, s, fine)
+        return min(places, key=lambda place: place.at, default=None)
+
+    def _around(self, t: Array, y: Array, s: Array, low: Indices) -> list[Vanishing]:
+        """The first place beside the minima at `low` where s passes through zero."""
+        at, value, sides = low, s[low], np.minimum(s[low - 1], s[low + 1])
+        here = t[low[:, None] + [-1, 0, 1]]
+        for _ in range(FINER):
+            if not len(at):
+                return []
+            here = np.linspace(here[:, 0], here[:, -1], 9, axis=1)
+            k = at[:, None] - (here < t[at][:, None])
+            share = (here - t[k]) / (t[k + 1] - t[k])
+            states = between(t, y, k.ravel(), share.ravel())[1]
+            found = self._look(here.ravel(), states)[0].reshape(here.shape)
+            least = found.min(axis=1)
+            shown = suspected(found).any(axis=1)
+            on = (least < FALLS * value) | (least < NEAR * sides) | shown
+            here, found, states = here[on], found[on], states.reshape(*here.shape, -1)[on]
+            at, value, sides = at[on], least[on], np.minimum(found[:, 0], found[:, -1])
+            middle = found[:, 1:-1].argmin(axis=1) + 1
+            kept = here, found, states
+            here = np.take_along_axis(here, middle[:, None] + [-1, 0, 1], axis=1)
+        for times, some, there in zip(*kept, strict=True):
+            for k in suspects(some)[:1]:
+                return [self._told(times, there, some, k)]
+        return []
+
+    def _told(self, t: Array, y: Array, s: Array, k: int) -> Vanishing:
+        """The place k, or one after it."""
+        near, at = k, float(t[k])
+        if s[k] > VANISHED:
+            b, c = s[k], s[k + 1]
+            at += float((t[k + 1] - t[k]) * b / (b + c))
+            near = k if b <= c else k + 1
+        line = self._look(t[near : near + 1], y[near : near + 1])[1][0]
+        around = slice(max(0, near - 4), near + 5)
+        return Vanishing(at, float(s[near]), int(line), t[around], y[around])
+
+
+def parts_of(ways: Array) -> Indices:
+    """Into how many parts the way from each sample to the next is to be taken."""
+    return np.where(ways <= RESOLVED, np.ceil(ways / GRID), 1.0).astype(int).clip(1)
+
+
+def between(t: Array, y: Array, k: Indices, share: Array) -> tuple[Array, Array]:
+    """(times, states) by so much of the way from place k of (t, y) to the next (cubic Hermite)."""
+    bodies = y.reshape(len(y), -1, WIDTH)
+    one, two, x = bodies[k], bodies[k + 1], share[:, None, None]
+    span = (t[k + 1] - t[k])[:, None, None]
+    found = one + x * (two - one)  # velocities
+    h = x * x * (3.0 - 2.0 * x), x * (1.0 - x) ** 2 * span, x * x * (x - 1.0) * span
+
+    def placed(a: Array, b: Array, da: Array, db: Array) -> Array:
+        return a + h[0] * (b - a) + h[1] * da + h[2] * db
+
+    found[..., :3] = placed(one[..., :3], two[..., :3], one[..., 7:10], two[..., 7:10])
+    p, q = one[..., 3:7], two[..., 3:7]
+    q = np.where((p * q).sum(axis=2, keepdims=True) < 0.0, -q, q)
+    turned = placed(p, q, _quaternion_rate(p, one), _quaternion_rate(q, two))
+    found[..., 3:7] = turned / np.linalg.norm(turned, axis=2, keepdims=True)
+    return t[k] + share * (t[k + 1] - t[k]), found.reshape(len(k), -1)
+
+
+def _quaternion_rate(q: Array, bodies: Array) -> Array:
+    """dq/dt of all bodies, shape (n, N, 4)."""
+    parts = (tuple(np.moveaxis(x, -1, 0)) for x in (q, bodies[..., 10:13]))
+    return np.stack(quaternion_rate(*parts), axis=-1)
+
+
+# Whether constraints come to depend on each other on the way: a dead point, or the end of a way.
+#
+# Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
+# lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
+# does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
+# its sides.  What comes after one, the laws of motion do not decide.
+#
+# Where lines depend on each other for good some are left out, in loops those that are chosen after
+# each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
+# those that are kept may lose rank on the way although all together do not: the laws decide, but
+# the choice is a bad one there and the motion loses digits.  That is told apart by the eigenvalues
+# of A over all lines.
+#
+# States between samples are looked at, too (see `vanishing`), where bodies turn by much from one to
+# the next.  Once a run is long only every few samples are, and of some blocks a part closely.
+
+
+MOST_LINES = 120
+"""Lines up to which a scene is watched: the law that tells s is traced as a whole."""
+STRIDE = MOST_STRIDE
+"""Samples of which one is looked at, at a glance, once a run is long."""
+ALL = slice(None)
+ROUGH, ROUGHEST = 2 * STRIDE, 8 * STRIDE
+"""As STRIDE, where the account has nothing: so that bodies go on by half of RESOLVED, but no closer
+and no farther than this; where those show something, STRIDE is taken. Where bodies go on by more
+than RESOLVED in ROUGH samples these show nothing of a V, and none is looked at."""
+SPARSE = 4 * ROUGHEST
+"""Of so many samples one tells how fast bodies go on."""
+UNSEEN = 7
+"""Blocks that are passed without a look after one that goes too fast for it."""
+LOOKS, CREDIT = 0.01, 500.0
+"""Looks at s between samples for each sample of a long run, and those that it begins with. One with
+what is done about it costs a tenth to a third of a sample, so that all are less than half a
+percent of the run."""
+
+
+UNDECIDED = (
+    "the laws of motion do not decide how it goes on: end the run before, or change lengths or "
+    "drives so that it is not reached"
+)
+
+
+class DeadPoint(NamedTuple):
+    """Where lines came to depend on each other."""
+
+    t: float
+    least: float
+    """s at the sample next to it."""
+    constraint: str
+    too_many: bool = False
+    """whether it is not all lines that lose rank, but those that were kept of too many."""
+
+    @property
+    def finding(self) -> Finding:
+        """The finding that tells of it."""
+        advice = f"there {UNDECIDED}"
+        if self.too_many:
+            advice = (
+                "of lines that hold a motion twice those left out at the start are needed there, "
+                "so that digits are lost: try one joint of the loop with fewer lines, or end the "
+                "run before"
+            )
+        what = "the number of constraint lines that come to depend on others"
+        return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
+
+    @property
+    def refusal(self) -> str:
+        """What a run that ends there says."""
+        return (
+            f"the motion comes to a dead point at t = {self.t:.4g} s, where lines of "
+            f"{self.constraint!r} come to depend on others and {UNDECIDED}"
+        )
+
+
+class Conditioning:
+    """Follows s over the samples of a run; `found` is the first dead point, if there was one.
+
+    compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
+    """
+
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
+    ) -> None:
+        self.found: DeadPoint | None = None
+        self._layout, self._scene = layout, scene
+        self._watched: list[int] = []
+        """lines of which s tells."""
+        self._lines: list[int] = []
+        self._samples = self._unseen = 0
+        """samples so far, and blocks that are still to be passed without a look."""
+        self._too_fast = False
+        """whether the last block was, for a look at few of its samples."""
+        self._laws: list[LeastOf] = []
+        if not layout.contacts and has_loops(scene):
+            self._make(scene, compiled)
+
+    def _make(self, scene: Scene, compiled: Compiled | None) -> None:
+        """Make the laws of the shares of the pivots, where they can be made and are not long."""
+        if compiled is None or compiled.reduced:
+            options = scene.simulation.model_copy(update={"project_initial": True})
+            try:
+                projected = scene.model_copy(update={"simulation": options})
+                compiled = compile_motion(projected, "maximal")
+            except RbSimError:
+                return
+        system, laws = compiled.system, compiled.laws
+        if not 0 < compiled.rows <= MOST_LINES or not isinstance(laws, MultiBodyLaws):
+            return
+        left_out = Dependent(compiled.dependent.lines | set(laws.changing))
+        self._lines, law = lines_left(system, left_out)
+        inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
+        if self._lines:
+            self._laws.append(LeastOf(law, inputs, len(self._lines), told=False))
+        if laws.choice is not None:
+            self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, told=True))
+        self._system = system
+        self._follower, self._account = Follower(self.shares, system.length), CREDIT
+        self._watched = [*self._lines, *laws.changing]
+        self._rank = len(self._watched) - laws.inputs.chosen.count(0.0)
+
+    @property
+    def watching(self) -> bool:
+        """Whether there is something to look at, and nothing has been found."""
+        return bool(self._laws) and self.found is None
+
+    def add(self, block: SampleBlock, stride: int = 1) -> None:
+        """The next samples; of them every stride-th is looked at.
+
+        With a stride above 1 between them only where the account pays for it.
+        """
+        if not self.watching or not len(block):
+            return
+        follower, spent = self._follower, self._follower.spent
+        self._account += LOOKS * len(block)
+        self._samples += len(block)
+        between = stride == 1 or self._account > 0.0
+        if not between and self._unseen:
+            self._unseen -= 1
+            return
+        if not between:
+            few, last = self._few(block), slice(-KEPT * STRIDE, None)
+            if few is None:
+                follower.leave_out()
+                self._unseen = UNSEEN
+                return
+            tail = block.t[last], coordinates(block, last)
+            if follower.clear(block.t[few], coordinates(block, few), tail):
+                return
+        place = follower.add(block.t, coordinates(block, ALL), stride, between)
+        if stride > 1 and between:
+            self._account -= follower.spent - spent
+        if place is not None:
+            owner = self._owner(self._watched[place.line])
+            self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
+
+    def _few(self, block: SampleBlock) -> slice | None:
+        """Which samples to look at where the account has nothing; None: they would show nothing."""
+        if len(block) < 2:
+            return slice(None)
+        interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
+        v = block.linear_velocity[::SPARSE]
+        speed = np.ptp(v, axis=1) if v.shape[1] > 1 else np.abs(v)
+        spin = np.abs(block.angular_velocity[::SPARSE]).max()
+        way = interval * float(max(spin, speed.max() / self._system.length))
+        too_fast, before = ROUGH * way > RESOLVED, self._too_fast
+        self._too_fast = too_fast
+        if too_fast and before:  # what only now is too fast may be about to come to a dead point
+            return None
+        stride = ROUGH
+        while stride < ROUGHEST and 4.0 * stride * way <= RESOLVED:
+            stride *= 2
+        # so that the looks of all blocks are equally far apart
+        return slice(-(self._samples - len(block)) % stride, None, stride)
+
+    def _owner(self, line: int) -> str:
+        """The constraint to which the line belongs."""
+        place = InitialPlace(self._scene)
+        specs: dict[str, Any] = dict(self._scene.constraints)
+        owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
+        return owners[part_of(self._system, line)]
+
+    def told(self, t: float, least: float, line: int) -> DeadPoint:
+        """The dead point at t where s of this line comes to zero."""
+        return DeadPoint(t, least, self._owner(self._watched[line]))
+
+    def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
+        """s and the line to which it belongs at every sample; 1 where it is no number."""
+        y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
+        least, line = self._laws[0](t, y)
+        if len(self._laws) > 1:
+            pivots, numbers = self._laws[1](t, y)
+            line = np.where(pivots < least, len(self._lines) + numbers, line)
+            least = np.minimum(pivots, least)
+        elif not self._lines:
+            line = len(self._lines) + line
+        return np.sqrt(np.maximum(least, 0.0)), line
+
+    def _others_hold(self, place: Vanishing) -> bool:
+        """True where lines were left out and all together keep their rank around the place."""
+        rank = self._rank
+        if rank == len(self._system.lines) or len(place.t) < 4:
+            return False
+        with np.errstate(all="ignore"):
+            pairs = zip(place.t, place.y, strict=True)
+            least = np.array([least_kept(self._system, t, y, rank) for t, y in pairs])
+        return bool(np.isfinite(least).all()) and not suspects(least)
+
+
+def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
+    """The root of the eigenvalue of A, scaled to a diagonal of ones, that is the least of the
+    `rank` largest; nan where A is not finite."""
+    matrix = lines_matrix(system, t, y)
+    sizes = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(sizes, sizes)
+    if not np.isfinite(scaled).all():
+        return float("nan")
+    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(scaled)[-rank])))
+
+
+def coordinates(block: SampleBlock, which: slice) -> Array:
+    """The coordinates of all bodies in turn at these samples, shape (n, 13 N)."""
+    columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
+    found = np.concatenate([column[which] for column in columns], axis=2)
+    return found.reshape(len(found), -1)
+
+
+def has_loops(scene: Scene) -> bool:
+    """True unless the joints hang together as trees, whose lines cannot lose rank."""
+    group: dict[str | None, str | None] = {}
+
+    def root(name: str | None) -> str | None:
+        while group.setdefault(name, name) != name:
+            name = group[name]
+        return name
+
+    for spec in scene.constraints.values():
+        first, second = root(spec.body), root(getattr(spec, "parent", None))  # type: ignore[attr-defined]
+        if first == second:
+            return True
+        group[first] = second
+    return False

@@ -1,0 +1,245 @@
+"""The search for a fixed step that passes the checks, and the forecast of a run."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.checks.bounds import below, effort_of
+from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.second_run import SecondRun
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.motion.pieces import ADVICE, Forecast
+from rb_sim.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rb_sim.base.diagnostic import Finding
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.scene.compiled import Compiled
+
+
+# The forecast of a scene's run, with what would make it shorter.
+
+
+ADVICE_IN_CONTACT = (
+    "where points slip slowly side by side, friction limits the steps at any tolerance, since it "
+    "turns each slip at the rate of mu g over its speed; try method time_stepping, a larger "
+    "tolerance, or a shorter duration"
+)
+
+
+def advice_for(scene: Scene) -> str:
+    """What to try where a run of the scene takes too long."""
+    rubbing = any(
+        getattr(getattr(spec, "friction", None), "static", 0.0) > 0.0
+        for spec in scene.constraints.values()
+    )
+    adaptive = scene.simulation.step is None and scene.simulation.method != "auto"
+    return ADVICE_IN_CONTACT if rubbing and adaptive else ADVICE
+
+
+def forecast_for(
+    scene: Scene,
+    duration: float,
+    tell: Callable[[str], None] | None,
+    *,
+    wall: float = math.inf,
+) -> Forecast:
+    """The forecast of a run of the scene; the rest as in Forecast."""
+    return Forecast(duration, tell, wall=wall, advice=advice_for(scene))
+
+
+# Which fixed step would do, where one failed or a watch found it too large.
+#
+# It is found by running the scene with other steps, under the watches of every run.
+
+
+MOST_TIME = 3.0
+"""CPU time of all trials together [s]: the run is over, and its user waits for the word."""
+
+MOST_TRIALS = 16
+"""Smaller steps that are tried, each at most half of the one before."""
+
+LARGER = 3
+"""Doublings that are tried where no smaller step does."""
+
+STIFF = 0.02
+"""Share of the step asked for at and below which one that does is of a stiff scene, for which there
+is a method of its own."""
+
+MOST_STEPS = 200_000
+"""Steps, times bodies, of a whole run in steps 256 times as short: of a longer one that failed the
+beginning is tried."""
+
+
+class Run(Protocol):
+    """What is tried: a Simulation, here without naming it."""
+
+    scene: Scene
+
+    @property
+    def setting(self) -> Any: ...
+    @property
+    def layout(self) -> SampleLayout: ...
+    @property
+    def compiled(self) -> Compiled: ...
+    def with_step(self, step: float) -> Run: ...
+    def blocks(self, duration: float, rate: float, watch: Any) -> Iterator[SampleBlock]: ...
+
+
+def step_that_runs(
+    simulation: Run,
+    failed_at: float,
+    end: float,
+    goes_on: Callable[[], bool] = lambda: True,
+) -> str:
+    """Advice about the step of a run that failed because of it: one that does, or that none does.
+
+    failed_at, end: of the run, which had no commands [s]; goes_on: asked during the trials, which
+    begin at the scene's start; of a run too long for them a little more is tried than it came to.
+    """
+    step = simulation.setting.step
+    whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
+    horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
+    where = "to the end" if horizon == end else f"to t = {horizon:.3g} s at least"
+    trials = _Trials(simulation, horizon, None, goes_on)
+    found = _search(trials, below(step), step)
+    if found is not None:
+        worse = "" if found < step or trials.loud else "smaller steps fail, too; "
+        return f"{worse}with step {found:g} s it runs {where}"
+    if trials.loud:
+        return f"with step {min(trials.loud):g} s it runs {where}, not without a warning"
+    smallest = min(trials.failed, default=step)
+    tried = f"steps down to {smallest:g} s fail, too; " if smallest < step else ""
+    return tried + _otherwise(simulation)
+
+
+def quiet_step(
+    simulation: Run,
+    findings: tuple[Finding, ...],
+    goes_on: Callable[[], bool] = lambda: True,
+) -> str:
+    """Advice about the step of a run whose findings name a finer one; "" if none of them does.
+
+    The step named ends all findings about the step and brings no other.
+    findings: of the whole run of `simulation`; goes_on: asked during the trials.
+    """
+    finer = [finding.finer_step for finding in findings if finding.finer_step is not None]
+    step = simulation.setting.step
+    if not finer or step is None:
+        return ""
+    first = min(finer)
+    known = frozenset(finding.watch for finding in findings if finding.finer_step is None)
+    trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
+    found = _search(trials, first, step)
+    if found is not None:
+        worse = "" if found < step else "smaller steps do not end it; "
+        mends = f"{worse}with step {found:g} s {'it' if worse else 'this warning'} does not come"
+        return mends + _in_longer_steps(simulation, found / step)
+    tried = trials.loud + trials.failed
+    if not tried:
+        return f"step {first:g} s should do by the order of the method (not tried: too long)"
+    return f"steps down to {min(tried):g} s do not end it; {_otherwise(simulation)}"
+
+
+def _in_longer_steps(simulation: Run, share: float) -> str:
+    """What else to try where only steps do that are this share of what was asked for."""
+    stiff = METHODS["radau5"]
+    if share > STIFF or not stiff.suits(simulation.compiled.system):
+        return ""
+    return "; method radau5 with a tolerance may take longer ones"
+
+
+def _otherwise(simulation: Run) -> str:
+    """What to try where no step does."""
+    if METHODS[simulation.setting.name].family == "time-stepping":
+        return "try method dopri853, which locates the events of contacts"
+    return "use method dopri853 with a tolerance"
+
+
+def _search(trials: _Trials, first: float, step: float) -> float | None:
+    """The first step [s] that is quiet: from `first` down, then larger than `step`, unless one of
+    the smaller ones at least came to the end. None where there is none in time."""
+    smaller = first
+    try:
+        for _ in range(MOST_TRIALS):
+            if trials.quiet(smaller):
+                return smaller
+            smaller = below(smaller)
+        for k in range(1, LARGER + 1):
+            if trials.quiet(step * 2**k):
+                return step * 2**k
+    except _NoTimeError:
+        pass
+    return None
+
+
+class _NoTimeError(Exception):
+    """The trials have taken MOST_TIME, or were asked to end."""
+
+
+class _Trials:
+    """Runs of the scene with other steps, up to `end` [s].
+
+    known: watches that may speak, as no step mends what they tell; None: all that name no step.
+    """
+
+    def __init__(
+        self,
+        simulation: Run,
+        end: float,
+        known: frozenset[str] | None = None,
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._simulation, self._end, self._known = simulation, end, known
+        self._goes_on = goes_on
+        self._until = time.process_time() + MOST_TIME
+        self.loud: list[float] = []
+        """Steps that came to the end, but not without a finding [s]."""
+        self.failed: list[float] = []
+        """Steps that did not come to the end [s]."""
+
+    def quiet(self, step: float) -> bool:
+        """Whether the run with this step [s] comes to its end and no watch finds fault with it.
+
+        Raises _NoTimeError.
+        """
+        try:
+            quiet = self._run(step)
+        except (RbSimError, ArithmeticError):
+            self.failed.append(step)
+            return False
+        if not quiet:
+            self.loud.append(step)
+        return quiet
+
+    def _run(self, step: float) -> bool:
+        trial = self._simulation.with_step(step)
+        watches = WatchList(trial.scene, trial.layout, trial.compiled)
+        second = SecondRun(trial)
+        for block in trial.blocks(self._end, trial.scene.simulation.rate, self._may_go_on):
+            watches.add(block, partial(effort_of, trial))
+            second.add(block)
+            if self._known is not None and self._beyond(watches):
+                return False
+        if not self._may_go_on(math.inf):
+            raise _NoTimeError
+        watches.finish()
+        if not self._beyond(watches):
+            watches.check(second.result(), trial)
+        return not self._beyond(watches)
+
+    def _may_go_on(self, _: float) -> bool:
+        return time.process_time() < self._until and self._goes_on()
+
+    def _beyond(self, watches: WatchList) -> bool:
+        """Whether a watch has found what is not known to come with any step."""
+        if self._known is None:
+            return any(finding.finer_step is not None for finding in watches.findings)
+        return any(finding.watch not in self._known for finding in watches.findings)

@@ -1,0 +1,158 @@
+"""Constraints that a sample violates, and shapes that lie inside their supports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.mechanics.initial_projection import Manifold, relative
+from rb_sim.mechanics.systems.many_bodies import state_of
+from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.place import InitialPlace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rb_sim.catalogue.types import BodyState
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+# Constraints that a sample violates: whether, and which of them most.
+#
+# The general formulation in maximal coordinates tells it.
+
+
+CONTRADICTORY = (
+    "look for constraints that contradict each other from here on, or try method dopri853"
+)
+STEPPED = "time stepping holds joints to first order: try a smaller step, or an event-driven method"
+
+
+def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
+    """Name of the constraint whose violation is largest at sample i; "" where it cannot be told."""
+    if layout.contacts or not scene.constraints:
+        return ""
+    options = scene.simulation.model_copy(update={"project_initial": True})
+    try:
+        projected = scene.model_copy(update={"simulation": options})
+        system = compile_motion(projected, "maximal").system
+    except RbSimError:
+        return ""
+    y = np.concatenate(
+        [
+            np.concatenate([column[i, b] for column in columns_of(block)])
+            for b in range(len(layout.bodies))
+        ]
+    )
+    with np.errstate(all="ignore"):
+        violations, _ = Manifold(system).violations(float(block.t[i]), y.tolist())
+    worst = relative(system, violations, system.length, system.speed).max(axis=0)
+    place = InitialPlace(scene)
+    owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
+    part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1
+    return owners[part]
+
+
+def residual_found(
+    scene: Scene, layout: SampleLayout, block: SampleBlock, bound: float
+) -> Finding | None:
+    """The first sample of the block whose residual is beyond the bound, or no number."""
+    beyond = np.flatnonzero(~(block.residual <= bound))
+    if not len(beyond):
+        return None
+    i = int(beyond[0])
+    where = violated_constraint(scene, layout, block, i)
+    advice = STEPPED if scene.simulation.method == "time_stepping" else CONTRADICTORY
+    what = "violation of a constraint, relative to the scene's size or speed,"
+    figure = float(np.nanmax(block.residual[i:]))
+    return Finding("residual", float(block.t[i]), figure, bound, what, where, advice)
+
+
+def columns_of(block: SampleBlock) -> tuple[np.ndarray, ...]:
+    """The columns of a body's coordinates, in their order."""
+    return (
+        block.position,
+        block.orientation,
+        block.linear_velocity,
+        block.angular_velocity,
+    )
+
+
+# Shapes inside of supports: a contact with listed points touches at these only.
+#
+# The rest of the body's shape goes through the support unhindered, as the other end of a ladder
+# whose foot is listed. Here the shape is laid against the support as if no points were listed.
+
+
+DEEP = 1e-3
+"""Depth, over the reach of the body's shape, from which on it is reported."""
+LOOKS = 64
+"""Instants of a block that are looked at."""
+
+
+class Inside:
+    """Follows how deep the shapes of bodies with listed points lie in what they may touch."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._bodies = layout.bodies
+        self._contacts = list(_whole_shapes(scene))
+
+    def first(self, block: SampleBlock) -> Finding | None:
+        """The first instant looked at in which a shape lies in a support, if there is one."""
+        if not self._contacts or not len(block):
+            return None
+        rows = np.unique(np.linspace(0, len(block) - 1, LOOKS).astype(int))
+        states = _states(block, rows.tolist())
+        for t, y in zip(block.t[rows.tolist()].tolist(), states.tolist(), strict=True):
+            for name, body, parent, parts, limit in self._contacts:
+                B = state_of(y, self._bodies.index(body))
+                A = state_of(y, -1 if parent is None else self._bodies.index(parent))
+                depth = max(_depth(part.row, t, B, A) for part in parts)
+                if depth > limit:
+                    what = f"depth of the shape of {body} in the support of this contact [m]"
+                    advice = (
+                        "only the listed points touch: list more points, or leave points out so "
+                        "that the whole shape touches"
+                    )
+                    return Finding("inside", t, depth, limit, what, name, advice)
+        return None
+
+
+def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any], float]]:
+    """(contact, body, parent, points of its whole shape, depth that counts) of each contact with
+    listed points of a body with a shape that could touch without."""
+    listed = [
+        (name, spec)
+        for name, spec in scene.constraints.items()
+        if isinstance(spec, Touching) and getattr(spec, "points", None)  # a string has none
+    ]
+    if not listed:
+        return
+    place = InitialPlace(scene)
+    for name, spec in listed:
+        shape = scene.bodies[spec.body].shape
+        if shape is None:
+            continue
+        try:
+            parts = list(spec.model_copy(update={"points": None}).parts(place))
+        except (SceneError, ValueError):
+            continue  # this shape cannot touch this support
+        yield name, spec.body, spec.parent, parts, DEEP * shape.reach
+
+
+def _states(block: SampleBlock, rows: list[int]) -> Array:
+    """p_WC, q_WB, v_WC, w_WB_B of each body, shape (len(rows), 13 N)."""
+    parts = (block.position, block.orientation, block.linear_velocity, block.angular_velocity)
+    return np.concatenate([part[rows] for part in parts], axis=2).reshape(len(rows), -1)
+
+
+def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:
+    from rb_sim.catalogue.geometry.carriers import carrier  # loaded if contacts are there
+    from rb_sim.catalogue.geometry.pairs import touching
+
+    return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)

@@ -1,0 +1,79 @@
+"""`rb_sim accuracy SCENE [--out DIR] [--target 1e-6]`: what accuracy costs on a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from rb_sim.accuracy.ladder import climb
+from rb_sim.accuracy.report import print_report, write_json
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.plain import plain_console
+from rb_sim.scene.load import load_scene
+
+
+def accuracy(
+    scene: Path, out: Path | None = None, target: float | None = None, budget: float = 60.0
+) -> int:
+    """Run the scene with every method, coarse to fine; print what each error costs.
+
+    scene: YAML file. out: folder for accuracy.json and accuracy.png, made if absent. target: pose
+    error [rad, m] that is enough. budget: wall time of the runs [s]; compiling the methods for a
+    new kind of scene comes on top, once per machine.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated, a value that
+    is not > 0 and a folder that cannot be written.
+    """
+    for name, value in (("target", target), ("budget", budget)):
+        if value is not None and not value > 0.0:
+            raise RbSimError(f"{name}: got {value!r}; must be a number > 0")
+    described = load_scene(scene)
+    console = plain_console(soft_wrap=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        result = climb(
+            described,
+            budget,
+            target,
+            lambda what, share: bar.update(task, description=f"{what:24}", completed=share),
+        )
+    print_report(result, console, target)
+    if out is not None:
+        from rb_sim.accuracy.picture import save_picture  # matplotlib loads when it is used
+
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            write_json(result, out / "accuracy.json", target)
+            save_picture(result, out / "accuracy.png", target)
+        except OSError as error:
+            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {out / 'accuracy.json'} and {out / 'accuracy.png'}")
+    return 0
+
+
+def of_statics(scene: Path, out: Path | None = None, target: float | None = None) -> int:
+    """Solve a statics scene; print how exact its reactions are and what they cost.
+
+    out: folder for accuracy.json, made if absent. target: refused, as nothing moves.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be read and a folder that
+    cannot be written.
+    """
+    from rb_sim.accuracy.statics_errors import measure, print_statics, write_statics
+    from rb_sim.statics import load_statics
+
+    described = load_statics(scene)
+    if target is not None:
+        raise RbSimError(f"target: is an error of the pose; the bodies of {scene} are at rest")
+    console = plain_console(soft_wrap=False)
+    result = measure(described)
+    print_statics(result, console)
+    if out is not None:
+        path = out / "accuracy.json"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            write_statics(result, path)
+        except OSError as error:
+            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {path}")
+    return 0

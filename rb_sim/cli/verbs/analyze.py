@@ -1,0 +1,218 @@
+"""`rb_sim analyze`: what a recorded bag tells, as table, JSON, CSV, Parquet and report."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import MissingExtraError, RbSimError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rb_sim.bags.analysis.analyze import Analysis
+
+SHOWN = 100
+"""Sources, bodies and notes that the terminal shows at most."""
+ELSEWHERE = ": --json and --out DIR tell all"
+
+
+@dataclass(frozen=True)
+class AnalyzeOptions:
+    """What the command line says."""
+
+    bag: Path
+    out: Path | None = None
+    topics: tuple[str, ...] = ()
+    masses: str | None = None
+    parquet: bool = False
+    screenshot: bool = True
+    as_json: bool = False
+
+
+def analyze(options: AnalyzeOptions) -> int:
+    """Analyze, print, write; 0. Raises RbSimError."""
+    from rb_sim.bags.analysis.analyze import analyze as read
+    from rb_sim.bags.analysis.masses import masses_of, scene_of
+    from rb_sim.bags.analysis.table import Aligned
+    from rb_sim.cli.summary import finite
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.simulation.outputs import make_folder, writing
+
+    if options.parquet and options.out is None:
+        raise RbSimError("--parquet: give the folder of the results as --out DIR")
+    scene = None if options.masses is None else scene_of(options.masses)
+    masses = None if options.masses is None else masses_of(options.masses)
+    table = None if options.out is None else Aligned()
+    if options.out is not None:
+        make_folder(options.out)
+    topics = frozenset(options.topics) or None
+    found = read(options.bag, topics=topics, masses=masses, scene=scene, table=table)
+    told = finite(found.as_dict())
+    if options.as_json:
+        print(json.dumps(told, indent=2, allow_nan=False))
+    else:
+        _print(told)
+    warn(_first(found.notes, "notes"))
+    if options.out is not None and table is not None:
+        with writing(options.out):
+            text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+            (options.out / "analysis.json").write_text(text, encoding="utf-8")
+            table.write_csv(options.out / "samples.csv")
+            if options.parquet:
+                table.write_parquet(options.out / "samples.parquet")
+            _report(found, options)
+        print(f"wrote {', '.join(sorted(str(path) for path in options.out.glob('*.*')))}")
+    return 0
+
+
+def _report(found: Analysis, options: AnalyzeOptions) -> None:
+    from rb_sim.bags.analysis.report import write_report
+    from rb_sim.cli.verbs.replay import convert
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.rerun.viewer import save_screenshot
+
+    assert options.out is not None
+    try:
+        with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+            picture: Path | None = Path(folder) / "scene.png"
+            try:
+                if not options.screenshot or found.balance is None:
+                    picture = None
+                else:
+                    recording = Path(folder) / "scene.rrd"
+                    convert(BagReader(options.bag, unfinished=True), recording)
+                    save_screenshot(recording, picture)
+            except RbSimError as error:  # no Rerun, no Vulkan, no driver: the rest of it stands
+                found.notes.append(f"no picture of the scene: {error}")
+                picture = None
+            write_report(found, options.out / "report.html", picture)
+    except MissingExtraError as error:
+        print(f"note: no report.html: {error}")
+
+
+def _print(told: dict[str, Any]) -> None:
+    from rb_sim.cli.plain import plain_console
+
+    console = plain_console(highlight=False)
+    sources = dict(islice(told["sources"].items(), SHOWN))
+    heads = ("source", "readings", "rate [Hz]", "gaps", "back")
+    rates = [
+        (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))
+        for name, of in sources.items()
+    ]
+    console.print(_columns(heads, rates))
+    heads = ("source", "value", "least", "largest", "RMS", "peak [Hz]")
+    keys = ("least", "largest", "rms", "peak_frequency")
+    rows = [
+        (name if not k else "", value, *(_g(row[key], 4) for key in keys))
+        for name, source in sources.items()
+        for k, (value, row) in enumerate(source["values"].items())
+    ]
+    console.print(_columns(heads, rows))
+    if len(told["sources"]) > SHOWN:
+        print(f"and {len(told['sources']) - SHOWN} more sources{ELSEWHERE}")
+    for line in _first(_body_lines(told), "bodies"):
+        print(line)
+    _print_balance(told)
+
+
+def _body_lines(told: dict[str, Any]) -> list[str]:
+    """What the poses of each body tell of the wrench on it, or why nothing."""
+    lines = []
+    for name, body in told["bodies"].items():
+        if "apart" in body:
+            apart = body["apart"]
+            lines.append(f"{name}: inverse dynamics ({body['filter']}) and recorded wrenches: RMS "
+                         f"apart {apart['force']:.3g} N, {apart['torque']:.3g} N m")  # fmt: skip
+        elif "note" in body:
+            lines.append(f"{name}: {body['note']}")
+    return lines
+
+
+def _first(lines: Sequence[str], what: str) -> list[str]:
+    """The first of them, and how many more there are."""
+    more = len(lines) - SHOWN
+    return [*lines[:SHOWN], *([f"and {more} more {what}{ELSEWHERE}"] if more > 0 else [])]
+
+
+def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    """A table in which names may be folded, numbers never."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in heads:
+        left = name in ("source", "value")
+        table.add_column(
+            name, justify="left" if left else "right", overflow="fold", no_wrap=not left
+        )
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _print_balance(told: dict[str, Any]) -> None:
+    balances = {"": told["balance"]} if told["balance"] else told["balances"]
+    for name, balance in balances.items():
+        of = f"{name}: " if name else ""
+        energy, momentum = balance.get("energy"), balance.get("momentum")
+        if "wrenches" in balance and not (balance["wrenches"] or balance["effects"]):
+            print(f"{of}balances not available: no wrench on it is recorded, and no scene with "
+                  "effects is given by --masses")  # fmt: skip
+            continue
+        if energy:
+            print(f"{of}energy balance: {energy['error']:.2g} J of {energy['scale']:.3g} J"
+                  f"{_doubt(energy, 'J')}")  # fmt: skip
+        for kind, unit in (("linear", "N s"), ("angular", "N m s")):
+            if momentum:
+                row = momentum[kind]
+                print(f"{of}{kind} momentum balance: {row['error']:.2g} {unit} of "
+                      f"{row['scale']:.3g} {unit}{_doubt(row, unit)}")  # fmt: skip
+        if lacks := balance.get("momentum_lacks_reactions_of"):
+            print(f"{of}momentum balance not available: no reactions of {', '.join(lacks)} are "
+                  "recorded")  # fmt: skip
+        if "wrenches" in balance:
+            acted = " and ".join(["the scene's effects", *balance["wrenches"]])
+            print(f"  {of}what is left of the change after {acted}; forces not recorded are in it")
+    _print_constraints(told["constraints"])
+    if told["contacts"]:
+        counts = ", ".join(f"{n} {kind}" for kind, n in told["contacts"]["events"].items())
+        print(f"contacts: work {told['contacts']['work']:.6g} J; events: {counts or 'none'}")
+
+
+def _doubt(row: dict[str, Any], unit: str) -> str:
+    """What the samples between which is integrated leave open, if it is not small, and noise."""
+    doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
+    said = [f"half the samples change it by {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
+    said += [f"noise of the recording makes up to {noise:.2g} {unit}"] * (
+        noise > 0.01 * abs(row["error"])
+    )
+    return f" ({'; '.join(said)})" if said else ""
+
+
+def _print_constraints(told: dict[str, Any] | None) -> None:
+    if not told:
+        return
+    print(f"constraints recomputed from the poses: worst {told['relative']:.2g} of the scale")
+    for name, velocity in told["velocity"].items():
+        position = told["position"].get(name)
+        parts = [] if position is None else [_worst(position, "m or rad")]
+        print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
+    for name, overlap in told["overlap"].items():
+        kind = "touches; deepest overlap" if overlap["touches"] else "never touches; least gap"
+        size = abs(max(overlap["largest"], 0.0) if overlap["touches"] else overlap["largest"])
+        print(f"  {name}: {kind} {_worst({**overlap, 'largest': size}, 'm')}")
+
+
+def _worst(row: dict[str, Any], unit: str) -> str:
+    when = "" if row["at"] is None else f" (t = {row['at']:.6g} s)"
+    return f"{row['largest']:.2g} {unit}{when}"
+
+
+def _g(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{value:.{digits}g}"

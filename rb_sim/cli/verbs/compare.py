@@ -1,0 +1,174 @@
+"""`rb_sim compare`: a bag beside a bag, a scene or a CSV file."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.bags.compare import Differences
+    from rb_sim.bags.tracks import Tracks
+
+TOO_FAR = 1
+"""Exit code where a difference is larger than allowed."""
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """What the command line says."""
+
+    a: Path
+    b: str
+    out: Path | None = None
+    as_json: bool = False
+    align: str | None = None
+    """one of ALIGN; None: see `differences`."""
+    match: tuple[str, ...] = ()
+    bounds: dict[str, float] = field(default_factory=dict)
+    """largest difference allowed, by quantity."""
+    screenshot: Path | None = None
+    """where a picture of both motions is written."""
+
+
+def compare(options: CompareOptions) -> int:
+    """Compare; 0, or TOO_FAR. Raises RbSimError."""
+    from rb_sim.bags.compare import differences, summary
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.verbs.replay import check_ending, warn
+
+    check_ending(options.screenshot, ".png")
+    for name, bound in options.bounds.items():
+        if not bound >= 0.0:
+            raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
+    a = tracks_of_bag(options.a)
+    b = other_tracks(options)
+    warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
+    found = differences(a, b, align=options.align, match=_pairs(options.match))
+    told = summary(found, options.bounds)
+    warn(found.notes)
+    if options.as_json:
+        print(json.dumps(told, indent=2))
+    else:
+        _print(told)
+    if options.out is not None:
+        _write(options.out, told, found, a, b)
+    if options.screenshot is not None:
+        _draw(options.screenshot, found, a, b)
+    for line in told["exceeded"]:
+        print(f"too far apart: {line}")
+    return TOO_FAR if told["exceeded"] else 0
+
+
+def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
+    for text in texts:
+        if not all(text.partition("=")):
+            raise RbSimError(f"--match {text}: must be NAME_IN_A=NAME_IN_B")
+    return {text.partition("=")[0]: text.partition("=")[2] for text in texts}
+
+
+def other_tracks(options: CompareOptions) -> Tracks:
+    """The motion to lay beside the recorded one: of a CSV file, a bag, or a scene simulated."""
+    from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
+
+    path = Path(options.b)
+    if path.suffix in (".csv", ".txt", ".tum"):
+        return tracks_of_csv(path)
+    if path.suffix == ".mcap" or path.is_dir():
+        return tracks_of_bag(path)
+    return _of_scene(options)
+
+
+def _of_scene(options: CompareOptions) -> Tracks:
+    """The scene simulated as A was: with its commands and its times, if rb_sim recorded A."""
+    from rb_sim.bags.resim import resimulate
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+
+    reader = BagReader(options.a, unfinished=True)
+    own = reader.scene.simulation
+    scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        findings = resimulate(reader, scene, Path(folder) / "bag")
+        tracks = tracks_of_bag(Path(folder) / "bag")
+    warn(str(finding) for finding in findings)
+    tracks.name = options.b
+    return tracks
+
+
+def _print(told: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    from rb_sim.bags.compare import UNITS
+    from rb_sim.cli.plain import plain_console
+
+    print(_clocks(told))
+    start = told["start"]
+    if start:
+        print(f"t from {start:.6f} s on")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "interpolation",
+                              "apart from t [s]", "growth [1/s]")):  # fmt: skip
+        justify = "left" if k < 2 else "right"
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
+    for name, quantities in told["differences"].items():
+        for quantity, row in quantities.items():
+            unit = UNITS[quantity]
+            since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
+            growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
+            doubt = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
+            table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
+                          f"{row['at'] - start:.6g}", doubt, since, growth)  # fmt: skip
+    plain_console(highlight=False).print(table)
+
+
+def _clocks(told: dict[str, Any]) -> str:
+    """How the clocks of both were laid onto each other."""
+    from rb_sim.bags.compare import shown_offset
+
+    if told["align"] == "none":
+        return "clocks: as recorded (--align first, offset or clock shifts the second)"
+    offset = f"offset {shown_offset(told['offset'])}"
+    if told["align"] == "first":
+        return f"clocks: first stamps together, {offset}"
+    offset += f" +- {told['offset_error']:.1g} s"
+    if told["align"] == "offset":
+        return f"clocks: {offset}, estimated from the motions"
+    drift = f"drift {told['drift']:.2g} +- {told['drift_error']:.1g}"
+    return f"clocks: {offset} and {drift} (at most 1e-4), estimated from the motions"
+
+
+def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
+    from rb_sim.bags.comparison_views import overlay, picture
+    from rb_sim.base.errors import MissingExtraError
+    from rb_sim.simulation.outputs import writing
+
+    written = ["compare.json", "compare.png"]
+    with writing(folder):
+        (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        picture(found, folder / "compare.png", f"{a.name} and {b.name}")
+        try:
+            overlay(a, b, found, folder / "compare.rrd")
+            written.append("compare.rrd")
+        except MissingExtraError as error:
+            print(f"note: no compare.rrd: {error}")
+    print(f"wrote {', '.join(str(folder / name) for name in written)}")
+
+
+def _draw(picture: Path, found: Differences, a: Tracks, b: Tracks) -> None:
+    """Both motions as the viewer shows them. Raises SinkError, MissingExtraError."""
+    from rb_sim.bags.comparison_views import overlay
+    from rb_sim.io.rerun.viewer import save_screenshot
+
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        recording = Path(folder) / "compare.rrd"
+        overlay(a, b, found, recording)
+        save_screenshot(recording, picture)
+    print(f"wrote {picture}")

@@ -1,0 +1,161 @@
+"""`rb_sim explain SCENE [--out DIR]`: what a scene calls for and what each part costs per step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from rb_sim.accuracy.costs import Cost, Explanation, Item
+from rb_sim.accuracy.costs import explain as explain_scene
+from rb_sim.base.errors import RbSimError
+from rb_sim.scene.load import load_scene
+
+NO_PRICE = "-"
+
+
+def explain(scene: Path, out: Path | None = None) -> int:
+    """Print bodies, constraints, degrees of freedom, effects, method and measured costs.
+
+    scene: YAML file. out: folder for explain.json, made if absent.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated and a folder
+    that cannot be written.
+    """
+    described = load_scene(scene)
+    console = Console(soft_wrap=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        result = explain_scene(
+            described,
+            lambda what, share: bar.update(task, description=f"{what:28}", completed=share),
+        )
+    print_explanation(result, console)
+    if out is not None:
+        path = out / "explain.json"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(asdict(result), indent=2, allow_nan=False)
+            path.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {path}")
+    return 0
+
+
+OPENING = ("contact", "string")
+"""Types of constraints that act at times."""
+
+
+def print_explanation(result: Explanation, console: Console) -> None:
+    masses = ", ".join(f"{name} ({mass:g} kg)" for name, mass in result.bodies)
+    console.print(Text.assemble((f"{result.scene}: ", "bold"), masses))
+    if result.indeterminate:
+        determinacy = "not determined by statics: " + ", ".join(result.indeterminate)
+    else:
+        determinacy = "all reactions determined" if result.rows else "no reactions"
+    freedom = counted(result.degrees_of_freedom, "degree", "of freedom")
+    console.print(f"{freedom}{at_start(result)}, {rows_of(result)}, {determinacy}", soft_wrap=True)
+    console.print(f"coordinates  {result.coordinates}", markup=False)
+    console.print(Text(f"method       {result.choice or result.method}"))
+    table = Table(title="Measured cost of a step", title_justify="left")
+    for heading in ("", "type", "on"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("rows", "ns per step", "±"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    add_items(table, result.constraints)
+    add_items(table, result.effects)
+    table.add_row("the whole step", "", "", "", *figures(result.step), style="bold")
+    console.print(table)
+    console.print(
+        Text(
+            f"A part's cost is what a step of {result.step_length:.3g} s takes more with it than "
+            "without it: the median of interleaved runs, ± half the interquartile range.",
+            style="dim",
+        )
+    )
+    for line in notes(result):
+        console.print(Text(line, style="dim"))
+    missing = ("constraints", result.absent_constraints), ("effects", result.absent_effects)
+    for what, names in missing:
+        console.print(Text(f"absent {what}, not compiled and free: {', '.join(names)}"))
+
+
+def at_start(result: Explanation) -> str:
+    """That contacts take degrees of freedom while they are closed alone, where there are any."""
+    return " with the contacts as they are at the start" if opening(result) else ""
+
+
+def opening(result: Explanation) -> int:
+    """Rows of what acts only while it is closed or taut."""
+    return sum(entry.rows for entry in result.constraints if entry.type in OPENING)
+
+
+def rows_of(result: Explanation) -> str:
+    """Constraint rows; apart, those that there are only while a contact is closed."""
+    more = opening(result)
+    rows = counted(result.rows - more, "constraint row")
+    if not more:
+        return rows
+    if result.rows == more:
+        return f"{counted(more, 'constraint row')} of contacts, each while it is closed"
+    return f"{rows} and {more} of contacts, each while it is closed"
+
+
+def counted(number: int, what: str, rest: str = "") -> str:
+    """1 degree of freedom, 2 degrees of freedom."""
+    return f"{number} {what}{'' if number == 1 else 's'} {rest}".rstrip()
+
+
+def notes(result: Explanation) -> list[str]:
+    """What else is to be said of the figures."""
+    lines = []
+    items = (*result.constraints, *result.effects)
+    lines += [f"{entry.name}: no price, {entry.reason}." for entry in items if entry.cost is None]
+    events = result.events
+    if result.seen_until < result.duration:
+        lines.append(
+            f"Looked at up to t = {result.seen_until:.3g} s of {result.duration:g} s: a run ends "
+            "there, or goes on for too long."
+        )
+    if events is not None:
+        lines.append(
+            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; a part "
+            "that keeps contacts closed also costs what they take."
+        )
+        instants = counted(events.count, "instant")
+        steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
+        if events.count and not events.nanoseconds > 0.0:
+            lines.append(
+                f"Events: {instants}, no price: the other steps of the run are so "
+                "much cheaper than those measured that nothing is left for them."
+            )
+        elif events.count:
+            lines.append(
+                f"Events come apart: {instants}, "
+                f"{1e-6 * events.nanoseconds:.2g} ms each (location, impacts, choice of modes), "
+                f"as much as {steps}."
+            )
+        else:
+            lines.append("The scene has no event after its start.")
+    return lines
+
+
+def add_items(table: Table, items: Sequence[Item]) -> None:
+    for i, entry in enumerate(items):
+        rows = str(entry.rows) if entry.rows else ""
+        last = i == len(items) - 1
+        cells = (entry.name, entry.type, entry.on, rows, *figures(entry.cost))
+        table.add_row(*cells, end_section=last)
+
+
+def figures(cost: Cost | None) -> tuple[str, str]:
+    if cost is None:
+        return NO_PRICE, ""
+    return f"{cost.nanoseconds:.0f}", f"{cost.spread:.0f}"

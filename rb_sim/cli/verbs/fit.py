@@ -1,0 +1,201 @@
+"""`rb_sim fit`: the numbers of a scene that make it follow a recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.fit.fit import Fitted
+
+if TYPE_CHECKING:
+    from rb_sim.fit.fit import Recording
+    from rb_sim.scene.schema import Scene
+
+
+# What a fit leaves: residuals over time, for each body.
+
+
+ROUND_OFF = 1e-12
+"""[m, rad] residuals below are drawn as zero."""
+
+
+def picture(found: Fitted, path: Path) -> None:
+    """Write residuals of position and attitude, with the noise that was found as a band."""
+    from matplotlib.figure import Figure
+
+    n = len(found.residuals)
+    figure = Figure(figsize=(9, 1 + 4.2 * n), layout="constrained")
+    axes = figure.subplots(2 * n, 1, sharex=True)
+    start = min(float(t[0]) for t, _, _ in found.residuals.values())
+    for k, (body, (t, position, turn)) in enumerate(found.residuals.items()):
+        rows = (("position", position, "m"), ("angle", turn, "rad"))
+        for axis, (name, values, unit) in zip(axes[2 * k : 2 * k + 2], rows, strict=True):
+            for column, label in zip(values.T, "xyz", strict=True):
+                axis.plot(t - start, column, ".", markersize=2, label=label)
+            band = found.noise[name]
+            axis.axhspan(-band, band, color="0.9", zorder=0)
+            if max(band, float(abs(values).max(initial=0.0))) < ROUND_OFF:
+                axis.set_ylim(-ROUND_OFF, ROUND_OFF)
+            axis.set_ylabel(f"{body}: {name} left [{unit}]")
+            axis.legend(fontsize=7, loc="upper right")
+    axes[-1].set_xlabel("t [s] from the first pose")
+    figure.savefig(path, dpi=120)
+
+
+TOLD = 3
+"""Wrenches that a line names."""
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What the command line says."""
+
+    bag: Path
+    free: str
+    scene: str | None = None
+    out: Path | None = None
+    match: tuple[str, ...] = ()
+    noise: tuple[float, float] | None = None
+    as_json: bool = False
+
+
+def fit(options: FitOptions) -> int:
+    """Fit, print, write; 0. Raises RbSimError."""
+    from rb_sim.cli.summary import finite
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.fit.fit import fit as solve
+
+    if options.noise is not None and not min(options.noise) > 0:
+        raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
+    keys = [key.strip() for key in options.free.split(",") if key.strip()]
+    scene, data, recording = set_up(options)
+    found = solve(recording, scene, data, keys, options.noise)
+    warn([*found.outliers, *found.lost])
+    told = finite(found.as_dict())
+    if options.as_json:
+        print(json.dumps(told, indent=2, allow_nan=False))
+    else:
+        _print(found)
+    if options.out is not None:
+        _write(options.out, found, told)
+    return 0
+
+
+def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
+    """The scene to fit, its YAML data, and the recorded motion that it is to follow."""
+    from rb_sim.bags.resim import inputs_of
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.fit.fit import Recording
+    from rb_sim.io.bag.as_run import scene_as_run
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+
+    tracks = tracks_of_bag(options.bag)
+    warn(tracks.notes)
+    try:
+        reader = BagReader(options.bag, unfinished=True)
+    except SinkError:
+        reader = None
+    if options.scene is not None:
+        own = {}
+        if reader is not None:
+            simulation = reader.scene.simulation
+            own = {"duration": simulation.duration, "rate": simulation.rate}
+        scene = load_scene(find_scene(options.scene), **own)
+    elif reader is not None:
+        scene = scene_as_run(reader)
+    else:
+        raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
+    pairs = _pairs(options, list(scene.bodies), list(tracks.bodies))
+    recording = Recording(tracks, pairs)
+    if reader is not None and tracks.notes == reader.unlisted:
+        recording.inputs, recording.count = inputs_of(reader)
+        recording.node = reader.settings.get("by") == "node"
+    elif reader is not None and any(inputs_of(reader)[0].values()):
+        warn(["its commands and resets are left out, as the bag is damaged"])
+    elif reader is None and tracks.reactions:
+        some = list(tracks.reactions)[:TOLD]
+        more = ", ..." * (len(tracks.reactions) > TOLD)
+        warn([f"its wrenches ({', '.join(some)}{more}) are not applied: the scene moves by its own "
+              "effects alone"])  # fmt: skip
+    return scene, yaml_reader.parse(scene.text, scene.file), recording
+
+
+def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str, str]:
+    from rb_sim.bags.sources import words
+
+    parts = [text.partition("=") for text in options.match]
+    pairs = {body: name for body, _, name in parts}
+    for body, name in pairs.items():
+        if body not in bodies or name not in names:
+            raise RbSimError(
+                f"--match {body}={name}: the first must be one of {', '.join(bodies)}, the second "
+                f"one of {', '.join(names)}"
+            )
+    for body in [] if pairs else bodies:
+        named = [name for name in names if name == body] or [n for n in names if body in words(n)]
+        if len(named) == 1:
+            pairs[body] = named[0]
+    if not pairs and len(bodies) == len(names) == 1:
+        pairs = {bodies[0]: names[0]}
+    if not pairs:
+        raise RbSimError(
+            f"{options.bag}: its poses are of {', '.join(names)}; the scene's bodies are "
+            f"{', '.join(bodies)}; say which is which with --match BODY=NAME"
+        )
+    return pairs
+
+
+def _print(found: Fitted) -> None:
+    from rich.table import Table
+
+    from rb_sim.cli.plain import plain_console
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("", "number", "start", "fitted", "std. error", "most with"):
+        table.add_column(
+            name,
+            justify="left" if name == "number" else "right",
+            overflow="fold",
+            no_wrap=name != "number",
+        )
+    names = [number.name for number in found.free]
+    for k, number in enumerate(found.free):
+        others = abs(found.correlation[k]).copy()
+        others[k] = -1.0
+        j = int(others.argmax())
+        most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
+        table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
+                      f"{found.errors[k]:.2g}", most)  # fmt: skip
+    plain_console(highlight=False).print(table)
+    print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
+          f"{found.runs} runs")  # fmt: skip
+    if found.correlation_left:
+        print(f"what is left is no noise (neighbours correlate by {found.correlation_left:.2f}): "
+              "the scene differs from what was recorded, or the search ended elsewhere; the "
+              "standard errors mean nothing")  # fmt: skip
+    for name in found.limited:
+        print(f"held by the limit of what the scene takes: {name}; the standard errors are those "
+              "of a fit without it")  # fmt: skip
+    for names_ in found.undetermined:
+        print(f"not determined by this recording: {names_}")
+
+
+def _write(folder: Path, found: Fitted, told: dict[str, Any]) -> None:
+    from rb_sim.scene import yaml_reader
+    from rb_sim.simulation.outputs import writing
+
+    with writing(folder):
+        text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+        (folder / "fit.json").write_text(text, encoding="utf-8")
+        (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
+        picture(found, folder / "residuals.png")
+    print(
+        f"wrote {', '.join(str(folder / n) for n in ('fit.json', 'fitted.yaml', 'residuals.png'))}"
+    )

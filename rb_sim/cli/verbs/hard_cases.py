@@ -1,0 +1,101 @@
+"""`rb_sim hard-cases`: run the catalogue of hard cases and say what holds, and by how much."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rb_sim.base.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.hard_cases.judge import Case, Row
+    from rb_sim.hard_cases.peers.compare import PeerRow
+
+FOLDER = "hard_cases"
+
+
+def shipped() -> Path:
+    """Folder of the cases that come with rb_sim. Raises RbSimError if it is not there."""
+    from rb_sim.scene.listing import scene_folders
+
+    for folder in scene_folders():
+        if (folder / FOLDER).is_dir():
+            return folder / FOLDER
+    raise RbSimError("the shipped hard cases are not installed; give a folder of cases")
+
+
+def hard_cases(
+    folder: Path | None,
+    only: Sequence[str],
+    out: Path | None,
+    quick: bool,
+    peers: bool = False,
+) -> int:
+    """Run the cases, print a row each; 1 if one fails. Raises RbSimError for bad cases.
+
+    peers: also on the other engines, whose rows fail nothing.
+    """
+    from rb_sim.hard_cases.judge import FAILS, load_cases, rows_of
+    from rb_sim.hard_cases.report import write
+
+    if folder is not None and not folder.is_dir():
+        raise RbSimError(f"{folder}: is no folder of cases")
+    cases = load_cases(folder or shipped(), only)
+    cases = [case for case in cases if case.quick or not quick]
+    if not cases:
+        raise RbSimError("--quick: none of these cases is a quick one")
+    rows: list[Row] = []
+    print(line("case", "method", "knob", "figure", "is", "bound", "margin", "CPU [s]", "verdict"))
+    others: list[PeerRow] = []
+    for case in cases:
+        for row in rows_of(case):
+            rows.append(row)
+            print(told(row), flush=True)
+        if peers:
+            others += on_peers(case, rows)
+    failed = [row for row in rows if row.verdict == FAILS]
+    for row in failed:
+        print(f"fails: {row.case}, {row.method}: {row.said or row.check}", file=sys.stderr)
+    if out is not None:
+        try:
+            print(f"wrote {', '.join(map(str, write(out, cases, rows, others, quick)))}")
+        except OSError as error:
+            raise RbSimError(f"--out {out}: cannot write there: {error.strerror}") from None
+    print(f"{len(rows) - len(failed)} of {len(rows)} rows hold or are said to be limits")
+    return 1 if failed else 0
+
+
+def on_peers(case: Case, rows: Sequence[Row]) -> list[PeerRow]:
+    """The case on the other engines, printed. Raises RbSimError where one is not installed."""
+    from rb_sim.hard_cases.peers.compare import rows_on_peers
+    from rb_sim.hard_cases.report import number
+
+    found = list(rows_on_peers(case, [row for row in rows if row.case == case.name]))
+    for row in found:
+        print(
+            line(
+                f"  {row.engine}", row.method, f"{row.step:.2g} s", row.check, number(row.figure),
+                f"{row.bound:.2g}", number(row.bound / row.figure if row.figure else float("inf")),
+                f"{row.seconds:.2g}", row.verdict,
+            ),
+            flush=True,
+        )  # fmt: skip
+    return found
+
+
+def told(row: Row) -> str:
+    """The row as it is printed."""
+    from rb_sim.hard_cases.report import number
+
+    return line(
+        row.case, row.method, row.knob, row.check, number(row.figure), f"{row.bound:.2g}",
+        number(row.margin), f"{row.seconds:.2g}", row.verdict,
+    )  # fmt: skip
+
+
+def line(*cells: str) -> str:
+    """Cells in columns."""
+    widths = (24, 14, 9, 9, 8, 8, 8, 8, 7)
+    return " ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()

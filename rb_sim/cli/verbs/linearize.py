@@ -1,0 +1,144 @@
+"""`rb_sim linearize SCENE [--at T] [--out DIR]`: A, B, C, D, eigenvalues and damping."""
+
+from __future__ import annotations
+
+import json
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.plain import plain_console
+from rb_sim.linear import LinearModel
+from rb_sim.scene.load import load_scene
+from rb_sim.simulation.simulation import Simulation, check_smooth
+
+WIDEST = 8
+"""Columns of a matrix that is printed."""
+
+TALLEST = 60
+"""Rows of it."""
+
+ROUNDING = 1e-13
+"""Entry of a printed matrix, relative to its largest one, up to which it counts as 0."""
+
+UNSTABLE = 1e-9
+"""Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
+
+LATER = 0.01
+"""When the motion is looked at again, in times of the fastest mode."""
+
+STEADY = 1e-6
+"""Change of A until then, relative to A, up to which the motion counts as steady."""
+
+
+def linearize(
+    scene: str | Path,
+    at: float,
+    axes: str,
+    turning: float,
+    out: Path | None,
+    as_json: bool = False,
+) -> int:
+    """Print A, B, C, D and the modes of the linear model at `at` [s], or all of it as JSON.
+
+    With `out` also write linear_model.npz.
+
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, an instant
+    below 0 and a folder that cannot be written, SimulationError where the motion ends before `at`.
+    """
+    if not at >= 0.0:
+        raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
+    simulation = Simulation(load_scene(scene))
+    check_smooth(simulation.layout)  # before anything of contacts is compiled
+    simulation.advance(at)
+    model = simulation.linearize(axes, turning)
+    console = plain_console(soft_wrap=False)
+    is_steady = steady(simulation, model, axes, turning)
+    if as_json:
+        print(json.dumps({"scene": simulation.scene.name, "steady": is_steady} | model.as_dict()))
+    else:
+        print_model(simulation.scene.name, model, console, is_steady)
+    if out is not None:
+        path = out / "linear_model.npz"
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            model.to_npz(path)
+        except OSError as error:
+            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+        if not as_json:
+            console.print(f"wrote {path}", markup=False)
+    return 0
+
+
+def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float) -> bool:
+    """Whether the linear model is the same a little later on the motion; the simulation goes on."""
+    if not model.fastest > 0.0:
+        return True
+    simulation.advance(LATER / model.fastest)
+    turned = turning * (simulation.time - model.t)
+    return model.change(simulation.linearize(axes, turning), turned) <= STEADY
+
+
+def print_model(name: str, model: LinearModel, console: Console, is_steady: bool = True) -> None:
+    """States, inputs and the table of modes."""
+    console.print(f"{name} at t = {model.t:g} s", style="bold", markup=False)
+    console.print(f"states   {', '.join(model.states) or 'none'}", markup=False)
+    inputs = ", ".join(model.inputs) or "none (effect commanded_wrench makes some)"
+    console.print(f"inputs   {inputs}", markup=False)
+    console.print(f"outputs  {len(model.outputs)}: poses, twists, reactions", markup=False)
+    print_matrices(model, console)
+    table = Table(title="Modes", title_justify="left")
+    units = "real\n[1/s]", "imaginary\n[rad/s]", "frequency\n[Hz]", "damping", "mostly", ""
+    for heading in units:
+        left = heading in ("mostly", "")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    fastest = model.fastest
+    for mode in model.modes:
+        grows = mode.real > UNSTABLE * fastest
+        figures = [
+            0.0 if abs(x) <= UNSTABLE * size else x
+            for x, size in (
+                (mode.real, fastest),
+                (mode.imaginary, fastest),
+                (mode.frequency, fastest),
+                (mode.damping, 1.0),
+            )
+        ]
+        note = "grows" if grows and is_steady else ""
+        # what stays where it is put has no damping
+        cells = ("" if isnan(x) else f"{x:.6g}" for x in figures)
+        table.add_row(*cells, mode.state, note)
+    console.print(table)
+    if not is_steady:
+        console.print(
+            "The motion is not steady in these axes: the model holds at this instant only, and its "
+            "eigenvalues do not show whether deviations grow. Start the scene in an equilibrium at "
+            "rest; for a steady motion try --axes body or --turning."
+        )
+
+
+def print_matrices(model: LinearModel, console: Console) -> None:
+    """A, B, C, D, a row a line, unless they are too wide to be read: then --json has them."""
+    for name, rows in (("A", "states"), ("B", "states"), ("C", "outputs"), ("D", "outputs")):
+        matrix, labels = getattr(model, name), getattr(model, rows)
+        if not matrix.size:
+            continue
+        if matrix.shape[1] > WIDEST or matrix.shape[0] > TALLEST:
+            console.print(f"{name}  {matrix.shape[0]} x {matrix.shape[1]}: see --json")
+            continue
+        least = ROUNDING * float(np.abs(matrix).max())
+        matrix, width = np.where(np.abs(matrix) <= least, 0.0, matrix), max(map(len, labels))
+        shown = [
+            (label, row)
+            for label, row in zip(labels, matrix, strict=True)
+            if row.any() or name == "A"
+        ]
+        zero = len(labels) - len(shown)
+        console.print(f"{name}{f' ({zero} rows of zeros not shown)' if zero else ''}", style="bold")
+        for label, row in shown:
+            numbers = " ".join(f"{value:11.5g}" for value in row)
+            console.print(f"  {label:{width}} {numbers}", markup=False)

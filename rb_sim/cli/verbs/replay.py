@@ -1,0 +1,182 @@
+"""`rb_sim replay` and `rb_sim recover`: what was recorded, to look at again."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rb_sim.base.errors import RbSimError, SinkError
+
+if TYPE_CHECKING:
+    from rb_sim.io.bag.reader import BagReader
+
+
+MOST_RATE = 1e4
+"""Of playing, in simulated seconds per second, as for the node."""
+
+
+def replay(
+    bag: Path,
+    save: Path | None = None,
+    screenshot: Path | None = None,
+    video: Path | None = None,
+) -> None:
+    """Show a recorded bag in the Rerun viewer, or save it as .rrd, as a picture, as a film.
+
+    bag: directory or .mcap file that rb_sim recorded.
+    Raises SinkError: no such bag, unfinished, not of rb_sim, wrong ending, nothing to draw with;
+    MissingExtraError without rerun-sdk.
+    """
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.rerun.viewer import save_screenshot, show
+
+    check_ending(save, ".rrd")
+    check_ending(screenshot, ".png")
+    check_ending(video, ".mp4")
+    if video is not None:
+        from rb_sim.io.rerun.viewer import find_ffmpeg
+
+        find_ffmpeg()  # said before the work begins
+    reader = BagReader(bag)
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        recording = save or Path(folder) / f"{reader.scene.name}.rrd"
+        with _whole_or_none(recording):
+            convert(reader, recording)
+        warn(reader.left_out)
+        if screenshot is not None:
+            save_screenshot(recording, screenshot)
+        if video is not None:
+            _film(reader, Path(folder) / "motion.rrd", video)
+        if save is None and screenshot is None and video is None:
+            show(recording)
+    for path in (save, screenshot, video):
+        if path is not None:
+            print(f"wrote {path}")
+
+
+@contextlib.contextmanager
+def _whole_or_none(path: Path) -> Iterator[None]:
+    """Removes what was written of a file that comes to no end, by Ctrl-C, too: half a recording
+    would pass for a whole one. What was there and is untouched stays."""
+    before = _changed(path)
+    try:
+        yield
+    except BaseException:
+        if _changed(path) != before:
+            with contextlib.suppress(OSError):
+                path.unlink()
+        raise
+
+
+def _changed(path: Path) -> int | None:
+    """When a file was last written to [ns]; None where there is none."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+def _film(reader: BagReader, recording: Path, video: Path) -> None:
+    """The 3D view alone, as a film; says how fast it is played."""
+    from rb_sim.io.rerun.viewer import save_video
+
+    span = convert(reader, recording, motion_only=True)
+    film = save_video(recording, video, span)
+    print(
+        f"{film.pictures} pictures, {film.seconds:g} s of film at {film.speed:.3g} times real time"
+    )
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """What the command line says of `--publish`; None: not given."""
+
+    rate: float | None = None
+    loop: bool = False
+    start: float | None = None
+
+    def refuse(self) -> None:
+        """Raise RbSimError if one of them was given without `--publish`."""
+        given = {"--rate": self.rate is not None, "--loop": self.loop,
+                 "--start": self.start is not None}  # fmt: skip
+        for name, there in given.items():
+            if there:
+                raise RbSimError(f"{name}: only with --publish")
+
+
+def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
+    """Play a recorded bag over DDS; 0. alone: no file is to be written beside.
+
+    Raises RbSimError: bad options, no rclpy, no such bag, not of rb_sim, nothing to play.
+    """
+    if not alone:
+        raise RbSimError("--publish: not with --save, --screenshot or --video")
+    rate = 1.0 if options.rate is None else options.rate
+    start = 0.0 if options.start is None else options.start
+    if not 0.0 <= rate <= MOST_RATE:
+        raise RbSimError(f"--rate: got {rate:g}; must be from 0 (no pacing) to {MOST_RATE:g}")
+    if not 0.0 <= start < float("inf"):
+        raise RbSimError(f"--start: got {start:g}; must be a time >= 0 [s]")
+    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.ros.main import need_rclpy
+
+    need_rclpy()
+    from rb_sim.ros.replay import Playing, publish
+
+    reader = BagReader(bag)
+    code = publish(reader, Playing(rate, options.loop, start))
+    warn(reader.left_out)
+    return code
+
+
+def recover(bag: Path, directory: Path | None = None) -> None:
+    """Make a readable bag of one that was never finished, beside it or in `directory`.
+
+    Raises SinkError as `recover_bag` does.
+    """
+    from rb_sim.io.bag.records import unlisted
+    from rb_sim.io.bag.recover import recover_bag
+
+    result = recover_bag(bag, directory)
+    what = "the bag was complete" if result.complete else "all that could be read of it"
+    if result.unchecked:
+        some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
+        what += f"; no checksum covers {some}, so nothing tells whether they are as written"
+    print(f"wrote {result.directory}: {result.messages} messages, {what}")
+    warn(dict.fromkeys([*unlisted(bag), *result.damage]))
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Say what is missing in a bag."""
+    for line in lines:
+        print(f"warning: {line}", file=sys.stderr, flush=True)
+
+
+def check_ending(path: Path | None, ending: str) -> None:
+    if path is not None and path.suffix != ending:
+        raise SinkError(f"{path}: the name must end in {ending}")
+
+
+def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) -> float:
+    """Write the samples of a bag as a recording for the viewer (.rrd); its span [s].
+
+    motion_only: lay out nothing but the 3D view. Raises SinkError.
+    """
+    from rb_sim.io.rerun.sink import RerunSink
+    from rb_sim.io.sink import Timeline
+
+    sink = RerunSink(recording, motion_only=motion_only)
+    sink.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has all that a sink reads
+    timeline = Timeline()
+    ends: list[float] = []
+    for block in reader.blocks():
+        sink.write(block)
+        times = timeline.follow(block.t)
+        ends = [ends[0] if ends else float(times[0]), float(times[-1])]
+    sink.close(reader.summary)
+    return ends[1] - ends[0] if ends else 0.0

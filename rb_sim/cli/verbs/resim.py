@@ -1,0 +1,129 @@
+"""`rb_sim resim`: a recorded run once more; the same, or what if."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.bags.resim import Identity
+    from rb_sim.io.bag.reader import BagReader
+
+DIFFERENT = 1
+"""Exit code where the same run did not give the same samples."""
+
+
+@dataclass(frozen=True)
+class ResimOptions:
+    """What the command line says; whatever is given asks "what if"."""
+
+    bag: Path
+    out: Path | None = None
+    scene: str | None = None
+    changes: tuple[str, ...] = ()
+    method: str | None = None
+    step: float | None = None
+    tolerance: float | None = None
+    as_json: bool = False
+    overwrite: bool = False
+
+    @property
+    def what_if(self) -> bool:
+        """True if something is to differ from the recorded run."""
+        return bool(self.scene or self.changes or self.method or self.step or self.tolerance)
+
+
+def resim(options: ResimOptions) -> int:
+    """Simulate again; 0, or DIFFERENT where nothing was changed and yet the samples differ.
+
+    Raises RbSimError.
+    """
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.io.bag.reader import BagReader
+
+    reader = BagReader(options.bag, unfinished=True)
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        out = options.out / "bag" if options.out else Path(folder) / "bag"
+        _simulate(reader, options, out)
+        if options.what_if:
+            from rb_sim.cli.verbs.compare import CompareOptions, compare
+
+            return compare(CompareOptions(options.bag, str(out), options.out, options.as_json))
+        code = _say_identity(reader, BagReader(out), options.as_json)
+    warn(reader.left_out)
+    return code
+
+
+def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
+    from rb_sim.bags.resim import resimulate
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.io.bag.as_run import scene_as_run, with_value
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.simulation.outputs import refuse_logs
+
+    overrides = {name: getattr(options, name) for name in ("method", "step", "tolerance")}
+    if options.scene is None:
+        scene = scene_as_run(reader, options.changes, overrides)
+    else:
+        path = find_scene(options.scene)
+        data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+        own = vars(reader.scene.simulation)
+        for change in options.changes:
+            data = with_value(data, change)
+        times = {"duration": own["duration"], "rate": own["rate"]}
+        scene = scene_from_mapping(data, name=path.stem, file=str(path), **times, **overrides)
+    if options.out is not None and (out / "metadata.yaml").exists():
+        if out.resolve() == reader.path.parent.resolve():
+            raise RbSimError(f"--out {options.out}: holds the bag that is to be simulated again")
+    if options.out is not None and not options.overwrite:
+        refuse_logs(options.out, "--out", "or insist with --overwrite")
+    warn(str(finding) for finding in resimulate(reader, scene, out))
+
+
+def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:
+    from rb_sim.bags.resim import identity
+
+    found = identity(recorded, again)
+    if as_json:
+        print(json.dumps(found.as_dict(), indent=2))
+    else:
+        print("\n".join(identity_lines(found, _other(recorded))))
+    return 0 if found.same or (recorded.damage and found.identical == found.samples) else DIFFERENT
+
+
+def identity_lines(found: Identity, other: dict[str, Any]) -> list[str]:
+    """What the comparison showed. other: versions and host that are not those of the recording."""
+    lines = [f"{found.identical} of {found.samples} samples are identical"]
+    names = ("only recorded", "only simulated again")
+    lines += [f"{n} samples {name}" for n, name in zip(found.only_in, names, strict=True) if n]
+    lines.append(f"sha256 recorded  {found.sha256[0]}")
+    lines.append(f"sha256 simulated {found.sha256[1]}")
+    if found.first is not None:
+        first = found.first
+        lines.append(
+            f"first difference: sample {first.number}, t = {first.t:.9g} s, {first.topic}, by "
+            f"{first.size:.3g}"
+        )
+        worst = sorted(found.largest.items(), key=lambda entry: -entry[1])[:8]
+        lines += [f"  largest in {name}: {size:.3g}" for name, size in worst]
+        lines += [f"  other now: {name} {was} -> {now}" for name, (was, now) in other.items()]
+    return lines
+
+
+def _other(reader: BagReader) -> dict[str, tuple[str, str]]:
+    from rb_sim.io.bag.sink import host, versions
+
+    pairs = {}
+    for key, now in (("versions", versions()), ("host", host())):
+        was = json.loads(reader.record.get(key, "{}"))
+        pairs |= {
+            name: (was[name], now.get(name, "absent")) for name in was if was[name] != now.get(name)
+        }
+    return pairs

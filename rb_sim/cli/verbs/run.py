@@ -1,0 +1,416 @@
+"""`rb_sim run`: integrate a scene, log it, and say what the run showed."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import RbSimError, SceneError, SimulationError, StepTooLargeError
+from rb_sim.simulation.signals import BrokenOffError, Interruption
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from rb_sim.checks.bounds import Effort
+    from rb_sim.checks.check_list import WatchList
+    from rb_sim.cli.summary import Clocks
+    from rb_sim.mechanics.samples import SampleBlock
+    from rb_sim.scene.schema import Scene
+    from rb_sim.simulation.outputs import Output
+    from rb_sim.simulation.simulation import Simulation
+
+
+# What the command line says of a run: its options, checked, and the scene with them in place.
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the command line says. None: the scene's own value, or the default."""
+
+    scene: str
+    out: Path | None = None
+    overwrite: bool = False
+    """whether logs of another run in `out` are replaced."""
+    duration: float | None = None
+    rate: float | None = None
+    method: str | None = None
+    step: float | None = None
+    tolerance: float | None = None
+    bag: bool = True
+    rerun: bool | None = None
+    plots: bool = True
+    npz: Path | None = None
+    accelerations: bool = False
+    quiet: bool = False
+    wall_stamps: bool = False
+    strict: bool = False
+    certify: bool = False
+    check: bool | None = None
+    """whether a second run is made; None: where stepping took less than about a second."""
+    max_wall: float | None = None
+    changes: tuple[str, ...] = ()
+    """KEY=VALUE in place of values of the scene."""
+    split_size: int | None = None
+    split_duration: float | None = None
+
+
+def given(options: RunOptions) -> dict[str, Any]:
+    """What the command line puts in place of the scene's own values."""
+    from rb_sim.scene.load import OVERRIDES
+
+    values = {name: getattr(options, name) for name in OVERRIDES}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def splitting(options: RunOptions) -> dict[str, Any]:
+    """Where the bag is split, for BagSink. Raises RbSimError."""
+    from rb_sim.io.bag.sink import LEAST_SPLIT
+
+    size, duration = options.split_size, options.split_duration
+    if size is not None and size < LEAST_SPLIT:
+        raise RbSimError(f"--split-size: got {size}; must be at least {LEAST_SPLIT} bytes")
+    if duration is not None and not duration > 0.0:
+        raise RbSimError(f"--split-duration: got {duration:g}; must be > 0 s")
+    return {"split_size": size, "split_duration": duration}
+
+
+def scene_of(options: RunOptions) -> Scene:
+    """The scene with the options in place of its own values; SceneError, RbSimError."""
+    from rb_sim.cli.verbs.scenes import scene_to_run
+    from rb_sim.io.bag.as_run import with_value
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
+
+    overrides = {name: getattr(options, name) for name in OVERRIDES}
+    try:
+        scene = scene_to_run(options.scene, overrides)
+        if not options.changes:
+            return scene
+        data = yaml_reader.parse(as_run_text(scene), scene.file)
+        for change in options.changes:
+            data = with_value(data, change)
+        return scene_from_mapping(data, name=scene.name, file=scene.file)
+    except SceneError as error:
+        section, _, name = error.key.partition(".")
+        if section == "override":
+            raise RbSimError(f"--{name}: {error.message}") from None
+        raise
+
+
+def check_accelerations(options: RunOptions, scene: Scene) -> None:
+    """Refuse accelerations that nothing would hold, or that a method has none of; RbSimError."""
+    if not options.accelerations:
+        return
+    written = options.out is not None and (options.plots or options.bag)
+    if options.npz is None and not written:
+        raise RbSimError("--accelerations: give --out DIR for bag and plots, or --npz FILE.npz")
+    if scene.simulation.method == "time_stepping":
+        raise RbSimError("--accelerations: method time_stepping has none; give another --method")
+
+
+def check_npz(path: Path | None) -> None:
+    """Refuse a name that numpy would change; make its folder. Raises RbSimError."""
+    if path is None:
+        return
+    if path.suffix != ".npz":
+        raise RbSimError(f"--npz {path}: the name must end in .npz")
+    try:
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RbSimError(f"--npz {path}: cannot make its folder: {error.strerror}") from None
+
+
+# How far a run has come, as a bar in the terminal.
+
+
+@contextmanager
+def progress_bar(end: float, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error, if that is a terminal; gives what to tell the simulated time."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda t: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.completed:.4g} of {task.total:.4g} s"),
+        BarColumn(),
+        TextColumn("{task.percentage:.0f} %"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
+        task = bar.add_task("", total=end)
+
+        def show(t: float) -> None:
+            bar.update(task, completed=t)
+            bar.refresh()
+
+        yield show
+
+
+FAILED = 1
+"""Exit code of a simulation that could not go on and of a log that is not complete."""
+
+INACCURATE = 3
+"""Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
+
+
+def run(options: RunOptions) -> int:
+    """Run a scene; the exit code: 0, 1 (see FAILED), 130 after SIGINT, 143 after SIGTERM.
+
+    Raises RbSimError for a scene, an option or an output folder that will not do.
+    """
+    import numpy as np
+
+    # a run that blows up has samples near the largest number before it ends with an error
+    with Interruption() as interruption, np.errstate(all="ignore"):
+        return _Run(options, interruption).run()
+
+
+class _Run:
+    """One run: what its steps share."""
+
+    def __init__(self, options: RunOptions, interruption: Interruption) -> None:
+        self.options, self.interruption = options, interruption
+        self.outputs: dict[str, Output] = {}
+        self.kept: list[SampleBlock] = []
+        self.failure = ""
+        self.advised = False
+        """whether the failure names a step that would do, or says that none does."""
+
+    def run(self) -> int:
+        from rb_sim.checks.check_list import WatchList
+        from rb_sim.checks.second_run import SecondRun
+        from rb_sim.simulation.compiling import compiled
+        from rb_sim.simulation.outputs import choose, refuse_logs
+
+        options = self.options
+        check_npz(options.npz)
+        if options.max_wall is not None and not options.max_wall > 0.0:
+            raise RbSimError(f"--max-wall: got {options.max_wall:g}; must be > 0 s")
+        if options.out is not None and not options.overwrite:
+            refuse_logs(options.out, "--out", "or insist with --overwrite")
+        scene = scene_of(options)
+        check_accelerations(options, scene)
+        wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
+        wanted["accelerations"] = options.accelerations
+        start = time.time_ns() if options.wall_stamps else 0
+        split = splitting(options)
+        outputs = choose(
+            options.out, _say, **wanted, start_ns=start, options=given(options), split=split
+        )
+        simulation = compiled(scene, _quiet if options.quiet else _say)
+        self.interruption.logging = True
+        if outputs:
+            self.interruption.left_over = lambda: "the logs are not finished; see rb_sim recover"
+        self._open(outputs, simulation)
+        watches = WatchList(scene, simulation.layout, simulation.compiled)
+        self.second = SecondRun(simulation)
+        clocks = self._integrate(simulation, watches)
+        return self._finish(simulation, watches, clocks)
+
+    def _open(self, outputs: dict[str, Output], simulation: Simulation) -> None:
+        """Open all outputs, or none. Raises SinkError."""
+        for name, output in outputs.items():
+            self.outputs[name] = output
+            try:
+                output.open(simulation.scene, simulation.layout)
+            except RbSimError:
+                for opened in self.outputs.values():
+                    opened.close()
+                raise
+
+    def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
+        """Step, sample and log until the end, a signal or a failure."""
+        from rb_sim.checks.bounds import effort_of
+        from rb_sim.checks.step_search import forecast_for
+        from rb_sim.cli.summary import Clocks
+
+        settings = simulation.scene.simulation
+        watching = 0.0
+        wall = math.inf if self.options.max_wall is None else self.options.max_wall
+        forecast = forecast_for(
+            simulation.scene, settings.duration, lambda line: _say(f"warning: {line}"), wall=wall
+        )
+        integrating, began = time.thread_time(), time.perf_counter()
+        logging = 0.0
+        with progress_bar(settings.duration, self.options.quiet) as show:
+
+            def watch(t: float) -> bool:
+                nonlocal watching
+                entered = time.thread_time()
+                show(t)
+                watching += time.thread_time() - entered
+                return self.interruption.cause is None and forecast.goes_on(t)
+
+            try:
+                for block in simulation.blocks(settings.duration, settings.rate, watch):
+                    entered = time.thread_time()
+                    self._log(block, watches, partial(effort_of, simulation))
+                    logging += time.thread_time() - entered
+            except SimulationError as error:
+                self.failure, self.advised = str(error), isinstance(error, StepTooLargeError)
+            entered = time.thread_time()
+            watches.finish()
+            logging += time.thread_time() - entered
+        self.failure = self.failure or forecast.given_up
+        integrating = time.thread_time() - integrating - logging - watching
+        return Clocks(max(integrating, 0.0), time.perf_counter() - began)
+
+    def _log(self, block: SampleBlock, watches: WatchList, effort: Callable[[], Effort]) -> None:
+        watches.add(block, effort)
+        self.second.add(block)
+        for output in self.outputs.values():
+            output.write(block)
+        if self.options.npz is not None:
+            self.kept.append(block)
+
+    def _finish(self, simulation: Simulation, watches: WatchList, clocks: Clocks) -> int:
+        """Close the logs, say what the run showed; the exit code."""
+        from rb_sim.checks.step_search import quiet_step
+        from rb_sim.cli.summary import print_summary, summarize
+
+        outcome, cause = self.failure or "finished", self.interruption.cause
+        if cause is not None:
+            outcome = f"interrupted by {cause.name}"
+        error = None
+        if not self.failure and cause is None:
+            error = self.second.result(self.options.check, self._look)
+            watches.check(error, simulation)
+            watches.advise(quiet_step(simulation, watches.findings, self._undisturbed))
+        summary = summarize(simulation, watches, clocks, outcome, error, timed=cause is None)
+        if self.options.certify and self.interruption.cause is None and simulated(summary):
+            summary["certificate"] = self._certified(simulation)
+        self._close(summary)
+        summary["outputs"] = {name: output.as_dict() for name, output in self.outputs.items()}
+        complete = self._write_files(simulation, summary)
+        complete &= not any(output.failure for output in self.outputs.values())
+        if not self.options.quiet:
+            print_summary(summary, _console())
+            self._say_what_is_written()
+        return self._exit_code(watches, complete)
+
+    def _close(self, summary: dict[str, Any]) -> None:
+        """Finish the logs; plots, which take seconds, are left out where somebody wants an end."""
+        for name, output in self.outputs.items():
+            if name != "plots":
+                output.close(summary)
+                continue
+            try:
+                with self.interruption.dropping():
+                    output.close(summary)
+            except BrokenOffError:
+                assert self.interruption.cause is not None
+                output.leave_out(f"not drawn after {self.interruption.cause.name}")
+
+    def _undisturbed(self) -> bool:
+        """Whether no signal has come."""
+        return self.interruption.cause is None
+
+    def _look(self) -> None:
+        """Raise WatchEndedError where a signal has come."""
+        from rb_sim.motion.pieces import WatchEndedError
+
+        if self.interruption.cause is not None:
+            raise WatchEndedError
+
+    def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
+        """The certificate of the run; None where a signal broke it off."""
+        from rb_sim.accuracy.certify import certify
+        from rb_sim.motion.pieces import WatchEndedError
+
+        options, look = simulation.scene.simulation, self._look
+        try:
+            return certify(simulation.compiled, simulation.setting, options, look=look).as_dict()
+        except WatchEndedError:
+            return None
+
+    def _exit_code(self, watches: WatchList, complete: bool) -> int:
+        """Say what the watches saw, and how the run ended if it did not run to its end."""
+        where = f"; what was logged is in {self.options.out}" if self.options.out else ""
+        for finding in watches.findings:
+            _say(f"warning: {finding.seen if self.advised else finding}")
+        if self.failure:
+            _say(f"error: {self.failure}{where}")
+            return FAILED
+        if self.interruption.cause is not None:
+            _say(f"interrupted at t = {watches.ledger.end or 0.0:.6g} s{where}")
+            return self.interruption.exit_code
+        if not complete:
+            return FAILED
+        return INACCURATE if self.options.strict and watches.findings else 0
+
+    def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
+        """summary.json and the .npz; whether both could be written."""
+        from rb_sim.cli.summary import write_json
+
+        complete = True
+        if self.options.out is not None:
+            path = self.options.out / "summary.json"
+            complete &= _write(path, lambda: write_json(summary, path))
+        npz = self.options.npz
+        if npz is not None:
+            from rb_sim.mechanics.samples import concatenate
+            from rb_sim.trajectory.trajectory import Trajectory
+
+            block = concatenate(self.kept, simulation.layout)
+            run = Trajectory(block, simulation.layout, simulation.scene)
+            also = self.options.accelerations
+            complete &= _write(npz, lambda: run.to_npz(npz, accelerations=also))
+        return complete
+
+    def _say_what_is_written(self) -> None:
+        paths = [output.path for output in self.outputs.values() if output.path.exists()]
+        if self.options.out is not None:
+            paths.append(self.options.out / "summary.json")
+        if self.options.npz is not None:
+            paths.append(self.options.npz)
+        existing = [str(path) for path in paths if path.exists()]
+        print(
+            f"wrote {', '.join(existing)}" if existing else "wrote nothing; --out DIR keeps a run"
+        )
+        for output in self.outputs.values():
+            if output.left_out:
+                how = "; rb_sim.Trajectory.from_bag(BAG).plot(FILE) draws it"
+                print(
+                    f"{output.path.name}: {output.left_out}{how if 'bag' in self.outputs else ''}"
+                )
+
+
+def simulated(summary: dict[str, Any]) -> bool:
+    """Whether the run came beyond its start."""
+    return summary["simulated"] > 0.0
+
+
+def _write(path: Path, write: Callable[[], None]) -> bool:
+    """Whether the file could be written; if not, why is said."""
+    try:
+        write()
+    except OSError as error:
+        _say(f"warning: {path}: cannot write it: {error.strerror}")
+        return False
+    return True
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    from rb_sim.cli.plain import width
+
+    return Console(highlight=False, width=width())
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _quiet(line: str) -> None:
+    """Says nothing."""

@@ -1,0 +1,144 @@
+"""`rb_sim scenes`: what comes with the package, one line each."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import RbSimError
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
+
+
+# `rb_sim warm`: compile ahead, so that a first start is as quick as a second one.
+
+
+def warm(names: list[str], method: str | None = None) -> int:
+    """Compile the scenes given (files or names), or all shipped ones, into the cache.
+
+    method: instead of the scenes' own. A scene that does not load is said and the others go on;
+    returns 1 then. Raises RbSimError if a scene given does not exist.
+    """
+    from rb_sim.scene.listing import list_scenes
+    from rb_sim.scene.load import load_scene
+    from rb_sim.simulation.compiling import compiled
+
+    paths = [find_moving(name) for name in names] or [scene.path for scene in list_scenes()]
+    if not paths:
+        raise RbSimError("the installation has no scenes; name one: rb_sim warm SCENE")
+    failed = False
+    for i, path in enumerate(paths, start=1):
+        notes: list[str] = []
+        began = time.perf_counter()
+        place = f"[{i}/{len(paths)}] {path.stem}"
+        print(f"{place} ...", end="", flush=True)
+        try:
+            compiled(load_scene(path, method=method), notes.append)
+        except RbSimError as error:
+            failed = True
+            print(flush=True)
+            print(f"error: {error}", file=sys.stderr, flush=True)
+            continue
+        took = time.perf_counter() - began
+        print(f" {'compiled' if notes else 'from the cache'}, {took:.1f} s", flush=True)
+        for note in notes[1:]:
+            print(note, file=sys.stderr, flush=True)
+    return 1 if failed else 0
+
+
+STATICS = "statics"
+"""Folder of the scenes of bodies at rest, among the shipped ones."""
+
+
+def scenes(folder: Path | None = None, statics: bool = False) -> int:
+    """List the shipped scenes, or those of a folder. Raises RbSimError if there are none.
+
+    statics: list the shipped scenes for `rb_sim statics`.
+    """
+    from rb_sim.scene.listing import list_scenes
+
+    listed = list_scenes(statics_folder() if statics and folder is None else folder)
+    if not listed:
+        where = "the installation has no scenes" if folder is None else f"{folder}: no scene in it"
+        raise RbSimError(f"{where}; a scene is a YAML file with bodies")
+    width = max(len(scene.name) for scene in listed)
+    for scene in listed:
+        print(f"{scene.name:{width}}  {scene.description}".rstrip())
+    return 0
+
+
+def statics_folder() -> Path | None:
+    """Where the shipped scenes of bodies at rest are; None if they were not installed."""
+    from rb_sim.scene.listing import scene_folders
+
+    return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
+
+
+def find_moving(name_or_path: str) -> Path:
+    """Path of a scene of motion, given by its file or by its bare shipped name.
+
+    Raises SceneError as `find_scene`, and RbSimError for a scene of bodies at rest, which names the
+    verb that takes it.
+    """
+    path, at_rest = find_moving_or_at_rest(name_or_path)
+    if at_rest:
+        raise RbSimError(
+            f"{name_or_path}: is of bodies at rest, which do not move; "
+            f"for their reactions: rb_sim statics {name_or_path}"
+        )
+    return path
+
+
+def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
+    """The scene of a file, of a shipped name, or in a bag that rb_sim recorded.
+
+    A bag's runs as it was recorded (method, step, duration), with `overrides` in their place where
+    they are not None; commands that were recorded are not given again.
+    Raises SceneError, with the key override.NAME for an override that will not do; SinkError.
+    """
+    from rb_sim.scene.load import load_scene, scene_from_mapping
+
+    path = Path(name_or_path)
+    if not (path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap")))):
+        return load_scene(find_moving(name_or_path), **overrides)
+    from rb_sim.io.bag.reader import BagReader
+
+    recorded = BagReader(path).scene
+    try:
+        own = vars(recorded.simulation)
+        scene = scene_from_mapping(recorded.text, name=recorded.name, file=str(path))
+        as_recorded = {name: own[name] for name in ("duration", "rate", "method")}
+        as_recorded |= {name: own[name] for name in ("step", "tolerance") if own.get(name)}
+        given = {name: value for name, value in overrides.items() if value is not None}
+        if {"step", "tolerance", "method"} & set(given):
+            as_recorded = {k: as_recorded[k] for k in as_recorded if k not in ("step", "tolerance")}
+        return scene_from_mapping(
+            scene.text, name=scene.name, file=str(path), **(as_recorded | given)
+        )
+    except KeyError as missing:
+        raise RbSimError(f"{path}: its record of the simulation lacks {missing}") from None
+
+
+def find_moving_or_at_rest(name_or_path: str) -> tuple[Path, bool]:
+    """(path, True for a statics scene) of a file of either kind or a bare shipped name.
+
+    Raises SceneError for a file that is no YAML, and one that lists the shipped scenes of motion.
+    """
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.statics.model import is_statics
+
+    shipped = shipped_statics()
+    if name_or_path in shipped and not Path(name_or_path).exists():
+        return shipped[name_or_path], True
+    path = find_scene(name_or_path)
+    return path, is_statics(path)
+
+
+def shipped_statics() -> dict[str, Path]:
+    """The shipped scenes of bodies at rest, by name."""
+    folder = statics_folder()
+    return {} if folder is None else {file.stem: file for file in sorted(folder.glob("*.yaml"))}

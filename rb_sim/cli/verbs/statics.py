@@ -1,0 +1,36 @@
+"""`rb_sim statics SCENE [--out DIR]`: the reactions of bodies at rest, or what gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.plain import plain_console
+from rb_sim.scene.load import load_scene
+from rb_sim.statics import load_statics, solve
+from rb_sim.statics.report import print_report, write_json
+
+
+def statics(scene: Path, out: Path | None = None, *, at_rest: bool = True) -> int:
+    """Solve a statics scene (`at_rest`), or an ordinary one at its initial pose; print the table.
+
+    With `out` also write statics.json and statics.png.
+
+    Returns the exit code: 0 where the bodies can stay at rest, 1 where they cannot.
+    Raises RbSimError for a scene that cannot be read and a folder that cannot be written.
+    """
+    description = load_statics(scene) if at_rest else load_scene(scene)
+    result = solve(description)
+    console = plain_console(soft_wrap=False)
+    print_report(description, result, console)
+    if out is not None:
+        from rb_sim.statics.picture import save_picture  # matplotlib loads when it is used
+
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            write_json(description, result, out / "statics.json")
+            save_picture(description, result, out / "statics.png")
+        except OSError as error:
+            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
+        console.print(f"wrote {out / 'statics.json'} and {out / 'statics.png'}")
+    return 1 if result.verdict == "no equilibrium" else 0

@@ -1,0 +1,126 @@
+"""`rb_sim sweep PLAN [--out DIR]` runs a plan; `rb_sim sweep report DIR` says what it found."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from rb_sim.base.errors import AccuracyWarning
+from rb_sim.cli.plain import plain_console
+from rb_sim.cli.verbs.replay import warn
+from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.sweep import check_device
+from rb_sim.sweeps.sweep import sweep as run_plan
+
+
+def sweep(
+    plan: str,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    batch: int | None,
+    lanes: bool = True,
+    device: str = "cpu",
+) -> int:
+    """Run all runs of a plan that `out` does not hold yet; returns the exit code 0.
+
+    Raises RbSimError for a plan, an option or a folder that cannot be used, KeyboardInterrupt on
+    Ctrl-C: every batch that ended is kept, and the same command goes on.
+    """
+    check_device(device, lanes, scheduler)
+    loaded = load_plan(plan)
+    folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
+    print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
+    try:
+        with _bar(loaded.plan.runs) as show, warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # said below
+            result = run_plan(
+                loaded,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                batch=batch,
+                lanes=lanes,
+                device=device,
+                progress=show,
+            )
+    except KeyboardInterrupt:
+        print(f"interrupted; what has ended is in {folder}, the same command goes on")
+        raise
+    if result.reused:
+        print(f"{result.reused} runs were there already")
+    if result.failed:
+        print(f"{result.failed} runs failed; the column `reason` says why")
+    if result.lost:
+        bad = len({lost.run for lost in result.lost})
+        warn([f"{bad} of {result.looked_at} runs looked at lost accuracy", *map(str, result.lost)])
+    print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
+    return 0
+
+
+@contextmanager
+def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
+    """A bar of the runs that are done; gives the function that moves it."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=plain_console(soft_wrap=False), transient=True) as bar:
+        task = bar.add_task("starting", total=runs, rate="")
+
+        def show(done: int, total: int, failed: int) -> None:
+            speed = bar.tasks[0].speed
+            rate = f"{speed:.0f} runs/s" if speed else ""
+            what = f"{failed} failed" if failed else "running"
+            bar.update(task, completed=done, total=total, description=what, rate=rate)
+
+        yield show
+
+
+def sweep_report(folder: Path) -> int:
+    """Write the report of a sweep and print its main figures; returns the exit code 0."""
+    from rb_sim.sweeps.report import report
+
+    result = report(folder)
+    console = plain_console(soft_wrap=False)
+    print(f"{result.runs} runs, {result.failed} of them failed")
+    table = Table("output", "", "run", "value")
+    for extreme in result.extremes:
+        table.add_row(extreme.output, extreme.which, str(extreme.run), f"{extreme.value:.6g}")
+    console.print(table)
+    if result.indices:
+        indices = Table("output", "varied", "first order", "total")
+        for output, by_name in result.indices.items():
+            for name, (first, total) in by_name.items():
+                indices.add_row(output, name, f"{first:.3f}", f"{total:.3f}")
+        console.print(indices)
+    if any(result.slopes.by_output.values()):
+        slopes = Table("d", "/ d", "exact", "difference of two runs")
+        for output, by_name in result.slopes.by_output.items():
+            for name, slope in by_name.items():
+                slopes.add_row(output, name, f"{slope.exact:.9g}", f"{slope.difference:.9g}")
+        console.print(slopes)
+        if result.slopes.why:
+            print(f"not exact: {result.slopes.why}")
+    for path in (result.html, *result.pictures):
+        print(f"wrote {path}")
+    return 0
+
+
+def sweep_plans() -> int:
+    """List the plans that come with rb_sim; returns the exit code 0."""
+    from rb_sim.sweeps.plan import shipped_plans
+
+    for name, path in shipped_plans().items():
+        loaded = load_plan(path)
+        print(f"{name:24} {loaded.plan.runs:8d} runs  {loaded.plan.description}")
+    return 0

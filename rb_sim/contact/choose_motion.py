@@ -1,0 +1,37 @@
+"""Which motion a compiled scene has: smooth, cut at events, or stepped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rb_sim.base.errors import SceneError
+from rb_sim.mechanics.methods import TimeStepping
+from rb_sim.motion.motion import Motion
+from rb_sim.motion.traced import TracedMotion
+from rb_sim.scene.compiled import Compiled
+
+
+def motion_of(compiled: Compiled, method: Any) -> Motion:
+    """The Motion of a compiled scene: with events only where there are contacts."""
+    if not compiled.layout.contacts:
+        return TracedMotion(compiled, method)
+    # what scenes without contacts need not wait for
+    if isinstance(method, TimeStepping):
+        from rb_sim.contact.stepping.stepping_motion import SteppedContacts
+
+        return SteppedContacts(compiled, method)
+    if compiled.between is not None:
+        scene = compiled.between.scene
+        group = next(iter(compiled.between.groups))
+        name = scene.simulation.method
+        asked = f"got {name!r}; must be time_stepping, "
+        compared = "cannot be compared with other methods: time_stepping is "
+        raise SceneError(
+            f"{compared if name == 'time_stepping' else asked}the only one for a contact `between` "
+            f"bodies (constraints.{group}); others need pairs as contacts with body and parent",
+            key="simulation.method",
+            file=scene.file,
+        )
+    from rb_sim.contact.events.event_motion import ContactMotion
+
+    return ContactMotion(compiled, method)

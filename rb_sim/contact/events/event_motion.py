@@ -1,0 +1,415 @@
+"""Motion of bodies in contact, event by event.
+
+The kernel carries the state to the next event at the method's full order; here the event is read,
+impacts are solved, the modes that follow are chosen, and a new grid of steps begins.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rb_sim.base.errors import SimulationError
+from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.contact.events import tasks
+from rb_sim.contact.events.flat_rims import aim_under_the_load, letting_go, refuse_to_lie
+from rb_sim.contact.events.impact_handling import StrikingMotion
+from rb_sim.contact.events.instant import Instant, singular_values, told
+from rb_sim.contact.events.limits import (
+    Progress,
+    pairs_of_solids,
+    refuse_drag,
+    refuse_edges,
+    refuse_rough,
+    refuse_to_be_dragged_off,
+    slipping_rough,
+)
+from rb_sim.contact.events.shares import (
+    PARTED,
+    JammedError,
+    LeftOpen,
+    choose_modes,
+    share_load,
+    widest_of,
+)
+from rb_sim.contact.events.stepping import slow_slips
+from rb_sim.contact.events.steps import kind_of
+from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
+from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounces
+from rb_sim.contact.problem.delassus import velocities
+from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal
+from rb_sim.contact.problem.modes import find_held
+from rb_sim.contact.problem.order import LENGTHS
+from rb_sim.mechanics.contact.contact_bodies import (
+    JAMS,
+    LIES_FLAT,
+    LIFT_OFF,
+    ROLL_BEGINS,
+    ROLL_ENDS,
+    SLIP_BEGINS,
+    SLIP_ENDS,
+    SPIN_BEGINS,
+    TOUCH_DOWN,
+)
+from rb_sim.mechanics.contact.contact_kinematics import STUCK
+from rb_sim.mechanics.contact.contact_table import (
+    BILATERAL,
+    CLOSED,
+    COMPLIANT,
+    CREEPS,
+    FORCE,
+    LEVELS_BEFORE,
+    ROLL,
+    SLIDE,
+    SLIP,
+    STATIC,
+    TURN,
+)
+from rb_sim.mechanics.contact.creep import SLOWER
+from rb_sim.mechanics.samples import Array, ContactEvent
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_lines
+from rb_sim.scene.compiled import Compiled
+
+# Contacts that lift off at one instant: their pushes vanish together, and none may be told first.
+#
+# Where one of several points opens, as of a box that its floor leaves, the others bear nothing any
+# more.  To open one alone lets the others open and it close in turns, by rounding, without end.
+
+
+def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
+    """Rigid contacts whose push has fallen in the step and is over at t, but for rounding of t.
+
+    system: its forces are those at t in the modes before. begun: where the step began [s]; an event
+    there has no step in which a push could have fallen.
+    """
+    if not t > begun:
+        return frozenset()
+    touch, unit = system.touch, system.mass * system.speed**2 / system.length
+    rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
+    push = touch[:, FORCE] / unit
+    fallen = touch[:, LEVELS_BEFORE] - push
+    left = push * (t - begun) <= fallen * at_one_instant(t)
+    return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
+
+
+def bearing(system: Any, lifted: frozenset[int]) -> bool:
+    """Whether a contact bears besides those that lift off."""
+    return bool(set(np.flatnonzero(system.touch[:, CLOSED] == 1.0).tolist()) - lifted)
+
+
+# Where a point leaves the face of another body's solid and may not.
+
+
+def refuse_to_leave(
+    laws: Sequence[ContactLaw], t: float, names: Sequence[str], code: tuple[int, int] | None
+) -> None:
+    """Raise SimulationError where a bilateral contact leads a point over the edge of the face that
+    guides it; code: (contact, kind) of the event that led here."""
+    if code is not None and code[1] == LIES_FLAT and laws[code[0]].bilateral:
+        name = names[code[0]]
+        raise SimulationError(
+            f"contact {name} comes to the edge of the face that guides it at t = {t:.9g} s, beyond "
+            f"which nothing does: give constraints.{name} a larger surface, or mode unilateral"
+        )
+
+
+# What is left of a slip or a rolling that has ended, and whether it may be taken away.
+#
+# Where a contact comes to rest beside others, its lines and theirs may nearly depend on each other:
+# two corners of a box on compliant points are at rest along the line through both only if that line
+# does not tilt.  To take away a slip that has but turned then stops the tilt: by the slip over the
+# sine of the lean, which is another motion.
+
+
+MOVED = 10.0
+"""Times what is left of a slip by which velocities of bodies may change for its end: where they
+would by more, and by more than errors do, it has not ended, but turned."""
+
+DEPENDENT = 1e-5
+"""Singular value of the lines at rest, relative to the largest, from which on their pivots, which
+are its squares, tell that they do not depend on each other."""
+
+
+def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
+    """Take away what is left of the slip or the rolling of contacts cs, whose energy is of second
+    order. False, and nothing changed, where bodies would move otherwise for it: what creeps is
+    tried again when it has become slower.
+
+    mode: SLIDE or ROLL; arms: A of each body (see engine.velocities), (N, 3, 3) [m].
+    """
+    touch, y, table = at.system.touch, at.y.copy(), at.system.touch.copy()
+    before = velocities(at.system, at.y)
+    left = float(np.linalg.norm(touch[cs, SLIP : SLIP + 3], axis=1).max())
+    if mode != SLIDE:
+        left = float(np.linalg.norm(touch[cs, TURN : TURN + 3], axis=1).max()) * at.system.length
+    creep = touch[cs, CREEPS].copy()
+    touch[cs, mode], touch[cs, CREEPS] = STUCK, 0.0
+    at.call(SETTLE, at.t, at.y)
+    change = (velocities(at.system, at.y) - before).reshape(-1, 6)
+    turned = np.linalg.norm(np.einsum("bij,bj->bi", arms, change[:, 3:]), axis=1)
+    most = float(max(np.linalg.norm(change[:, :3], axis=1).max(), turned.max()))
+    at.refresh()
+    stops = most <= max(MOVED * left, at.system.still)
+    if not stops or (creep.any() and nearly_depend(at)):
+        at.y[:] = y
+        touch[:] = table
+        touch[cs, CREEPS] = np.where(creep > 0.0, SLOWER * left, 0.0)
+        at.refresh()
+        return False
+    return True
+
+
+def nearly_depend(at: Instant) -> bool:
+    """True where lines that hold are taken to depend on each other, but do not to the last: forces
+    that keep all of them at rest are none, or without bound."""
+    held = at.room.used[: find_held(at.system, at.room)]
+    rows = scaled_lines(at.room.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    _, s, _ = singular_values(rows, "the lines of contacts that come to rest")
+    return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
+
+
+JAMS_AT_ONCE = 5
+"""Times that what jams may jam again when it has been dealt with."""
+UNPUSHED = 1e-7
+"""Share of the largest push below which a contact does not push."""
+AIMS = 5
+"""Rounds in which what lies flat finds the point that it tips over."""
+STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
+"""Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
+GOES_ON = {SLIP_ENDS: SLIP_BEGINS, ROLL_ENDS: ROLL_BEGINS}
+"""What they are where nothing has come to rest."""
+SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
+"""Events at which a force reaches its bound; where others can take a share, nothing gives."""
+
+
+class ContactMotion(StrikingMotion):
+    """As Motion; `events` tells what happened.
+
+    Raises SimulationError where the laws of contact have no solution.
+    """
+
+    event_driven = True
+    _lifted: frozenset[int] = frozenset()
+    """contacts that lift off at the event at hand."""
+    _warm = False  # whether what `run_to` calls is compiled
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self._pairs = pairs_of_solids(compiled.system)
+        super().__init__(compiled, method)
+
+    @cached_property
+    def _by_laws_alone(self) -> bool:
+        """True where impacts and modes are asked nothing but the laws."""
+        laws = self.compiled.contact_laws
+        special = self.rims or self._pairs or self.compiled.one_by_one
+        return not special and not any(law.drags or math.isinf(law.static) for law in laws)
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        self.laws = self.compiled.contact_laws
+        self._journal = Journal(self.names, self.laws)
+        super().reset(y, time)
+        forget_bounces(self._call.room)
+        self._call.room.undetermined[:] = 0.0
+        self._lifted_off, self._in_order = LeftOpen(), LeftOpen()
+        self._chatter = Chatter(self.system.length / self.system.speed)
+        self._progress = Progress(self.system.length / self.system.speed)
+        with told(self._laws_now):
+            if y is None and not self._warm:
+                self._begin()
+            else:  # a state that somebody tries, or a start again, maybe a thousand times: compiled
+                self._happen(None)
+
+    @property
+    def events(self) -> list[ContactEvent]:
+        """What has happened, the latest last."""
+        return self._journal.events
+
+    @property
+    def forgotten(self) -> int:
+        """Events before these."""
+        return self._journal.forgotten
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """The widest choice that the laws of contact have left since the start."""
+        widest = widest_of(self._call.room, self.names)
+        return max(widest, self._lifted_off, self._in_order, self._doubted)
+
+    def warm(self) -> None:
+        super().warm()
+        self._call(LINES, self.time, self._grid.y)
+        self._warm = True
+        importlib.import_module("rb_sim.numerics.cone_program")  # which shares of a load need
+
+    def change_law(self, system: Any) -> None:
+        self.system, self.as_compiled = system._replace(**slow_slips(system, self.method)), False
+        self._take_inputs()
+        self._due = -1
+        with told(self._laws_now):
+            self._happen(None)
+
+    def _event(self) -> None:
+        self.watch()
+        code = kind_of(self._due)
+        self._due = -1
+        t = self._grid.t1
+        self._progress.add(t, self.names[code[0]])
+        if code[1] == TOUCH_DOWN:
+            self._in_order = max(self._in_order, self._order_of(code[0]))
+        at_once = self._chatter.at_once(t)
+        self._hold_firmer(t, code[1])
+        if at_once or self._chatter.is_dense(t, code[1]):
+            self._leap(code[0])
+        else:
+            self._happen(code)
+
+    def _hold_firmer(self, t: float, kind: int) -> None:
+        """Let friction at its very bound hold a little more where slips end as they begin."""
+        if self._chatter.holds_firmer(t, kind):
+            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
+            self.laws = tuple(law._replace(static=more * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
+
+    def _leap(self, c: int) -> None:
+        """Leap from the grid's last point, and go on there."""
+        self._lifted = frozenset()
+        t, y = self._grid.t1, np.array(self._grid.y1)
+        instant = self._instant(t, y)
+        if not self._leapt_over(instant, c):
+            raise SimulationError(
+                f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
+            )
+        self._go_on(instant, None)
+
+    def _begin(self) -> None:
+        """The first modes; interpreted, so that making a Motion compiles nothing."""
+        call, plain = self._call, Tasks(self.system, None, self._call.room)
+        self._made = self.system, plain
+        try:
+            self._happen(None)
+        finally:
+            self._made = self.system, call
+
+    def _happen(self, code: tuple[int, int] | None) -> None:
+        """Impacts and new modes at the grid's last point; a new grid begins there."""
+        self._lifted = frozenset()
+        t = self._grid.t1 if code is not None else self.time
+        y = np.array(self._grid.y1 if code is not None else self._grid.y)
+        if code is not None and code[1] == TOUCH_DOWN and self._by_laws_alone:
+            self._touch_down(t, y, code)
+            return
+        instant = self._instant(t, y)
+        refuse_to_lie(instant, self.rims, self.names, code)
+        refuse_to_leave(self.laws, t, self.names, code)
+        if code is not None and code[1] in SHARED:
+            code = self._as_lift_off(instant, code)
+            bears = bearing(self.system, self._lifted)
+            aim_under_the_load(instant, self.rims)
+            if bears and share_load(instant, recent=True):
+                self._continue_from(t, y)
+                return
+        if code is not None and code[1] == JAMS:
+            self._jam(instant, code[0])
+            code = None
+        self._strike(instant)
+        if code is not None and code[1] in STOPS:
+            code = self._stopped(instant, code)
+        self._go_on(instant, code)
+
+    def _touch_down(self, t: float, y: Array, code: tuple[int, int]) -> None:
+        """As `_happen`, of what the laws decide alone, in one call as far as they do."""
+        done = self._call(tasks.PASS, t, y, (code[0], int(self._fixed), 0))
+        if done == tasks.DONE:
+            self._begin_flights(t, y)
+            return
+        instant = Instant(self.laws, self._call, t, y)
+        self._journal.take(instant.room)
+        if done == tasks.AT_IMPACTS:
+            self._strike(instant)
+        self._go_on(instant, code)
+
+    def _go_on(self, instant: Instant, code: tuple[int, int] | None) -> None:
+        """Choose the modes that follow and begin a new grid."""
+        refuse_edges(instant, self._pairs, self.names)
+        ambiguous = self._unjammed(instant, code)
+        for _ in range(AIMS):
+            if not aim_under_the_load(instant, self.rims):
+                break
+            ambiguous = self._unjammed(instant, None)
+        tipping = letting_go(instant, self.rims)
+        if tipping:
+            ambiguous = choose_modes(instant, None, tipping)
+        for c in ambiguous:
+            self._journal.note(instant.t, c, AMBIGUOUS)
+            self._lifted_off = LeftOpen(1.0, instant.t, self.names[c], PARTED)
+        self._leave(instant)
+        if code is not None and code[1] == LIFT_OFF:
+            law = self.laws[code[0]]
+            refuse_to_be_dragged_off(self.system, law, instant.t, code[0], self.names)
+
+    def _leave(self, instant: Instant) -> None:
+        """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
+        dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
+        if dragged:
+            self._journal.take(instant.room)
+            refuse_drag(instant.t, self.names[dragged - 1])
+        self._begin_flights(instant.t, instant.y)
+
+    def _begin_flights(self, t: float, y: Array) -> None:
+        """A new grid from (t, y), in whose first step the flights can be seen to end."""
+        call = self._call
+        self._journal.take(call.room)
+        length = call.found
+        self._pause = t + length if self._fixed else math.inf
+        h = self._grid.h if length == math.inf else min(self._grid.h or length, length)
+        self._continue_from(t, y, h)
+
+    def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
+        """Choose the modes that follow, once what jams or may not slip has been stopped or leapt
+        over; returns what may as well have stayed."""
+        ambiguous = self._found_modes(instant, code)
+        for c in slipping_rough(instant):
+            self._stop_at_once(instant)
+            ambiguous = self._found_modes(instant, None)
+            pushes = self.system.touch[c, CLOSED] == 1.0
+            if not pushes or c in slipping_rough(instant):
+                refuse_rough(instant, c, self.names)
+        return ambiguous
+
+    def _found_modes(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
+        """As `_unjammed`, of what jams alone."""
+        for _ in range(JAMS_AT_ONCE):
+            try:
+                return choose_modes(instant, code, self._lifted)
+            except JammedError:
+                self._jam(instant, None)
+                self._strike(instant)
+                code = None
+        return choose_modes(instant, None)
+
+    def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
+        """The event that a slip or a rolling ends, once it has; or that it begins anew."""
+        arms = self._missed[:, LENGTHS:].reshape(-1, 3, 3)
+        creep = self.system.touch[:, CREEPS]
+        ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
+        if stop(instant, ends, STOPS[code[1]], arms):
+            return code
+        return code[0], GOES_ON[code[1]]
+
+    def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
+        """The event, which may be the end of several pushes; where friction reaches its bound as
+        the push vanishes, the end of the push."""
+        self._call(ACCELERATE, instant.t, instant.y)
+        lifted = lifting(self.system, self._grid.t0, instant.t)
+        push = np.abs(self.system.touch[:, FORCE])
+        pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
+        if not pushes or code[0] in lifted:
+            code = code[0], LIFT_OFF
+        if code[1] == LIFT_OFF:
+            self._lifted = lifted
+        return code

@@ -1,0 +1,1 @@
+"""The contact problem at one instant: impulses of impacts, forces between them, and modes."""

@@ -1,0 +1,359 @@
+"""The lines, rules and first impulses of the contacts and joints that take part in a step."""
+
+from __future__ import annotations
+
+import math
+
+from rb_sim.catalogue.constraints.rows import RATE
+from rb_sim.contact.solvers.graph import (
+    BOUND,
+    GIVE,
+    LIGHT_A,
+    LIGHT_B,
+    LINES,
+    PULLS,
+    ROLLS,
+    SPINS,
+    TURN_A,
+    TURN_B,
+    VISCOUS_PER_PUSH,
+    Graph,
+    rate_of,
+)
+from rb_sim.contact.solvers.graph import VISCOUS as VISCOUS_ALONE
+from rb_sim.contact.stepping.geometry import (
+    CLOSED,
+    GAP,
+    IMPULSE,
+    MOVES,
+    NORMAL,
+    POINT,
+    ROLL,
+    SLIDE,
+    SPIN,
+    TURNS_AT,
+    TWIST,
+    put,
+    triple,
+)
+from rb_sim.contact.stepping.normal_change import CROWDED, find_bend, straighten_crowds
+from rb_sim.contact.stepping.scene_tables import (
+    BILATERAL,
+    COEFFICIENT,
+    COMPLIANT,
+    COULOMB,
+    DAMPING,
+    KINETIC,
+    LAW,
+    REGULARISED,
+    RESTITUTION,
+    ROLLING,
+    SLOW,
+    SPINNING,
+    STATIC,
+    STIFFNESS,
+    VISCOUS,
+    VISCOUS_PER_NORMAL,
+)
+from rb_sim.contact.stepping.step_workspace import (
+    EXACT,
+    FRESH,
+    LEAVES,
+    LENGTH,
+    MOVES_AT,
+    NEAR,
+    NEAREST,
+    STUCK,
+)
+from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
+from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
+    add,
+    cross,
+    dot,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    symmetric_times,
+    unrotate,
+)
+
+FARTHER = 1.01
+"""Part of what could be closed in a step, with rounding, beyond which a pair is not looked at."""
+
+
+@inline
+def six(a, i, k):
+    return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
+
+
+@inline
+def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
+    """Line k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
+    turn = unrotate(B.q_WB, add(moment, cross(r_B, force)))
+    put(rows, k, 0, force)
+    put(rows, k, 3, turn)
+    put(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
+    rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
+    for j in range(6):
+        rows[k, 6 + j] = 0.0
+    if a >= 0:
+        back = unrotate(A.q_WB, scale(-1.0, add(moment, cross(r_A, force))))
+        put(rows, k, 6, scale(-1.0, force))
+        put(rows, k, 9, back)
+        put(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
+        rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
+
+
+@inline
+def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
+    """The lines of contact i of those that take part, which is point c."""
+    k = LINES * i
+    B, A = state_of(y, b), state_of(y, a)
+    n, p = triple(spots, c, NORMAL), triple(spots, c, POINT)
+    t1, t2 = perpendicular(n)
+    axes, none = (n, t1, t2), (0.0, 0.0, 0.0)
+    r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
+    moved, spun = triple(spots, c, MOVES), triple(spots, c, TURNS_AT)
+    for j in range(3):
+        write_line(rows, k + j, bodies, B, A, b, a, axes[j], none, r_B, r_A)
+        targets[k + j] = dot(axes[j], moved)
+    if laws[c, ROLLING] > 0.0 or laws[c, SPINNING] > 0.0:
+        around = (t1, t2, n)
+        for j in range(3):
+            write_line(rows, k + 3 + j, bodies, B, A, b, a, none, around[j], none, none)
+            targets[k + 3 + j] = dot(around[j], spun)
+
+
+@inline
+def speed_at(rows, k, y, b, a):
+    """Rate of line k of a contact of these bodies at the velocities of y."""
+    s = 0.0
+    for j in range(6):
+        s += rows[k, j] * y[STATE * b + 7 + j]
+    if a >= 0:
+        for j in range(6):
+            s += rows[k, 6 + j] * y[STATE * a + 7 + j]
+    return s
+
+
+@inline
+def write_rules(
+    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h
+):
+    """Friction, compliance and the target along the normal of contact i, which is point c.
+
+    slides: its mode in the step before, negative where there was none; turning: velocities before
+    the loads.
+    """
+    k, bend = LINES * i, bends[i, 0]
+    before = rate_of(rows, k, turning, b, a) - targets[k]
+    now = rate_of(rows, k, u, b, a) - targets[k]
+    s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
+    s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
+    slip = math.sqrt(s1 * s1 + s2 * s2)
+    stuck = slides == STUCK if slides >= 0.0 else slip <= LEAVES * scales[1]
+    rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
+    rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
+    rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
+    law = laws[c, LAW]
+    if law != COULOMB:
+        rules[i, BOUND] = -1.0
+        rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] if law == VISCOUS_PER_NORMAL else 0.0
+        rules[i, VISCOUS_ALONE] = h * laws[c, COEFFICIENT] if law == VISCOUS else 0.0
+        if law == REGULARISED:
+            rounded = math.sqrt(slip * slip + laws[c, SLOW] * laws[c, SLOW])
+            rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] / rounded
+        if law != VISCOUS and is_impact(1.0, before - bend, now - bend):  # as in events.impulses
+            rules[i, BOUND] = rules[i, VISCOUS_PER_PUSH] * slip
+    if laws[c, COMPLIANT] == 1.0:
+        stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
+        rules[i, GIVE] = 1.0 / (h * stiff)
+        targets[k] -= laws[c, STIFFNESS] * gap / stiff
+    elif is_impact(laws[c, RESTITUTION], before - bend, now - bend):
+        targets[k] -= laws[c, RESTITUTION] * (before - bend)
+    elif laws[c, BILATERAL] == 0.0:
+        # the way in the middle of a step over what is curved is a chord's, above its ends
+        near = nearness(scales, bodies, y, b, a, h) + 0.25 * h * max(0.0, bend)
+        # what leaves and is brought back comes back at most as fast: no work for nothing
+        closing = bend + max(0.0, gap - near) / h
+        targets[k] -= closing if bends[i, CROWDED] == 1.0 else max(closing, before)
+    else:
+        targets[k] -= bend
+    targets[k + 1], targets[k + 2] = targets[k + 1] - bends[i, 1], targets[k + 2] - bends[i, 2]
+
+
+@inline
+def nearness(scales, bodies, y, b, a, h):
+    """Gap [m] that is none between bodies that move, far less than the step's own error: closing
+    the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
+    impulses would grow or change places without end."""
+    length, B = scales[0], state_of(y, b)
+    speed = norm(B.v_WC) + length * norm(B.w_WB_B)
+    pull = norm(triple(bodies, b, LOAD)) / bodies[b, MASS]
+    if a >= 0:
+        A = state_of(y, a)
+        speed += norm(A.v_WC) + length * norm(A.w_WB_B)
+        pull = max(pull, norm(triple(bodies, a, LOAD)) / bodies[a, MASS])
+    if speed <= MOVES_AT * h * pull:
+        return EXACT * length
+    return EXACT * length + min(NEAR * h * h * pull, NEAREST * length)
+
+
+@inline
+def is_impact(e, before, now):
+    """What the loads alone would give in two steps is none: a body at rest does not bounce."""
+    return e > 0.0 and before < 0.0 and before < 2.0 * (now - before)
+
+
+@inline
+def fastest_of(u, y):
+    """(largest speed, largest spin) of a body, with the loads and without, before the impulses."""
+    speed, spin = 0.0, 0.0
+    for i in range(u.shape[0]):
+        k = STATE * i
+        speed = max(speed, max(norm(triple(u, i, 0)), norm((y[k + 7], y[k + 8], y[k + 9]))))
+        with_loads = norm(triple(u, i, 3))
+        spin = max(spin, max(with_loads, norm((y[k + 10], y[k + 11], y[k + 12]))))
+    return speed, spin
+
+
+@inline
+def is_far(spots, y, c, b, a, within):
+    """True if `takes_part` is surely false: the gap is wider than what bodies no faster than this
+    can close in a step.  Most pairs of a heap are.
+
+    within: (largest closing speed of two centres, largest spin, length of the step).  Takes arrays
+    one by one: handing on all tables counts their references, which costs more than the rest.
+    """
+    gap, p = spots[c, GAP], triple(spots, c, POINT)
+    k = STATE * b
+    arms = norm(sub(p, (y[k], y[k + 1], y[k + 2])))
+    if a >= 0:
+        k = STATE * a
+        arms += norm(sub(p, (y[k], y[k + 1], y[k + 2])))
+    closing = within[0] + within[1] * arms + norm(triple(spots, c, MOVES))
+    return gap > FARTHER * within[2] * closing
+
+
+@inline
+def takes_part(spots, laws, u, y, c, b, a, h, slow):
+    """Whether point c may be reached within the step; slow: a speed that hardly counts."""
+    gap = spots[c, GAP]
+    if laws[c, BILATERAL] == 1.0 or gap <= 0.0:
+        return True
+    B, n, p = state_of(y, b), triple(spots, c, NORMAL), triple(spots, c, POINT)
+    arm = unrotate(B.q_WB, sub(p, B.p_WC))
+    spin = rotate(B.q_WB, cross(triple(u, b, 3), arm))
+    rate = dot(n, sub(add(triple(u, b, 0), spin), triple(spots, c, MOVES)))
+    at_start = rotate(B.q_WB, cross(B.w_WB_B, arm))
+    before = dot(n, sub(add(B.v_WC, at_start), triple(spots, c, MOVES)))
+    if a >= 0:
+        A = state_of(y, a)
+        arm = unrotate(A.q_WB, sub(p, A.p_WC))
+        rate -= dot(n, add(triple(u, a, 0), rotate(A.q_WB, cross(triple(u, a, 3), arm))))
+        before -= dot(n, add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, arm))))
+    if laws[c, COMPLIANT] == 1.0 or is_impact(laws[c, RESTITUTION], before, rate):
+        return gap + 0.5 * h * min(rate, 0.0) <= 0.0
+    # a body nearby may push this one: all that could close takes part
+    speed = norm(triple(u, b, 0)) + norm(triple(u, a, 0)) if a >= 0 else 0.0
+    return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
+
+
+@inline
+def rates_of(rows, targets, u, k, b, a):
+    """Rates of the first three lines from k on at the velocities u, less their targets."""
+    return (
+        rate_of(rows, k, u, b, a) - targets[k],
+        rate_of(rows, k + 1, u, b, a) - targets[k + 1],
+        rate_of(rows, k + 2, u, b, a) - targets[k + 2],
+    )
+
+
+@inline
+def gather(tables, memory, room, y, h):
+    """Write lines, rules and first impulses of the points that take part; how many."""
+    found, notes = 0, room.notes
+    ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
+    owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
+    spots, rows, targets, bends = room.spots, room.rows, room.targets, room.bends
+    active, ends, u, turning = room.active, room.ends, room.u, room.turning
+    speed, spin = fastest_of(u, y)
+    within = 2.0 * speed + 1e-3 * (2.0 * speed + scales[1]), spin, h
+    for c in range(owners.shape[0]):
+        b, a, gap = owners[c, 0], owners[c, 1], spots[c, GAP]
+        looked_at = gap < 1e299
+        if gap > 0.0 and laws[c, BILATERAL] == 0.0:
+            looked_at = looked_at and not is_far(spots, y, c, b, a, within)
+        if not (looked_at and takes_part(spots, laws, u, y, c, b, a, h, 1e-3 * scales[1])):
+            memory[c, CLOSED] = memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = 0.0
+            put(memory, c, IMPULSE, (0.0, 0.0, 0.0))
+            put(memory, c, TWIST, (0.0, 0.0, 0.0))
+            continue
+        i, k = found, LINES * found
+        active[i], ends[i, 0], ends[i, 1] = c, b, a
+        write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a)
+        rates = rates_of(rows, targets, turning, k, b, a)
+        find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
+        found += 1
+    straighten_crowds(laws, bends, active, ends, room.held, found)
+    begin_with_rules(tables, memory, room, y, found, h, ratio)
+    return found
+
+
+@inline
+def begin_with_rules(tables, memory, room, y, n, h, ratio):
+    """Rules and first impulses of the n points that take part, whose lines are written; ratio:
+    length of the step h over that of the last one."""
+    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, room.notes
+    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
+    bends, turning, x, u = room.bends, room.turning, room.x, room.u
+    for i in range(n):
+        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
+        slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
+        gap = spots[c, GAP]
+        write_rules(
+            scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
+            i, c, b, a, h,
+        )  # fmt: skip
+        normal = triple(spots, c, NORMAL)
+        t1, t2 = perpendicular(normal)
+        impulse, twist = triple(memory, c, IMPULSE), triple(memory, c, TWIST)
+        x[k] = ratio * dot(normal, impulse)
+        if rules[i, BOUND] != 0.0:
+            x[k + 1], x[k + 2] = ratio * dot(t1, impulse), ratio * dot(t2, impulse)
+        x[k + 3], x[k + 4] = ratio * dot(t1, twist), ratio * dot(t2, twist)
+        x[k + 5] = ratio * dot(normal, twist)
+
+
+@inline
+def gather_joints(tables, room, h):
+    """Lines of the joints, and their impulses of the step before."""
+    ratio = h / room.notes[LENGTH] if room.notes[LENGTH] > 0.0 else 0.0
+    for k in range(tables.joints.shape[0]):
+        b, a = tables.joints[k, 0], tables.joints[k, 1]
+        for j in range(12):
+            room.joint_rows[k, j] = tables.joint_rows[k, j]
+        turn = symmetric_times(six(tables.bodies, b, INVERSE), triple(tables.joint_rows, k, 3))
+        put(room.joint_rows, k, TURN_B, turn)
+        room.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
+        if a >= 0:
+            turn = symmetric_times(six(tables.bodies, a, INVERSE), triple(tables.joint_rows, k, 9))
+            put(room.joint_rows, k, TURN_A, turn)
+            room.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
+        # as of contacts, see `bends`: the step before has ended on the joints
+        bend = rate_of(room.joint_rows, k, room.turning, b, a) - tables.joint_rows[k, RATE]
+        room.joint_targets[k] = tables.joint_rows[k, RATE] - bend
+        room.joint_x[k] *= ratio
+
+
+@inline
+def graph_of(tables, room, n):
+    return Graph(
+        room.ends[:n], room.rows[: LINES * n], room.targets[: LINES * n], room.rules[:n],
+        room.blocks[:n], tables.joints, room.joint_rows, room.joint_targets, room.joint_factor,
+        room.joint_spare,
+    )  # fmt: skip

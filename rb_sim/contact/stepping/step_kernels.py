@@ -1,0 +1,687 @@
+"""Kernels of time stepping that Python calls: many steps, parts of one, corrections."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.catalogue.types import BodyState
+from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
+from rb_sim.contact.stepping.constraint_rows import six, write_line
+from rb_sim.contact.stepping.geometry import (
+    AIM,
+    ANCHOR,
+    CLOSED,
+    FAR,
+    GAP,
+    IMPULSE,
+    MOVES,
+    NORMAL,
+    POINT,
+    SLIDE,
+    TURNS_AT,
+    TWIST,
+    find_spots,
+    on_round,
+    pushed,
+    put,
+    triple,
+)
+from rb_sim.contact.stepping.normal_change import note_ends
+from rb_sim.contact.stepping.scene_tables import (
+    BALL_BOX,
+    BALL_CYLINDER,
+    BALL_SOLID_CYLINDER,
+    BALL_SPHERE,
+    BILATERAL,
+    BODY,
+    BOX_BOX,
+    BOX_SPHERE,
+    CARRIER,
+    COMPLIANT,
+    CYLINDER_SPHERE,
+    FIRST,
+    KIND,
+    PARENT,
+    RESTS,
+)
+from rb_sim.contact.stepping.step import (
+    STATE,
+    after_turn,
+    drift,
+    fastest_of,
+    load_gravity,
+    move,
+    solve_step,
+)
+from rb_sim.contact.stepping.step_workspace import (
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
+    EXACT,
+    LENGTH,
+    MADE,
+    PART,
+    PUSH_ROUNDS,
+    PUSH_SWEEPS,
+    SHIFT_ROUNDS,
+    STUCK,
+    WORK,
+)
+from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
+from rb_sim.numerics.kernels import entry, inline
+from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
+
+# Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
+
+
+MARGIN = 4.0
+"""Of the deepest overlap: contacts as near as this may come to overlap when others are moved."""
+SETTLED = 1e-9
+"""Change in one sweep, relative to the largest, at which the bodies are far enough apart."""
+
+
+@inline
+def deepest_overlap(tables, room):
+    """(least gap of the rigid contacts or 0, which point it is)."""
+    deepest, found = 0.0, -1
+    for c in range(tables.owners.shape[0]):
+        if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < deepest:
+            deepest, found = room.spots[c, GAP], c
+    return deepest, found
+
+
+@inline
+def near_normals(tables, room, y, margin):
+    """Write the normal lines of the rigid contacts with a gap below the margin; how many."""
+    found, none = 0, (0.0, 0.0, 0.0)
+    for c in range(tables.owners.shape[0]):
+        if tables.laws[c, COMPLIANT] == 1.0 or not room.spots[c, GAP] <= margin:
+            continue
+        b, a = tables.owners[c, 0], tables.owners[c, 1]
+        B, A = state_of(y, b), state_of(y, a)
+        n, p = triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
+        k = LINES * found
+        r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
+        write_line(room.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
+        room.ends[found, 0], room.ends[found, 1] = b, a
+        room.targets[k], room.x[k] = -room.spots[c, GAP], 0.0
+        room.blocks[found, 0] = coupled(room.rows, k, k, a)
+        found += 1
+    return found
+
+
+@inline
+def push_apart(tables, room, y):
+    """One round: the least displacements (by mass) after which no gap is negative, to first order.
+
+    After the spots at y have been found.  True once nothing overlaps.
+    """
+    deepest, _ = deepest_overlap(tables, room)
+    if deepest >= -EXACT * tables.scales[0]:
+        return True
+    n, shift = near_normals(tables, room, y, -MARGIN * deepest), room.turning
+    for i in range(shift.shape[0]):
+        for j in range(6):
+            shift[i, j] = 0.0
+    for made in range(PUSH_SWEEPS):
+        change, largest = 0.0, 0.0
+        for turn in range(n):
+            i = turn if made % 2 == 0 else n - 1 - turn
+            k, b, a = LINES * i, room.ends[i, 0], room.ends[i, 1]
+            missing = room.targets[k] - rate_of(room.rows, k, shift, b, a)
+            value = max(0.0, room.x[k] + missing / room.blocks[i, 0])
+            push(room.rows, k, shift, b, a, value - room.x[k])
+            change, largest = max(change, abs(value - room.x[k])), max(largest, value)
+            room.x[k] = value
+        if change <= SETTLED * largest:
+            break
+    for i in range(shift.shape[0]):
+        move(y, i, triple(shift, i, 0), triple(shift, i, 3), 1.0)
+    return False
+
+
+@inline
+def shift_deepest(tables, room, y):
+    """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
+    for the rounds of `push_apart` to converge.  True once nothing overlaps."""
+    deepest, c = deepest_overlap(tables, room)
+    if deepest >= -EXACT * tables.scales[0]:
+        return True
+    b, a = tables.owners[c, 0], tables.owners[c, 1]
+    light_B = 1.0 / tables.bodies[b, MASS]
+    light_A = 1.0 / tables.bodies[a, MASS] if a >= 0 else 0.0
+    for j in range(3):
+        way = -deepest * room.spots[c, NORMAL + j] / (light_A + light_B)
+        y[STATE * b + j] += light_B * way
+        if a >= 0:
+            y[STATE * a + j] -= light_A * way
+    return False
+
+
+@inline
+def find_carried(tables, memory, room, carried):
+    """Write 1 for each body that bears on a driven support, whose work is what lifts it."""
+    for c in range(tables.owners.shape[0]):
+        if memory[c, CLOSED] != 1.0:
+            continue
+        moves, turns = triple(room.spots, c, MOVES), triple(room.spots, c, TURNS_AT)
+        if dot(moves, moves) + dot(turns, turns) > 0.0:
+            carried[tables.owners[c, 0]] = 1.0
+
+
+@inline
+def pay_for_lift(tables, memory, room, y, before):
+    """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
+    long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
+    last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
+    was."""
+    unpaid, carried = 0.0, np.zeros(tables.bodies.shape[0])
+    find_carried(tables, memory, room, carried)
+    for i in range(tables.bodies.shape[0]):
+        B, k = state_of(y, i), STATE * i
+        lifted = 0.0
+        for j in range(3):
+            lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
+        if not lifted > 0.0 or carried[i] == 1.0:
+            y[y.shape[0] - 1] += lifted
+            continue
+        spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+        kinetic = 0.5 * (tables.bodies[i, MASS] * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+        slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+        unpaid += lifted - min(lifted, kinetic)
+        for j in range(7, STATE):
+            y[k + j] *= slower
+    y[y.shape[0] - 1] += unpaid
+    return unpaid
+
+
+# Parts of a step: where something fast meets what is round, the step is split there.
+#
+# The impulses of a step go along the normals at its middle.  Where a body passes a round surface by
+# much of its radius in a step, that normal is any: the body is sent off a wrong way, or struck
+# where it would have passed.  The way of each such pair within the step is followed, straight
+# ahead, to the instant at which the two meet; a part of the step has its middle there.  In the
+# other parts, and where the two pass each other, the pair has no contact.  Heaps, whose bodies move
+# by little of their radii in a step, take whole steps.
+
+
+TURN = 0.05
+"""Part of its radius by which a body may pass a round surface in a step that is not split."""
+SHARP = 0.05
+"""Of the scene's length: radius that corners and edges count as."""
+LOOKS, HALVINGS = 64, 40
+"""Places on the way at which a gap is looked at, at least; halvings of where it vanishes."""
+MOST_PARTS = 16
+"""Of a step; what is left then is one part, as if nothing were fast."""
+LEAST_PART = 1.0 / 128.0
+"""Of what is left of a step: shorter parts are none."""
+AT_END = 1e-9
+"""The same of what meets at the end of a step: it does so at the start of the next one."""
+TOUCHES, BEARS, SOON = 1e-9, 0.1, 1e-3
+"""Gap, relative to the scene's length, of what touches; part of its speed that it may come nearer
+with and bear, or leave, in that part of the step; what comes nearer faster meets."""
+FAR_ENOUGH = 4.0
+"""Times the way of the fastest surface in a step: a gap that was as large half a step ago is not
+closed in it."""
+NEVER, PASSES = -1.0, 1e300
+"""Instants of what is not followed, and of what passes."""
+
+
+@inline
+def radius_of(s, e, kind, length):
+    """Distance over which the normal of a round pair turns by 1 rad; 0 of what is hollow."""
+    if kind == BALL_SPHERE:
+        return s[e, 3] + s[e, 7] if s[e, 8] > 0.0 else 0.0
+    if kind == BALL_CYLINDER:
+        return s[e, 3] + s[e, 10] if s[e, 11] > 0.0 else 0.0
+    if kind == BALL_BOX or kind == BALL_SOLID_CYLINDER:
+        return max(s[e, 3], SHARP * length)
+    if kind == BOX_SPHERE:
+        return s[e, 9]
+    return s[e, 11] if kind == CYLINDER_SPHERE else s[e, 10]
+
+
+@inline
+def closing_speed(s, e, kind, length, B, A):
+    """Speed [m/s] that the two surfaces do not exceed towards each other."""
+    arm = norm(triple(s, e, 0)) if kind <= BALL_SOLID_CYLINDER else length
+    speed = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * arm
+    return speed + norm(A.w_WB_B) * norm(sub(B.p_WC, A.p_WC))
+
+
+@inline
+def later(B, t):
+    """Where a body is after t, at its velocities."""
+    p, q = add(B.p_WC, scale(t, B.v_WC)), after_turn(B.q_WB, B.w_WB_B, t)
+    return BodyState(p, q, B.v_WC, B.w_WB_B)
+
+
+@inline
+def gap_at(s, e, kind, B, A, t):
+    gap, _, _ = on_round(kind, s, e, later(B, t), later(A, t))
+    return gap
+
+
+@inline
+def meeting(s, e, kind, B, A, h, speed, touches):
+    """When within h the gap of the pair vanishes [s]; PASSES if it does not, NEVER if one bears the
+    other, or leaves it.  speed: that the gap does not fall faster than."""
+    t, gap, soon = 0.0, gap_at(s, e, kind, B, A, 0.0), SOON * h
+    if gap <= touches:
+        falls = gap - gap_at(s, e, kind, B, A, soon)
+        return 0.0 if falls > BEARS * speed * soon else NEVER
+    for _ in range(2 * LOOKS):
+        before = t
+        t = min(h, t + max(gap / speed, h / LOOKS))
+        gap = gap_at(s, e, kind, B, A, t)
+        if gap <= 0.0:
+            after = t
+            for _ in range(HALVINGS):
+                t = 0.5 * (before + after)
+                if gap_at(s, e, kind, B, A, t) > 0.0:
+                    before = t
+                else:
+                    after = t
+            return after
+        if t >= h:
+            break
+    return PASSES
+
+
+@inline
+def ahead(tables, y, i, h):
+    """State of body i with the velocity that it has on the mean in h, if nothing touches it."""
+    B = state_of(y, i)
+    if i < 0:
+        return B
+    v = add(B.v_WC, scale(0.5 * h, triple(tables.gravity, i, 0)))
+    return BodyState(B.p_WC, B.q_WB, v, B.w_WB_B)
+
+
+@inline
+def find_meetings(tables, room, y, h, number):
+    """Write the instants at which fast pairs meet into the room; returns the first, or NEVER.
+
+    Where one of them has split the step already, all count as fast."""
+    s, entries, laws, length = tables.sizes, tables.entries, tables.laws, tables.scales[0]
+    first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
+    for e in range(entries.shape[0]):
+        kind, c = entries[e, KIND], entries[e, FIRST]
+        room.meets[c] = NEVER
+        if far < room.spots[c, GAP] < FAR:
+            continue
+        if kind < BALL_SPHERE or kind >= BOX_BOX or entries[e, CARRIER] != RESTS:
+            continue
+        if laws[c, COMPLIANT] == 1.0 or laws[c, BILATERAL] == 1.0:
+            continue
+        B, A = ahead(tables, y, entries[e, BODY], h), ahead(tables, y, entries[e, PARENT], h)
+        speed = closing_speed(s, e, kind, length, B, A)
+        radius = radius_of(s, e, kind, length)
+        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > TURN * radius):
+            room.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
+            if room.meets[c] >= 0.0:
+                first = min(first, room.meets[c])
+    return first if first < PASSES else NEVER
+
+
+@inline
+def next_part(tables, room, y, left, number):
+    """Length of the next part of a step of which this is left; the room then tells which pairs have
+    no contact in it."""
+    first = find_meetings(tables, room, y, left, number)
+    part, centred = left, False
+    if number + 1 < MOST_PARTS and first >= 0.0:
+        half = min(0.5 * LEAST_PART * left, left - first)
+        if first <= AT_END * left:
+            part, centred = LEAST_PART * left, True
+        elif first <= 2.0 * half:
+            part, centred = min(2.0 * first, left), True
+        elif half > AT_END * left:
+            part = first - half
+    if left - part <= AT_END * left:
+        part = left
+    for c in range(room.meets.shape[0]):
+        within = number + 1 >= MOST_PARTS or (centred and room.meets[c] <= part)
+        if room.meets[c] >= 0.0 and within:
+            room.meets[c] = NEVER
+    return part
+
+
+@inline
+def leave_out(room):
+    """The pairs that have no contact in the part are far apart."""
+    for c in range(room.meets.shape[0]):
+        if room.meets[c] >= 0.0:
+            room.spots[c, GAP] = FAR
+
+
+@inline
+def look_again(room):
+    """The pairs that had no contact in the part are looked at where it ends: something else may
+    have sent them at each other."""
+    for c in range(room.meets.shape[0]):
+        if room.meets[c] >= 0.0:
+            room.spots[c, GAP] = 0.0
+
+
+@inline
+def add_up(memory, room, number, last, h):
+    """Impulses of all parts so far; after the last one they are those of the step of length h."""
+    for c in range(memory.shape[0]):
+        for j in range(3):
+            before = room.summed[c, j] if number > 0 else 0.0
+            turned = room.summed[c, 3 + j] if number > 0 else 0.0
+            room.summed[c, j] = before + memory[c, IMPULSE + j]
+            room.summed[c, 3 + j] = turned + memory[c, TWIST + j]
+            if last:
+                memory[c, IMPULSE + j] = room.summed[c, j]
+                memory[c, TWIST + j] = room.summed[c, 3 + j]
+    for k in range(room.joint_x.shape[0]):
+        room.joint_summed[k] = room.joint_x[k] + (room.joint_summed[k] if number > 0 else 0.0)
+        if last:
+            room.joint_x[k] = room.joint_summed[k]
+    if last:
+        room.notes[LENGTH] = h
+
+
+# The kernels that Python calls: many steps at once, the parts of one step, the row of a sample.
+#
+# A scene whose contacts, joints and effects all are in the tables takes its steps in `run`; one
+# with others goes through the other tasks of it step by step, and Python adds what the tables do
+# not have between them.
+
+
+REACH = 1e-6
+"""Of the scene's length, by which boxes that are not yet near may be apart and be looked at."""
+
+
+@inline
+def reach_of(tables, y, h):
+    """Distance [m] that two surfaces can lose in a step, generously."""
+    length = tables.scales[0]
+    return min(2.0 * h * fastest_of(tables, y), length) + REACH * length
+
+
+@inline
+def note_anchors(memory, room):
+    """Places of the points at the end of the step, where they are still there."""
+    for c in range(memory.shape[0]):
+        if room.spots[c, GAP] < 1e299:
+            put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+
+
+@inline
+def note_aims(memory, room, t):
+    """How far the normals along which points have pushed in the step, up to t, have turned since
+    its middle: what passes a round surface fast is sent off in a direction that is none.
+
+    The velocity that the impulse gave, times the turn, is what is wrong of it.
+    """
+    for c in range(memory.shape[0]):
+        given = triple(memory, c, AIM)
+        if pushed(memory, c) and room.spots[c, GAP] < 1e299:
+            size = norm(given)
+            wrong = norm(sub(scale(size, triple(room.spots, c, NORMAL)), given))
+            if wrong > room.notes[ASTRAY]:
+                room.notes[ASTRAY], room.notes[ASTRAY_AT], room.notes[ASTRAY_OF] = wrong, t, c
+        put(memory, c, AIM, (0.0, 0.0, 0.0))
+
+
+@inline
+def to_middle(tables, memory, room, t, y, h):
+    """Half a drift, and the spots there."""
+    drift(tables, y, 0.5 * h)
+    reach = reach_of(tables, y, h)
+    find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, False)
+    leave_out(room)
+
+
+@inline
+def to_end(tables, memory, room, y, h):
+    """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
+    solve_step(tables, memory, room, y, h)
+    look_again(room)
+    drift(tables, y, 0.5 * h)
+    y[y.shape[0] - 1] += room.notes[WORK]
+    for i in range(y.shape[0]):
+        room.before[i] = y[i]
+
+
+@inline
+def find_at_end(tables, memory, room, t, y, h):
+    reach = reach_of(tables, y, h)
+    find_spots(tables, memory, room.spots, room.polygons, t, y, reach, True)
+
+
+@inline
+def has_strayed(tables, y, h):
+    """Whether bodies that are no neighbours may meet in the next step of length h: one has moved
+    too far since neighbours were looked for, with what it can do in that step."""
+    near, fastest, pull = tables.near, 0.0, 0.0
+    for i in range(near.shape[0]):
+        B = state_of(y, i)
+        fastest = max(fastest, norm(B.v_WC) + near[i, 3] * norm(B.w_WB_B))
+        pull = max(pull, norm(triple(tables.gravity, i, 0)))
+    way = 2.0 * h * (fastest + h * pull)
+    for i in range(near.shape[0]):
+        moved = norm(sub(state_of(y, i).p_WC, triple(near, i, 0)))
+        if not 2.0 * (moved + way) <= tables.margin[0]:
+            return True
+    return False
+
+
+@inline
+def is_finite(y):
+    s = 0.0
+    for i in range(y.shape[0]):
+        s += 0.0 * y[i]
+    return s == 0.0
+
+
+@inline
+def one_step(tables, memory, room, t, y, h):
+    """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
+    left, at, number = h, t, 0
+    while left > 0.0:
+        part = next_part(tables, room, y, left, number)
+        one_part(tables, memory, room, at, y, part)
+        if number > 0 or part < left:
+            add_up(memory, room, number, part == left, h)
+        left, at, number = left - part, at + part, number + 1
+
+
+@inline
+def one_part(tables, memory, room, t, y, h):
+    """A part of length h of a step, as it is a step; y in place."""
+    load_gravity(tables)
+    to_middle(tables, memory, room, t, y, h)
+    to_end(tables, memory, room, y, h)
+    apart = False
+    for _ in range(PUSH_ROUNDS):
+        find_at_end(tables, memory, room, t + h, y, h)
+        apart = push_apart(tables, room, y)
+        if apart:
+            break
+    for _ in range(SHIFT_ROUNDS):
+        if apart:
+            break
+        find_at_end(tables, memory, room, t + h, y, h)
+        apart = shift_deepest(tables, room, y)
+    if not apart:
+        find_at_end(tables, memory, room, t + h, y, h)
+    note_aims(memory, room, t + h)
+    note_anchors(memory, room)
+    room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
+    note_ends(tables, memory, room, y)
+
+
+@inline
+def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_before):
+    """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
+
+    y_before and memory_before: as they were before the last of them.  Returns how many were taken;
+    fewer where the state is no longer finite, or neighbours have to be looked for before the next.
+    """
+    for k in range(first, first + count):
+        if k > first and has_strayed(tables, y, h):
+            return k - first
+        for i in range(y.shape[0]):
+            y_before[i] = y[i]
+        for c in range(memory.shape[0]):
+            for j in range(memory.shape[1]):
+                memory_before[c, j] = memory[c, j]
+        one_step(tables, memory, room, origin + k * h, y, h)
+        if not is_finite(y):
+            return k - first
+    return count
+
+
+STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP, STRAYED = range(10)
+"""Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
+which the rest is added from Python; from there to its end, where bodies may still overlap; spots
+there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
+places and velocities of the points, and the energy of what was lifted; length of the next part of a
+step; impulses of its parts so far, of the whole step after the last; 1 if neighbours have to be
+looked for before the step."""
+
+
+@entry
+def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_before):
+    """Do a task at (t, y), with a step of length h; y and memory in place.  Of NEXT_PART h is what
+    is left of the step, and first the number of the part; of ADD_UP count is 1 after the last.
+
+    One kernel for all of them, so that what they share is compiled once.  first, count, y_before,
+    memory_before: of `steps`, where t is the origin; else of no use.
+    """
+    if task == STEPS:
+        return steps(tables, memory, room, t, first, count, h, y, y_before, memory_before)
+    if task == BEGIN:
+        load_gravity(tables)
+        to_middle(tables, memory, room, t, y, h)
+    elif task == FINISH:
+        to_end(tables, memory, room, y, h)
+    elif task == FIND:
+        find_at_end(tables, memory, room, t, y, h)
+    elif task == PUSH:
+        return 1 if push_apart(tables, room, y) else 0
+    elif task == STRAYED:
+        return 1 if has_strayed(tables, y, h) else 0
+    elif task == SHIFT:
+        return 1 if shift_deepest(tables, room, y) else 0
+    elif task == PAY:
+        note_aims(memory, room, t)
+        note_anchors(memory, room)
+        room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
+        note_ends(tables, memory, room, y)
+    elif task == NEXT_PART:
+        room.notes[PART] = next_part(tables, room, y, h, first)
+    else:
+        add_up(memory, room, first, count == 1, h)
+    return 0
+
+
+@inline
+def put_balance(tables, y, out, at):
+    """Kinetic energy, energy in gravity, momenta and angular momenta of all bodies."""
+    kinetic, potential = 0.0, 0.0
+    momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(tables.bodies.shape[0]):
+        B, m = state_of(y, i), tables.bodies[i, MASS]
+        p = scale(m, B.v_WC)
+        spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+        kinetic += 0.5 * (dot(p, B.v_WC) + dot(spin, B.w_WB_B))
+        potential -= m * dot(triple(tables.gravity, i, 0), B.p_WC)
+        momentum = add(momentum, p)
+        angular = add(angular, add(cross(B.p_WC, p), rotate(B.q_WB, spin)))
+    out[at], out[at + 1], out[at + 2] = kinetic, potential, 0.0
+    for j in range(3):
+        out[at + 3 + j], out[at + 6 + j] = momentum[j], angular[j]
+
+
+@inline
+def power_at(tables, y, c, force, torque, point):
+    """Power of the reaction at point c on its bodies [W]."""
+    b, a = tables.owners[c, 0], tables.owners[c, 1]
+    B = state_of(y, b)
+    spin = rotate(B.q_WB, B.w_WB_B)
+    power = dot(force, add(B.v_WC, cross(spin, sub(point, B.p_WC)))) + dot(torque, spin)
+    if a >= 0:
+        A = state_of(y, a)
+        spin = rotate(A.q_WB, A.w_WB_B)
+        power -= dot(force, add(A.v_WC, cross(spin, sub(point, A.p_WC)))) + dot(torque, spin)
+    return power
+
+
+@inline
+def put_reaction(tables, memory, members, o, joints, y, h, out, at):
+    """Force, torque about the anchor and anchor of reaction o, from the impulses of a step h."""
+    main = members[o, 0]
+    force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if main >= 0:
+        anchor = triple(memory, main - joints, ANCHOR)
+    else:
+        anchor = state_of(y, -1 - main).p_WC
+    for c in range(members.shape[1] - 1 - joints):
+        if members[o, 1 + joints + c] == 0:
+            continue
+        f = scale(1.0 / h, triple(memory, c, IMPULSE))
+        arm = sub(triple(memory, c, ANCHOR), anchor)
+        force = add(force, f)
+        torque = add(torque, add(scale(1.0 / h, triple(memory, c, TWIST)), cross(arm, f)))
+    for j in range(3):
+        out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
+
+
+@inline
+def put_shares(tables, memory, y, c, h, out, at):
+    """Add point c of a pair of neighbours to the reactions on both its bodies, about their C."""
+    f, p = scale(1.0 / h, triple(memory, c, IMPULSE)), triple(memory, c, ANCHOR)
+    free, sign = scale(1.0 / h, triple(memory, c, TWIST)), 1.0
+    for side in range(2):
+        k = at + 9 * tables.shares[c, side]
+        turn = add(free, cross(sub(p, state_of(y, tables.owners[c, side]).p_WC), f))
+        for j in range(3):
+            out[k + j] += sign * f[j]
+            out[k + 3 + j] += sign * turn[j]
+        sign = -1.0
+
+
+@entry
+def report(tables, memory, room, members, joints, y, h, out):
+    """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
+
+    Reactions are impulses over the step, those of contacts that are open after it among them.
+    """
+    bodies = tables.bodies.shape[0]
+    for i in range(STATE * bodies):
+        out[i] = y[i]
+    at = STATE * bodies
+    for o in range(members.shape[0]):
+        contact = members[o, 0] < 0 or members[o, 0] >= joints
+        if contact:
+            put_reaction(tables, memory, members, o, joints, y, h, out, at)
+        at += 9
+    fixed = members.shape[1] - 1 - joints
+    for c in range(fixed, memory.shape[0]):
+        put_shares(tables, memory, y, c, h, out, STATE * bodies)
+    put_balance(tables, y, out, at)
+    overlap = 0.0
+    for k in range(at + 11 + fixed, out.shape[0]):
+        out[k] = 0.0
+    for c in range(memory.shape[0]):
+        force = scale(1.0 / h, triple(memory, c, IMPULSE))
+        torque = scale(1.0 / h, triple(memory, c, TWIST))
+        out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
+        if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < 1e299:
+            overlap = max(overlap, -room.spots[c, GAP])
+        state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0
+        state = 2.0 if state == 1.0 and memory[c, SLIDE] == STUCK else state
+        if c < fixed:
+            out[at + 11 + c] = state
+            continue
+        for side in range(2):
+            k = at + 11 + tables.shares[c, 2 + side]
+            out[k] = state if out[k] == 0.0 or 0.0 < state < out[k] else out[k]
+    out[at + 9], out[at + 10] = overlap / tables.scales[0], y[STATE * bodies]

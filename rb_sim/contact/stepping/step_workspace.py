@@ -1,0 +1,165 @@
+"""Work space of a step, the thresholds of stepping, and what a step tells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
+from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
+from rb_sim.contact.stepping.geometry import MEMORY, SPOT
+from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
+
+NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
+SETTLED = 1e-12
+"""Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
+FEW_SWEEPS, ENOUGH = 5, 1e-7
+"""Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
+natural map) at which the solver ends: far below what the step itself leaves, of its order."""
+FINE = 1e-4
+"""Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
+no Newton's method, and in it contacts need not grip firmer: what is left is told as GAVE alone."""
+SWEEPS, FIRST_SWEEPS = 100, 4_000
+"""At most in one step, the bound of its work; in the first, which has nothing to start from."""
+TOLD = 1e-6
+"""The same change above which a step that has used all its sweeps is told as unconverged."""
+TOO_FAR = 0.1
+"""Turn [rad] of the arm from a body to its only point of contact, in half a step in which it bears,
+above which the step is told as too long: bearing here and then there, it is struck each time."""
+QUIET = 1e-3
+"""Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
+OFTEN, SELDOM = 0.02, 0.5
+"""Steps per squared contact from one solve of a quiet heap to SETTLED to the next: where it has
+been reached, and where it has not."""
+STILL = 1e-9
+"""Velocity of a body relative to the sum of what its loads and contacts add in a step, below which
+it is none: what rests does not creep."""
+EXACT = 1e-12
+"""Gap or overlap, relative to the scene's length, that is none."""
+NEAR, NEAREST, MOVES_AT = 0.1, 1e-4, 0.01
+"""Of what their loads could move bodies in a step, and of the scene's length: a gap between bodies
+that move which is left as it is; of the speed that loads give in a step, above which they move."""
+LEAVES = 1e-9
+"""Speed, relative to the scene's, above which a contact has been left, or slips at the start."""
+PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
+"""Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
+GYROSCOPIC_ROUNDS = 12
+
+(
+    WORK,
+    RESIDUAL,
+    SWEPT,
+    UNSOLVED,
+    WORST,
+    STEPS,
+    ALL_SWEEPS,
+    LENGTH,
+    FRESH,
+    ACTIVE,
+    NEXT,
+    TURNED,
+    SEVERAL,
+    GAVE,
+    STRUCK,
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
+    PART,
+    MADE,
+    ROUGH_SLIPS,
+    NOTES,
+) = range(22)
+"""Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
+steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
+step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
+called again; steps in which a point has turned too far,
+and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
+natural map of the laws over the largest impulse; energy that went where a rigid contact bore
+already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
+the normal has left by the end of its step [m/s], when [s], and at which point;
+length of the next part of a step [s]; energy that rigid contacts have made [J];
+steps in which a perfectly rough contact slipped."""
+
+
+class Room(NamedTuple):
+    """Work space of a step, and what it tells."""
+
+    spots: np.ndarray
+    """shape (C, SPOT)."""
+    polygons: np.ndarray
+    """shape (4, 12, 5)."""
+    active: np.ndarray
+    """points that take part, shape (C,)."""
+    rows: np.ndarray
+    """shape (LINES C, WIDTH)."""
+    targets: np.ndarray
+    rules: np.ndarray
+    bends: np.ndarray
+    """see `bends`, of the points that take part, shape (C, 4)."""
+    held: np.ndarray
+    """lines that hold each body, shape (N,)."""
+    blocks: np.ndarray
+    ends: np.ndarray
+    x: np.ndarray
+    joint_rows: np.ndarray
+    joint_targets: np.ndarray
+    joint_x: np.ndarray
+    """impulses of the joints, also those of the step before."""
+    joint_back: np.ndarray
+    """impulses of the joints that bring velocities back to their manifold at the end of a step:
+    their lines turn from its middle on, where `joint_x` holds them."""
+    joint_factor: np.ndarray
+    joint_spare: np.ndarray
+    u: np.ndarray
+    """velocities, shape (N, 6)."""
+    turning: np.ndarray
+    """velocities with the gyroscopic torque alone, shape (N, 6)."""
+    before: np.ndarray
+    """coordinates kept aside, shape (13 N + 1,)."""
+    notes: np.ndarray
+    """shape (NOTES,)."""
+    meets: np.ndarray
+    """when fast pairs meet in the step [s], see `parts`, shape (C,)."""
+    summed: np.ndarray
+    """impulses and twists of the parts of a step, shape (C, 6)."""
+    joint_summed: np.ndarray
+    """impulses of the joints in them."""
+
+
+def room_for(bodies: int, points: int, joints: int) -> Room:
+    """Work space for so many bodies, points of contact and lines of joints."""
+    together = joints if joints <= MOST_TOGETHER else 0
+    notes = np.zeros(NOTES)
+    notes[FRESH] = 1.0
+    return Room(
+        np.zeros((points, SPOT)),
+        np.zeros((4, 12, 5)),
+        np.zeros(points, np.int64),
+        np.zeros((LINES * points, WIDTH)),
+        np.zeros(LINES * points),
+        np.zeros((points, RULES)),
+        np.zeros((points, 4)),
+        np.zeros(bodies),
+        np.zeros((points, BLOCK)),
+        np.zeros((points, 2), np.int64),
+        np.zeros(LINES * points),
+        np.zeros((joints, WIDTH)),
+        np.zeros(joints),
+        np.zeros(joints),
+        np.zeros(joints),
+        np.zeros((together, together)),
+        np.zeros((2, joints)),
+        np.zeros((bodies, 6)),
+        np.zeros((bodies, 6)),
+        np.zeros(STATE * bodies + 1),
+        notes,
+        np.full(points, -1.0),
+        np.zeros((points, 6)),
+        np.zeros(joints),
+    )
+
+
+def memory_of(points: int) -> np.ndarray:
+    """What the points of contact keep from step to step, at the start."""
+    return np.zeros((points, MEMORY))

@@ -1,0 +1,521 @@
+"""Motion of bodies in contact under time stepping: a grid of steps and samples on the way.
+
+As in `integrate.loop`, the grid does not depend on when samples are taken: a sample between two
+grid points is a step of its own from the point before it, and what contacts remember of it is
+forgotten again.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import RATE, ROW_WIDTH
+from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.catalogue.geometry.carriers import carrier
+from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.catalogue.geometry.solids import Box
+from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.stepping import geometry, step_kernels
+from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
+from rb_sim.contact.stepping.scene_tables import BODY, FIRST, PARENT, tables_of
+from rb_sim.contact.stepping.step_workspace import (
+    ASTRAY,
+    ASTRAY_AT,
+    ASTRAY_OF,
+    FRESH,
+    GAVE,
+    LENGTH,
+    MADE,
+    PART,
+    PUSH_ROUNDS,
+    ROUGH_SLIPS,
+    SEVERAL,
+    SHIFT_ROUNDS,
+    STRUCK,
+    TURNED,
+    UNSOLVED,
+    WORST,
+    memory_of,
+    room_for,
+)
+from rb_sim.contact.tunnelling import run_looking
+from rb_sim.graph.machine import evaluate_rows
+from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
+from rb_sim.integrate.layout import NOT_FINITE, ULPS
+from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.mechanics.independent import Dependent
+from rb_sim.mechanics.laws import CompiledLaws
+from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.systems.many_bodies import (
+    LINE_COLUMNS,
+    MULTIPLIERS,
+    MultiBody,
+    anchor_all,
+    apply_effects,
+    energetics,
+    state_of,
+)
+from rb_sim.mechanics.systems.multibody import residual_of
+from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.motion.motion import Motion
+from rb_sim.numerics.vectors import add, cross, rotate, sub
+from rb_sim.scene.compiled import Compiled
+
+# The joints of a scene under time stepping: their lines, and the way back to their manifold.
+#
+# Both are laws compiled for the scene, as those of scenes without contacts.
+
+
+class Joints:
+    """The lines of the constraints of a system that are no contacts.
+
+    system: these alone, as MultiBody, with tables of its own.
+    """
+
+    def __init__(self, system: Any) -> None:
+        count = int(system.first_row[len(system.constraints)])
+        self.system = joint_system(system, count)
+        flags = system.lines[:count, DEPENDENT]
+        left_out = (
+            frozenset(np.flatnonzero(flags & among).tolist())
+            for among in (AMONG_LINES, AMONG_POSITIONS)
+        )
+        self.laws = MultiBodyLaws(self.system, 0, bool(flags.any()), (), Dependent(*left_out))
+        self._inputs = np.array([*self.laws.inputs.values(self.system, 0.0), 0.0])
+
+    @cached_property
+    def _written(self) -> CompiledLaws:
+        """The law of the lines."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            return list(system.rows.ravel())
+
+        return self.laws.traced(kernel)
+
+    def rows(self, t: float, y: Array) -> Array:
+        """The lines at (t, y), shape (n, ROW_WIDTH)."""
+        n = self.system.lines.shape[0]
+        return self.value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
+
+    @cached_property
+    def _hastened(self) -> CompiledLaws:
+        """The law of admissible velocities: y, then the impulse of each line that gives them."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            return [*self.laws.hastened(system, t, y), *system.vectors[MULTIPLIERS]]
+
+        return self.laws.traced(kernel)
+
+    def settle(self, t: float, y: Array) -> Array:
+        """y with unit quaternions and on the manifold, in place: position first, then velocity.
+
+        Returns the impulse of each line that brings the velocities there [N s].  A state from which
+        the manifold is out of reach (the step was absurd) becomes NaN.
+        """
+        laws, length = self.laws, self.system.length
+        at = y[: laws.n]
+        at[:] = self.value(laws.settle, t, y, laws.n)
+        if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
+            at[0] = math.nan
+        found = self.value(self._hastened, t, y, laws.n + len(self.system.lines))
+        at[:] = found[: laws.n]
+        return found[laws.n :]
+
+    def value(self, law: Any, t: float, y: Array, count: int) -> Array:
+        """What the law gives at (t, y), so many numbers."""
+        out = np.zeros((1, count))
+        state = np.ascontiguousarray(y[None, : self.laws.n])
+        evaluate_rows(law, np.array([t]), state, self._inputs, out)
+        return out[0]
+
+
+@position_error.register(Joints)
+def error_of_joints(way: Joints, t: float, y: Array) -> tuple[float, None]:
+    return float(way.value(way.laws.gap, t, y, 1)[0]), None
+
+
+@correct_positions.register(Joints)
+def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
+    y[:] = way.value(way.laws.position, t, y, way.laws.n)
+
+
+def joint_system(system: Any, rows: int) -> MultiBody:
+    """The system of the joints alone, with room of its own."""
+    joints = len(system.constraints)
+    return MultiBody(
+        bodies=system.bodies.copy(),
+        lines=system.lines[:rows, :LINE_COLUMNS].copy(),
+        rows=np.zeros((rows, system.rows.shape[1])),
+        square=np.zeros((2, rows, rows)),
+        vectors=np.zeros((2, rows)),
+        first_row=system.first_row[: joints + 1].copy(),
+        members=system.members[:, : 1 + joints].copy(),
+        anchors=np.zeros((joints, 3)),
+        length=system.length,
+        speed=system.speed,
+        effects=(),
+        constraints=system.constraints,
+    )
+
+
+SUNK_IN_STEPS = 1e-3
+"""Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
+MOST_AT_ONCE = 4096
+"""Steps in one call of a kernel, so that signals are answered."""
+
+
+class SteppedContacts(GridMotion):
+    """Bodies in contact under time stepping: no events, tables of contacts of its own."""
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        self._fixed, self._fixed_pairs = tables_of(compiled)
+        self._tables, self._pairs = self._fixed, self._fixed_pairs
+        between = compiled.between
+        self._near = None if between is None else Neighbours(compiled, between, self._fixed)
+        self._sides = tuple(
+            sides
+            for sides in compiled.sides
+            if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
+        )  # two boxes touch with their edges as well
+        system = compiled.system
+        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+        self._joints = Joints(system) if system.constraints else None
+        super().__init__(compiled, method)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all of the scene is in the tables."""
+        return not self._others and self._joints is None and not any(self._pairs)
+
+    @property
+    def unsolved_steps(self) -> int:
+        """Steps in which the solver's bound of work ended it before it had converged."""
+        return int(self._room.notes[UNSOLVED])
+
+    @property
+    def circling_steps(self) -> int:
+        """Steps too long for a contact whose only point ran around its body while it bore."""
+        return int(self._room.notes[TURNED])
+
+    @property
+    def restruck_energy(self) -> float:
+        """What went where a point of a rigid contact that bore already was struck anew [J]."""
+        return float(self._room.notes[STRUCK])
+
+    @property
+    def made_energy(self) -> float:
+        """What rigid contacts have made, which by their laws take some or none [J]."""
+        return float(self._room.notes[MADE])
+
+    @property
+    def astray(self) -> tuple[float, float, int]:
+        """The largest velocity that an impulse gave in a direction which the normal had left by the
+        end of its step, over the scene's speed; the time [s] and the number of the contact."""
+        self._name_astray()
+        speed, t, c = self._room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
+        return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
+
+    def _name_astray(self) -> None:
+        """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
+        c, near = int(self._room.notes[ASTRAY_OF]), self._near is not None
+        if near and self._room.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
+            self._room.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
+
+    @property
+    def paradox_steps(self) -> int:
+        """Steps in which a contact that slips has Painleve's paradox."""
+        return int(self._room.notes[SEVERAL])
+
+    @property
+    def slipping_steps(self) -> int:
+        """Steps in which a perfectly rough contact slipped."""
+        return int(self._room.notes[ROUGH_SLIPS])
+
+    @property
+    def solver_residual(self) -> float:
+        """The worst residual of a step's friction problem, relative to its largest impulse: change
+        of an impulse in the last sweep, or the natural map after Newton's method; 0 of a heap that
+        moves where its laws are kept as well as they have to be, which `solver_give` tells."""
+        return float(self._room.notes[WORST])
+
+    @property
+    def solver_give(self) -> float:
+        """How far the law of a contact of a moving heap was left at most: natural map relative to
+        the largest impulse of its step, beyond what `solver_residual` tells."""
+        return float(self._room.notes[GAVE])
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        super().reset(y, time)
+        if self._near is not None:
+            self._look(np.asarray(self._grid.y1))
+        points = len(self._tables.owners)
+        bodies = len(self._tables.bodies)
+        self._room = room_for(bodies, points, len(self._tables.joints))
+        self._memory, self._memory_before = memory_of(points), memory_of(points)
+
+    def _look(self, y: Array) -> None:
+        """Tables with the pairs of bodies that are near at y."""
+        assert self._near is not None
+        self._tables, others = self._near.look(y, self.method.step)
+        self._pairs = (*self._fixed_pairs, *others)
+
+    def _look_around(self, y: Array) -> None:
+        """Look for neighbours if those that are known do not serve for the next step from y."""
+        near = self._near
+        if near is None or not np.isfinite(y).all():
+            return
+        if not self._do(step_kernels.STRAYED, self._memory, 0.0, y, self.method.step):
+            return
+        self._name_astray()
+        before = near.first
+        self._look(y)
+        points = len(self._tables.owners)
+        self._memory = near.moved(before, self._memory, points)
+        self._memory_before = near.moved(before, self._memory_before, points)
+        sizes = len(self._tables.bodies), points, len(self._tables.joints)
+        self._room = resized(self._room, *sizes)
+
+    def reset_beside(self, run: Motion, y: Any, time: float) -> None:
+        """Also which contacts bear and how they move: struck anew, they would lose energy first."""
+        super().reset_beside(run, y, time)
+        assert isinstance(run, SteppedContacts)
+        if self._near is not None and run._near is not None:
+            self._memory = self._near.moved(run._near.first, run._memory, len(self._memory))
+        else:
+            self._memory[:] = run._memory
+        self._room.joint_x[:] = run._room.joint_x
+        for note in (LENGTH, FRESH):
+            self._room.notes[note] = run._room.notes[note]
+
+    def change_law(self, system: Any) -> None:
+        super().change_law(system)
+        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+    def run_to(self, times: Any, out: Array | None = None) -> int:
+        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        return run_looking(self, super().run_to, self._sides, times, out, SUNK_IN_STEPS)
+
+    def warm(self) -> None:
+        """Compile everything that `run_to` will call: a step, of which nothing is kept."""
+        self.sample()
+        if self.plain:
+            grid, y = self._grid, self._grid.y1.copy()
+            kept = [a.copy() for a in self._room], self._memory.copy()
+            h, none = self.method.step, memory_of(len(self._memory))
+            step_kernels.run(
+                step_kernels.STEPS,
+                self._tables,
+                self._memory,
+                self._room,
+                grid.t1,
+                h,
+                y,
+                0,
+                1,
+                y.copy(),
+                none,
+            )
+            self._restore(*kept)
+
+    # the grid
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        """Steps to each of the times in turn, and samples there."""
+        for i, t in enumerate(times):
+            while self._grid.t1 < t - ULPS * abs(t):
+                self._advance(float(t), stop)
+            self._stand_at(float(t), None if out is None else out[i])
+            self.time = float(t)
+
+    def _advance(self, t: float, stop: float) -> None:
+        """Grid steps until t or beyond; the last one ends at `stop` if it would cross it."""
+        grid, step = self._grid, self.method.step
+        y, before = grid.y1, np.array(grid.y1)
+        self._look_around(y)
+        end = min(t, stop)
+        count = int(min(MOST_AT_ONCE, max(1.0, (end - grid.t1) / step - 1e-6)))
+        first, whole = grid.steps, grid.origin + (grid.steps + 1) * step <= stop * (1 - ULPS)
+        if self.plain and whole:
+            while grid.origin + (first + count) * step > stop * (1 - ULPS):
+                count -= 1
+            done = step_kernels.run(
+                step_kernels.STEPS, self._tables, self._memory, self._room, grid.origin, step, y,
+                first, count, before, self._memory_before,
+            )  # fmt: skip
+            if np.isfinite(y).all():
+                count = done  # or fewer: neighbours have to be looked for
+            end = grid.origin + (first + done) * step
+            start = grid.origin + (first + done - 1) * step
+        else:
+            start, end = grid.t1, grid.origin + (first + 1) * step
+            if end > stop * (1 - ULPS):
+                end = stop
+            self._memory_before[:] = self._memory
+            self._one_step(self._memory, start, y, step if end < stop else end - start)
+            count = 1
+            done = 1 if np.isfinite(y).all() else 0
+        self._grid = grid._replace(steps=first + done, t0=start, y0=before, t1=end, y1=y)
+        if done < count:
+            raise self._failure(NOT_FINITE)
+
+    def _stand_at(self, t: float, out: Array | None) -> None:
+        """The state at t, between t0 and t1, and its sample."""
+        grid, slack = self._grid, ULPS * abs(t)
+        fresh = self._room.notes[LENGTH] == 0.0
+        if t >= grid.t1 - slack and not fresh:
+            y, h = grid.y1.copy(), self._room.notes[LENGTH]
+            if out is not None:
+                self._sample(self._memory, t, y, h, out)
+        elif t <= grid.t0 + slack or fresh:
+            y = (grid.y1 if fresh else grid.y0).copy()
+            if out is not None:
+                self._tried(t, y, out)
+        else:
+            y = self._between(t, out)
+        self._grid = self._grid._replace(y=y)
+
+    def _between(self, t: float, out: Array | None) -> Array:
+        """A step from t0 to t that leaves no trace."""
+        grid, kept = self._grid, ([a.copy() for a in self._room], self._memory.copy())
+        y, memory = np.array(grid.y0), self._memory_before.copy()
+        self._one_step(memory, grid.t0, y, t - grid.t0)
+        if out is not None:
+            self._sample(memory, t, y, t - grid.t0, out)
+        self._restore(*kept)
+        return y
+
+    def _tried(self, t: float, y: Array, out: Array) -> None:
+        """A sample before the first step: forces of a step that is tried and forgotten."""
+        kept = [a.copy() for a in self._room], self._memory.copy()
+        moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
+        self._one_step(memory, t, moved, h)
+        self._sample(memory, t, y, h, out)
+        self._restore(*kept)
+
+    def _restore(self, room: list[Array], memory: Array) -> None:
+        for a, b in zip(self._room, room, strict=True):
+            a[...] = b
+        self._memory[...] = memory
+
+    # one step with what the tables do not have
+
+    def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
+        """A step of length h in its parts; y and memory in place."""
+        left, at, number = h, t, 0
+        self._room.joint_back[:] = 0.0
+        while left > 0.0:
+            self._do(step_kernels.NEXT_PART, memory, at, y, left, number)
+            part = float(self._room.notes[PART])
+            self._one_part(memory, at, y, part)
+            if number > 0 or part < left:
+                self._do(step_kernels.ADD_UP, memory, at, y, h, number, int(part == left))
+            left, at, number = left - part, at + part, number + 1
+
+    def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
+        """A part of length h, task by task; y and memory in place."""
+        tables = self._tables
+        self._do(step_kernels.BEGIN, memory, t, y, h)
+        self._find_others(t + 0.5 * h, y)
+        self._add_loads(t + 0.5 * h, y)
+        if self._joints is not None:
+            tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
+        self._do(step_kernels.FINISH, memory, t, y, h)
+        for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
+            if self._joints is not None:
+                self._room.joint_back[:] += self._joints.settle(t + h, y)
+            self._do(step_kernels.FIND, memory, t + h, y, h)
+            self._find_others(t + h, y)
+            if self._do(
+                step_kernels.PUSH if n < PUSH_ROUNDS else step_kernels.SHIFT, memory, t + h, y, h
+            ):
+                break
+        self._do(step_kernels.PAY, memory, t + h, y, h)
+
+    def _do(
+        self, task: int, memory: Array, t: float, y: Array, h: float, first: int = 0, count: int = 0
+    ) -> int:
+        """A task of the kernel that is a part of a step."""
+        none = self._memory_before
+        return step_kernels.run(
+            task, self._tables, memory, self._room, t, h, y, first, count, y, none
+        )
+
+    def _find_others(self, t: float, y: Array) -> None:
+        """Spots of pairs that the kernels do not know."""
+        for e, pair in enumerate(self._pairs):
+            if pair is None:
+                continue
+            kind = self._tables.entries[e]
+            fixed = e < len(self._fixed.entries)
+            carries = self._rows[int(kind[FIRST])].row.carrier if fixed else RESTING
+            B = state_of(y, int(kind[BODY]))
+            A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
+            try:
+                at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
+            except ArithmeticError:  # Python divides by no number; see _add_loads
+                y[:] = np.nan
+                return
+            geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
+
+    @property
+    def _rows(self) -> list[Any]:
+        return [placed for group in self.system.contacts for placed in group]
+
+    def _add_loads(self, t: float, y: Array) -> None:
+        """Loads of effects other than gravity."""
+        if not self._others:
+            return
+        try:
+            apply_effects(self._others, t, self._carrying(), y)
+        except ArithmeticError:  # Python refuses what is no number; the step that led here has none
+            y[:] = np.nan
+
+    def _carrying(self) -> Any:
+        """The system with the bodies of the tables, for effects to act on."""
+        return self.system._replace(bodies=self._tables.bodies)
+
+    # samples
+
+    def _sample(self, memory: Array, t: float, y: Array, h: float, out: Array) -> None:
+        """The row of a sample at (t, y), with the impulses in `memory` over h."""
+        members, joints = self.system.members, len(self.system.constraints)
+        step_kernels.report(self._tables, memory, self._room, members, joints, y, h, out)
+        at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
+        if self._others:
+            system = self._carrying()
+            potential, power = energetics(self._others, t, system, y)
+            out[at + 1] += potential
+            out[at + 2] += power
+        if self._joints is not None:
+            self._sample_joints(t, y, h, out, at)
+
+    def _sample_joints(self, t: float, y: Array, h: float, out: Array, at: int) -> None:
+        """Reactions of joints, their power where they are driven, and how well they hold."""
+        assert self._joints is not None
+        system = self._joints.system
+        system.rows[...] = self._joints.rows(t, y)
+        anchor_all(system.constraints, system, y, 0)
+        room = self._room
+        x = system.vectors[MULTIPLIERS] = (room.joint_x + room.joint_back) / h
+        first, row = system.first_row, 13 * len(self.layout.bodies)
+        for members in self.system.members:
+            main = int(members[0])
+            if 0 <= main < len(system.constraints):
+                b = int(system.lines[first[main], 0])
+                B, anchor = state_of(y, b), tuple(system.anchors[main])
+                force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+                for part in np.flatnonzero(members[1 : 1 + len(system.constraints)]):
+                    for k in range(first[part], first[part + 1]):
+                        force = add(force, tuple(x[k] * system.rows[k, 0:3]))
+                        torque = add(torque, rotate(B.q_WB, tuple(x[k] * system.rows[k, 3:6])))
+                torque = add(torque, cross(sub(B.p_WC, anchor), force))
+                out[row : row + 9] = [*force, *torque, *anchor]
+            row += 9
+        out[at + 2] += float(x @ system.rows[:, RATE])
+        out[at + 9] = max(out[at + 9], residual_of(system, y))

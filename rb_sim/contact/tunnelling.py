@@ -1,0 +1,275 @@
+"""Tunnelling checks: sides and bodies that sink into a support unseen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rb_sim.base.errors import SimulationError
+from rb_sim.catalogue.contacts.touching import Sides, edges_of_box
+from rb_sim.catalogue.geometry.carriers import Resting, carrier
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder
+from rb_sim.catalogue.geometry.solids import Box, Cylinder
+from rb_sim.catalogue.types import WORLD
+from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of
+from rb_sim.numerics.vectors import cross, norm, rotate, sub
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+# Sides that sink in unseen: edges of boxes and rods between the points at which they touch.
+#
+# A box touches a body's box or cylinder, or a cylinder from outside, with its corners, a rod with
+# its ends.  Where an edge between them crosses the support no point of contact tells it.  Here the
+# edges are looked at in the poses that a run gives: overlap deeper than that of the ends ends the
+# run.
+
+
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+ROUNDS = 48
+"""Of the golden section: the depth has then no more error than rounding."""
+SUNK = 1e-9
+"""Depth, over the scene's length, by which a side may lie deeper than its ends."""
+STILL = 0.1
+"""Share of that depth by which sides that are looked at once have not moved."""
+
+
+def depth_in(support: NamedTuple, x: Array) -> Array:
+    """Signed distance of points (..., 3) from the support's surface, negative inside [m]."""
+    if isinstance(support, Box):
+        out = np.abs(x - np.array(support.centre)) - np.array(support.half)
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(axis=-1), 0.0)
+    if isinstance(support, Cylinder):
+        far, e = x - np.array(support.centre), np.array(support.axis)
+        along = far @ e
+        wide = np.linalg.norm(far - along[..., None] * e, axis=-1) - support.radius
+        out = np.stack([wide, np.abs(along) - support.half], axis=-1)
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(axis=-1), 0.0)
+    assert isinstance(support, BallOnCylinder)
+    far, e = x - np.array(support.r_A), np.array(support.axis_A)
+    return np.linalg.norm(far - (far @ e)[..., None] * e, axis=-1) - support.curved
+
+
+def deepest_of_edges(support: NamedTuple, edges: Array) -> tuple[Array, Array]:
+    """(least signed distance along the edges where it may be below that of the ends, that of the
+    ends), shape (n,), of edges (n, k, 2, 3).
+
+    The distance from a convex body is convex along each edge and changes no faster than its length.
+    """
+    start, along = edges[:, :, 0], edges[:, :, 1] - edges[:, :, 0]
+    first, last = depth_in(support, start), depth_in(support, start + along)
+    least = np.minimum(first, last)
+    ends = least.min(axis=1)
+    some = first + last < np.linalg.norm(along, axis=-1)
+    least[some] = np.minimum(least[some], least_along(support, start[some], along[some]))
+    return least.min(axis=1), ends
+
+
+def least_along(support: NamedTuple, start: Array, along: Array) -> Array:
+    """Least signed distance of each edge, (m,), by the golden section."""
+    low, high = np.zeros((len(start), 1)), np.ones((len(start), 1))
+    for _ in range(ROUNDS):
+        a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left = depth_in(support, start + a * along)[:, None]
+        right = depth_in(support, start + b * along)[:, None]
+        low, high = np.where(left > right, a, low), np.where(left > right, high, b)
+    return depth_in(support, start + 0.5 * (low + high) * along)
+
+
+def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
+    """Least signed distance from the body's own box of what of the support may enter its faces:
+    edges of a box, the extreme points of a cylinder's rims; (n,).
+
+    turn, shift: from the parent's coordinates to the body's.
+    """
+    support, own = sides.support, sides.own
+    if isinstance(support, Box):
+        edges = edges_of_box(support).reshape(-1, 3)
+        at = np.stack([turn.apply(point) + shift for point in edges], axis=1)
+        return deepest_of_edges(own, at.reshape(len(shift), -1, 2, 3))[0]  # type: ignore[arg-type]
+    if not isinstance(support, Cylinder):
+        return np.full(len(shift), np.inf)
+    e, centre = turn.apply(np.array(support.axis)), turn.apply(np.array(support.centre)) + shift
+    found = []
+    for normal in np.concatenate([np.eye(3), -np.eye(3)]):
+        across = normal - (e @ normal)[:, None] * e
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        rim = support.radius * across / np.maximum(size, 1e-300)
+        for end in (support.half, -support.half):
+            found.append(depth_in(own, centre + end * e - rim))  # type: ignore[arg-type]
+    return np.array(found, dtype=float).min(axis=0)
+
+
+def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
+    """(turn, shift) from the body's coordinates to the support's, at each of the rows of y."""
+    from scipy.spatial.transform import Rotation  # half a second, for scenes with sides alone
+
+    b, a = WIDTH * sides.body, WIDTH * sides.parent
+    turn_B, p_B = Rotation.from_quat(y[:, b + 3 : b + 7]), y[:, b : b + 3]
+    if sides.parent >= 0:
+        turn_A, p_A = Rotation.from_quat(y[:, a + 3 : a + 7]), y[:, a : a + 3]
+    elif isinstance(sides.motion, Resting):
+        return turn_B, p_B
+    else:
+        states = [carrier(sides.motion, t, WORLD)[0] for t in times]
+        turn_A = Rotation.from_quat([state.q_WB for state in states])
+        p_A = np.array([state.p_WC for state in states])
+    return turn_A.inv() * turn_B, turn_A.inv().apply(p_B - p_A)
+
+
+def moved(edges: Array, least: float) -> NDArray[np.intp]:
+    """Indices of the first of the poses and of those in which an end lies farther from there than
+    `least`: what rests is looked at once."""
+    away = np.abs(edges - edges[0]).max(axis=(1, 2, 3)) > least
+    away[0] = True
+    return np.flatnonzero(away)
+
+
+def refuse_sunk(
+    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SUNK
+) -> None:
+    """Raise SimulationError where a side lies deeper in its support than the points that touch.
+
+    y: states at the times, (n, at least WIDTH per body); length: of the scene [m]; sunk: depth
+    over it that is none.
+    """
+    if not len(times):
+        return
+    for sides in all_sides:
+        turn, shift = poses(sides, times, y)
+        flat = [turn.apply(point) + shift for point in sides.edges.reshape(-1, 3)]
+        edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
+        seen = moved(edges, STILL * sunk * length)
+        least, ends = deepest_of_edges(sides.support, edges[seen])
+        if sides.own is not None:
+            turn, shift = poses(sides, np.asarray(times)[seen], y[seen])
+            back = turn.inv()
+            least = np.minimum(least, entering(sides, back, -back.apply(shift)))
+        deeper = np.minimum(ends, 0.0) - least
+        bad = np.flatnonzero(deeper > sunk * length)
+        if len(bad):
+            depth, t = deeper[bad[0]], times[seen[bad[0]]]
+            raise SimulationError(
+                f"a side of the body sinks by {depth:.2g} m into the support of contact "
+                f"{sides.name} at t = {t:.9g} s, between the corners or ends with which it "
+                f"touches: contact of its sides is not computed here"
+            )
+
+
+# Looks at sides between samples: nothing goes through a support where samples are rare.
+#
+# A run is looked at not only where samples are asked for but each time that the bodies may have
+# moved over each other by a part of the support's thickness.  What is far away is not looked at,
+# what rests once in a step.  A look is a sample of its own, so that the motion is the same to the
+# last bit.
+
+
+SHARE = 0.05
+"""Part of the thickness of a support that bodies may move over each other between two looks."""
+MOST = 64
+"""Looks between which speeds are not read anew."""
+BETWEEN = 4.0
+"""Times the larger speed at its ends that a side may have within a step."""
+
+
+def thickness(sides: Sides) -> float:
+    """What a side has at least to cross to go through the support [m]."""
+    support: Any = sides.support
+    if isinstance(support, Box):
+        through = 2.0 * min(support.half)
+    elif isinstance(support, Cylinder):
+        through = 2.0 * min(support.radius, support.half)
+    else:
+        through = 2.0 * support.curved
+    longest = float(np.linalg.norm(sides.edges[:, 1] - sides.edges[:, 0], axis=1).max())
+    return min(through, longest)
+
+
+def reach(sides: Sides) -> float:
+    """Distance of the farthest point of the sides from C [m]."""
+    return float(np.linalg.norm(sides.edges, axis=-1).max())
+
+
+def way_there(sides: Sides, t: float, y: Array) -> float:
+    """Distance at least that a point of the sides has to go to be in the support [m]."""
+    _, shift = poses(sides, np.array([t]), y[None, :])
+    return max(0.0, float(depth_in(sides.support, shift)[0]) - reach(sides))
+
+
+def speed_over(sides: Sides, t: float, y: Array) -> float:
+    """Speed that no point of the sides has over the support [m/s]."""
+    B, A = state_of(y, sides.body), state_of(y, sides.parent)
+    if sides.parent < 0:
+        A, _, _, _ = carrier(sides.motion, t, WORLD)
+    w_B, w_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    of_centre = sub(sub(B.v_WC, A.v_WC), cross(w_A, sub(B.p_WC, A.p_WC)))
+    return float(norm(of_centre) + norm(sub(w_B, w_A)) * reach(sides))
+
+
+def quiet(all_sides: tuple[Sides, ...], t: float, y: Array, t1: float, y1: Array) -> bool:
+    """Whether no side goes far in the step from t to t1, by the speeds at both ends."""
+    for sides in all_sides:
+        fastest = max(speed_over(sides, t, y), speed_over(sides, t1, y1))
+        if BETWEEN * fastest * (t1 - t) > SHARE * thickness(sides):
+            return False
+    return True
+
+
+def next_looks(
+    all_sides: tuple[Sides, ...], system: Any, t: float, y: Array, most: int = MOST
+) -> Array:
+    """The instants after t at which to look, if speeds grow no faster than those of the scene do
+    over its length."""
+    pull = system.speed**2 / system.length
+    after = []
+    for sides in all_sides:
+        v, part = speed_over(sides, t, y), SHARE * thickness(sides)
+        ways = way_there(sides, t, y) + part * np.arange(1, most + 1)
+        after.append(2.0 * ways / (v + np.sqrt(v * v + 2.0 * pull * ways)))
+    looks: Array = t + np.array(after).min(axis=0)
+    return looks[looks > t]
+
+
+def run_looking(
+    motion: Any,
+    run: Callable[[Array, Array | None], int],
+    all_sides: tuple[Sides, ...],
+    times: Array,
+    out: Array | None,
+    sunk: float = SUNK,
+) -> int:
+    """`run` to the times, looking at the sides there and between; see Motion.run_to.
+
+    Raises SimulationError where one lies deeper in its support than `sunk` over the scene's length.
+    """
+    times = np.asarray(times, dtype=float)
+    if not all_sides:
+        return run(times, out)
+    system, done = motion.compiled.system, 0
+    while done < len(times):
+        t, y = motion.time, np.asarray(motion.coordinates)
+        t1, y1 = motion.step_end
+        if t1 > t and quiet(all_sides, t, y, t1, y1):
+            looks = next_looks(all_sides, system, t1, y1, most=1)
+        else:
+            looks = next_looks(all_sides, system, t, y)
+        if len(looks):
+            upto = done + int(np.searchsorted(times[done:], looks[-1], side="right"))
+            looks = looks[looks < times[-1]]
+        else:  # so fast that the clock does not tell one look from the next
+            upto = len(times)
+        at = np.union1d(times[done:upto], looks)
+        rows = np.zeros((len(at), motion.width))
+        try:
+            run(at, rows)
+        finally:
+            if out is not None:
+                out[done:upto] = rows[np.searchsorted(at, times[done:upto])]
+        refuse_sunk(all_sides, at, rows, system.length, sunk)
+        done = upto
+    return done

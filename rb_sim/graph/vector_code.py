@@ -1,0 +1,255 @@
+"""A graph as code that computes LANES laws at once, each number a vector of the machine.
+
+A law in lanes is void law(double, const double *y, const double *p, double *out) like any other;
+number i of lane l is at [LANES i + l], and the time is one of the p.  Every lane goes through the
+operations of the law alone and gets the same bits, except that sines and cosines, which machines
+have no vector instructions for, are those of `trigonometry`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rb_sim.graph.emit import RARELY, constant
+from rb_sim.graph.functions import floor, where
+from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
+from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, in_order
+
+# Sine and cosine from arithmetic alone, for code that computes several numbers at once.
+#
+# x = k pi/2 + r with |r| <= pi/4: pi/2 is subtracted in three parts, of which k times the first two
+# is exact (Cody and Waite 1980), and r goes into the polynomials of FDLIBM (k_sin.c, k_cos.c; Sun
+# Microsystems 1993).  Good to two units in the last place of the larger of both.
+
+
+NEAR = 2.0**20
+"""|x| up to which `sine_and_cosine` holds [rad]."""
+
+PARTS = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+"""pi / 2: 33 bits, 33 bits, and the rest."""
+TWO_OVER_PI = 6.36619772367581382433e-01
+SINE = (
+    -1.66666666666666324348e-01,
+    8.33333333332248946124e-03,
+    -1.98412698298579493134e-04,
+    2.75573137070700676789e-06,
+    -2.50507602534068634195e-08,
+    1.58969099521155010221e-10,
+)
+COSINE = (
+    4.16666666666666019037e-02,
+    -1.38888888888741095749e-03,
+    2.48015872894767294178e-05,
+    -2.75573143513906633035e-07,
+    2.08757232129817482790e-09,
+    -1.13596475577881948265e-11,
+)
+
+
+def polynomial(coefficients: tuple[float, ...], z: Any) -> Any:
+    """c0 + c1 z + c2 z^2 ... by Horner's rule."""
+    value: Any = coefficients[-1]
+    for c in reversed(coefficients[:-1]):
+        value = c + z * value
+    return value
+
+
+def sine_and_cosine(x: Any) -> tuple[Any, Any]:
+    """(sin x, cos x) for |x| <= NEAR [rad]; x: a float or a symbol."""
+    k = floor(x * TWO_OVER_PI + 0.5)
+    r = ((x - k * PARTS[0]) - k * PARTS[1]) - k * PARTS[2]
+    z = r * r
+    s = r + r * z * polynomial(SINE, z)
+    half = 0.5 * z
+    w = 1.0 - half
+    c = w + (((1.0 - w) - half) + z * (z * polynomial(COSINE, z)))
+    quadrant = k - 4.0 * floor(0.25 * k)
+    odd = (quadrant - 2.0 * floor(0.5 * quadrant)) > 0.5
+    sine, cosine = where(odd, c, s), where(odd, s, c)
+    below = quadrant > 1.5
+    left = (quadrant > 0.5) & (quadrant < 2.5)
+    return where(below, -sine, sine), where(left, -cosine, cosine)
+
+
+LANES = 8
+"""One vector of AVX-512, two of AVX2, four of SSE2 or Neon; LLVM splits it as the machine needs."""
+
+MOST_OPERATIONS = 8000
+"""Of a law in lanes: beyond, LLVM's time grows faster than the code."""
+
+VECTOR, MASK = f"<{LANES} x double>", f"<{LANES} x i1>"
+PAIR = f"{{{VECTOR}, {VECTOR}}}"
+_BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_COMPARE = {"lt": "olt", "le": "ole"}
+_INTRINSIC = ("sqrt", "fabs", "floor")
+
+
+def compile_lanes(outputs: Sequence[Any], time: int) -> Law | None:
+    """The law in lanes that writes the outputs, symbols of one graph and numbers.
+
+    time: place of t among the p. None where the law cannot be in lanes: it calls functions by
+    their address, is too long, or nothing is compiled at all.
+    """
+    order = [x for x in in_order(outputs) if x.op not in INPUTS]
+    if interpreted() or len(order) > MOST_OPERATIONS or any(x.op == "call" for x in order):
+        return None
+    return linked([module(outputs, time, pointer_type())])
+
+
+def module(outputs: Sequence[Any], time: int, pointer: str) -> str:
+    """LLVM IR of the law in lanes."""
+    law = Vectors(pointer, time)
+    for x in in_order(outputs):
+        law.add(x)
+    for i, x in enumerate(outputs):
+        law.store(law.value(x), i)
+    head = (
+        f"define void @law(double %t, {pointer} noalias readonly %y, "
+        f"{pointer} noalias readonly %p, {pointer} noalias %out) nounwind {{"
+    )
+    functions = _sine_and_cosine(law.declared) if law.turns else []
+    for name in sorted(law.scalar):
+        functions += _by_lane(name, law.scalar[name], law.declared)
+    body = [head, *law.lines, "  ret void", "}", RARELY, ""]
+    return "\n".join([*sorted(law.declared), *functions, *body])
+
+
+def splat(x: float) -> str:
+    """The constant in every lane."""
+    return "<" + ", ".join([f"double {constant(x)}"] * LANES) + ">"
+
+
+class Vectors:
+    """Writes operations on vectors of LANES numbers."""
+
+    def __init__(self, pointer: str, time: int) -> None:
+        self.pointer, self.time = pointer, time
+        self.lines: list[str] = []
+        self.names: dict[int, str] = {}
+        self.pairs: dict[str, str] = {}
+        self.declared: set[str] = set()
+        self.scalar: dict[str, int] = {}
+        self.turns = False
+
+    def line(self, text: str) -> str:
+        name = f"%v{len(self.lines)}"
+        self.lines.append(f"  {name} = {text}")
+        return name
+
+    def value(self, x: Any) -> str:
+        return self.names[x.number] if isinstance(x, Symbol) else splat(x)
+
+    def place(self, base: str, index: int) -> tuple[str, str]:
+        """(type, name) of the pointer to the vector at this index."""
+        at = self.line(f"getelementptr double, {self.pointer} {base}, i64 {LANES * index}")
+        if self.pointer == "ptr":
+            return "ptr", at
+        kind = f"{VECTOR}*"
+        return kind, self.line(f"bitcast {self.pointer} {at} to {kind}")
+
+    def load(self, base: str, index: int) -> str:
+        kind, at = self.place(base, index)
+        return self.line(f"load {VECTOR}, {kind} {at}, align 8")
+
+    def store(self, value: str, index: int, base: str = "%out") -> None:
+        kind, at = self.place(base, index)
+        self.lines.append(f"  store {VECTOR} {value}, {kind} {at}, align 8")
+
+    def add(self, x: Symbol) -> None:
+        """Write the operation; its operands are there."""
+        if x.op in INPUTS:
+            base, index = ("%p", self.time) if x.op == "t" else (f"%{x.op}", x.operands[0])
+            self.names[x.number] = self.load(base, index)
+        else:
+            self.names[x.number] = self.operation(x, [self.value(o) for o in x.operands])
+
+    def operation(self, x: Symbol, a: list[str]) -> str:
+        if x.op in _BINARY:
+            return self.line(f"{_BINARY[x.op]} {VECTOR} {a[0]}, {a[1]}")
+        if x.op == "neg":
+            return self.line(f"fneg {VECTOR} {a[0]}")
+        if x.op in _COMPARE:
+            return self.line(f"fcmp {_COMPARE[x.op]} {VECTOR} {a[0]}, {a[1]}")
+        if x.op in ("and", "or"):
+            return self.line(f"{x.op} {MASK} {a[0]}, {a[1]}")
+        if x.op == "not":
+            everywhere = "<" + ", ".join(["i1 true"] * LANES) + ">"
+            return self.line(f"xor {MASK} {a[0]}, {everywhere}")
+        if x.op in ("select", "rarely"):
+            condition, one, other = a
+            if not isinstance(x.operands[0], Condition):
+                raise TypeError("a selection by what is no condition")
+            return self.line(f"select {MASK} {condition}, {VECTOR} {one}, {VECTOR} {other}")
+        if x.op in ("sin", "cos"):
+            return self.turn(x.op, a[0])
+        arguments = ", ".join(f"{VECTOR} {v}" for v in a)
+        if x.op in _INTRINSIC:
+            name = f"llvm.{x.op}.v{LANES}f64"
+            self.declared.add(f"declare {VECTOR} @{name}({VECTOR})")
+            return self.line(f"call {VECTOR} @{name}({arguments})")
+        self.scalar[x.op] = len(a)
+        return self.line(f"call {VECTOR} @lanes_{x.op}({arguments})")
+
+    def turn(self, op: str, angle: str) -> str:
+        """The sine or cosine; both come from one call."""
+        self.turns = True
+        if angle not in self.pairs:
+            self.pairs[angle] = self.line(f"call {PAIR} @sine_and_cosine({VECTOR} {angle})")
+        return self.line(f"extractvalue {PAIR} {self.pairs[angle]}, {0 if op == 'sin' else 1}")
+
+
+def _by_lane(name: str, arguments: int, declared: set[str]) -> list[str]:
+    """A function of the C library, called for each lane in turn."""
+    declared.add(f"declare double @{name}({', '.join(['double'] * arguments)})")
+    given = ", ".join(f"{VECTOR} %a{k}" for k in range(arguments))
+    lines, result = [f"define internal {VECTOR} @lanes_{name}({given}) nounwind {{"], "undef"
+    for lane in range(LANES):
+        for k in range(arguments):
+            lines.append(f"  %x{lane}_{k} = extractelement {VECTOR} %a{k}, i32 {lane}")
+        values = ", ".join(f"double %x{lane}_{k}" for k in range(arguments))
+        lines.append(f"  %y{lane} = call double @{name}({values})")
+        lines.append(f"  %r{lane} = insertelement {VECTOR} {result}, double %y{lane}, i32 {lane}")
+        result = f"%r{lane}"
+    return [*lines, f"  ret {VECTOR} {result}", "}"]
+
+
+def _sine_and_cosine(declared: set[str]) -> list[str]:
+    """The pair for all lanes: by arithmetic, except of those that are far out or not finite.
+
+    What one lane gets does not depend on the others.
+    """
+    near = Vectors("", 0)
+    graph = Graph()
+    x = graph.input("t")
+    near.names[x.number] = "%x"
+    outputs = sine_and_cosine(x)
+    for symbol in in_order(outputs):
+        if symbol is not x:
+            near.add(symbol)
+    sine, cosine = (near.value(output) for output in outputs)
+    declared |= near.declared | {f"declare {VECTOR} @llvm.fabs.v{LANES}f64({VECTOR})"}
+    return [
+        *_by_lane("sin", 1, declared),
+        *_by_lane("cos", 1, declared),
+        f"define internal {PAIR} @sine_and_cosine({VECTOR} %x) nounwind {{",
+        f"  %size = call {VECTOR} @llvm.fabs.v{LANES}f64({VECTOR} %x)",
+        f"  %within = fcmp ole {VECTOR} %size, {splat(NEAR)}",
+        f"  %bits = bitcast {MASK} %within to i{LANES}",
+        f"  %all = icmp eq i{LANES} %bits, -1",
+        *near.lines,
+        "  br i1 %all, label %near, label %far",
+        "near:",
+        f"  %n0 = insertvalue {PAIR} undef, {VECTOR} {sine}, 0",
+        f"  %n1 = insertvalue {PAIR} %n0, {VECTOR} {cosine}, 1",
+        f"  ret {PAIR} %n1",
+        "far:",
+        f"  %s1 = call {VECTOR} @lanes_sin({VECTOR} %x)",
+        f"  %c1 = call {VECTOR} @lanes_cos({VECTOR} %x)",
+        f"  %s = select {MASK} %within, {VECTOR} {sine}, {VECTOR} %s1",
+        f"  %c = select {MASK} %within, {VECTOR} {cosine}, {VECTOR} %c1",
+        f"  %f0 = insertvalue {PAIR} undef, {VECTOR} %s, 0",
+        f"  %f1 = insertvalue {PAIR} %f0, {VECTOR} %c, 1",
+        f"  ret {PAIR} %f1",
+        "}",
+    ]

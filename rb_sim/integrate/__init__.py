@@ -1,0 +1,2 @@
+"""Stepping loops and methods: compiled once for all scenes, they call the laws of a scene by
+address."""

@@ -1,0 +1,254 @@
+"""One attempt of a step, and the way back onto the constraints at its end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from rb_sim.integrate.layout import (
+    ALONG,
+    AT,
+    BACK,
+    CHOICE,
+    CHOSEN,
+    DY,
+    GAP,
+    INSIDE,
+    JACOBIAN,
+    LEFT_DOMAIN,
+    LENGTH,
+    NOT_FINITE,
+    POSITION,
+    RATE,
+    SETTLE,
+    SHARE,
+    SLOPES,
+    STEP,
+    TOLERANCE,
+    VELOCITY,
+    WAYS,
+    WHOLE,
+)
+from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
+
+# Newton's iteration on the positions g(q) = 0 of constraint lines.
+#
+# Whoever has lines registers two kernels for a class of its own: what the largest error is, and one
+# step of the iteration. When it ends is said here alone.
+
+
+POSITION_SWEEPS = 8
+ON_MANIFOLD = 2e-15
+"""Position error, relative to the scene's length, at which Newton's iteration ends: round-off."""
+NEAR = 1e-9
+"""Position error, relative to the scene's length, from which one step of Newton's iteration, whose
+error is its square, ends at round-off; above it more steps follow."""
+LOST = 1e-6
+"""Position error before the last sweep, relative to the scene's length, above which the iteration
+has not converged and the state becomes NaN."""
+
+
+@dispatch
+def position_error(way, t, y):
+    """The largest position error of the lines at (t, y) [m], and which lines they are, as
+    `correct_positions` takes them."""
+    raise TypeError(f"{type(way)}: no lines")
+
+
+@dispatch
+def correct_positions(way, t, y, lines):
+    """One step of Newton's iteration on the position errors just met, in place."""
+    raise TypeError(f"{type(way)}: no lines")
+
+
+@helper
+def return_to_positions(way, t, y, length, near):
+    """y with g(q) = 0, in place; position first: the velocities stay as they are.
+
+    The iteration ends at round-off, when it gains no more, or after a step from within `near` of
+    the scene's length (0: never). Returns the largest error that it met last [m], and whether the
+    lines that it measured last are those of y.
+    """
+    worst, last = 0.0, math.inf
+    for _ in range(POSITION_SWEEPS):
+        worst, lines = position_error(way, t, y)
+        if worst <= ON_MANIFOLD * length or not worst < last:
+            return worst, True
+        last = worst
+        correct_positions(way, t, y, lines)
+        if worst <= near * length:
+            break
+    return worst, False
+
+
+# How a state is brought back to where it belongs at the end of a step.
+#
+# The increment is added without loss of digits, quaternions become units again, and the bodies come
+# back to the manifold of their constraints.
+
+
+@helper
+def accumulate(n, y, dy, carry):
+    """y + dy by Kahan's compensated summation, in place: rounding does not grow with the steps."""
+    for i in range(n):
+        d = dy[i] + carry[i]
+        s = y[i] + d
+        carry[i] = d - (s - y[i])
+        y[i] = s
+
+
+@helper
+def copy(n, to, of):
+    for i in range(n):
+        to[i] = of[i]
+
+
+class ByLaws(NamedTuple):
+    """The lines of a scene as laws: GAP tells their largest error, POSITION is a step to them."""
+
+    laws: Any
+    p: Any
+    at: Any
+    """room for n coordinates."""
+    n: Any
+
+
+@position_error.register(ByLaws)
+def error_by_laws(way, t, y):
+    call_law(way.laws[GAP], t, y, way.p, way.at)
+    return way.at[0], 0
+
+
+@correct_positions.register(ByLaws)
+def correct_by_laws(way, t, y, lines):
+    call_law(way.laws[POSITION], t, y, way.p, way.at)
+    copy(way.n, y, way.at)
+
+
+@helper
+def project(laws, setting, n, t, y, p, work):
+    """y with unit quaternions on the manifold of the constraints, in place; NaN if out of reach.
+
+    The velocity goes to the nearest admissible one once the position is reached.
+    """
+    at, length = part(work, AT * n), setting[LENGTH]
+    worst, _ = return_to_positions(ByLaws(laws, p, at, n), t, y, length, NEAR)
+    if not worst <= LOST * length:
+        y[0] = math.nan
+    call_law(laws[VELOCITY], t, y, p, at)
+    copy(n, y, at)
+
+
+@helper
+def settle(laws, setting, n, t, y, p, work):
+    """y brought back to where it belongs, in place."""
+    if laws[BACK]:
+        at = part(work, AT * n)  # and into the row after it, DY: the increment is used up
+        call_law(laws[BACK], t, y, p, at)
+        if at[n] <= NEAR * setting[LENGTH]:
+            copy(n, y, at)
+            return
+    if laws[SETTLE]:
+        call_law(laws[SETTLE], t, y, p, part(work, AT * n))
+        copy(n, y, part(work, AT * n))
+    if laws[POSITION]:
+        project(laws, setting, n, t, y, p, work)
+
+
+# One attempt of a step, whatever its length.
+#
+# It gives the increment and its error, then the row of the end, and says after which share of the
+# step a piece of a law ends.
+
+
+MOST_CUTS = 8
+"""Attempts to let a step end where a piece does."""
+CROSSING = 1e-14
+"""The tolerance for crossing the end of a piece where there is no other, or a smaller one."""
+
+
+@helper
+def root(order, x):
+    """x^(1/order)."""
+    if order == 8.0:
+        return math.sqrt(math.sqrt(math.sqrt(x)))
+    return x ** (1.0 / order)
+
+
+@helper
+def relative(setting, error):
+    """The error in units of the tolerance; 0 for a fixed step."""
+    return error / setting[TOLERANCE] if setting[TOLERANCE] > 0.0 else 0.0
+
+
+@helper
+def attempt(laws, setting, n, t, old, h, p, last, work, new):
+    """One step of length h from the row `old`; returns its error in units of the tolerance.
+
+    A step that is one law has written the row `new`, otherwise `finish` does; `last` is the place
+    of h among the inputs.
+    """
+    if laws[WHOLE]:
+        p[last] = h
+        call_law(laws[WHOLE], t, old, p, new)
+        return relative(setting, new[2 * n + 1])
+    dy = part(work, DY * n)
+    error = call_step(laws[STEP], laws[RATE], laws[JACOBIAN], n, t, old, h, p, dy, work)
+    return relative(setting, error)
+
+
+@helper
+def finish(laws, setting, n, t, old, p, work, new):
+    """Write the row `new` for the end t of a step that has been accepted."""
+    if laws[WHOLE]:
+        return
+    copy(2 * n, new, old)
+    accumulate(n, new, part(work, DY * n), part(new, n))
+    settle(laws, setting, n, t, new, p, work)
+    total = 0.0
+    for i in range(n):
+        total += new[i]
+    new[2 * n] = total
+
+
+@helper
+def share_of(laws, setting, n, t0, t, old, p, work, new):
+    """The share of a step from the row `old` after which a piece of a law ends; 1 where none does.
+
+    The slopes of its stages, which nothing needs any more, give the room.
+    """
+    if not laws[SHARE]:
+        return 1.0
+    ways, room = int(setting[WAYS]), part(work, SLOPES * n)
+    if laws[WHOLE]:
+        at = new
+    else:
+        at = part(work, AT * n)
+        for i in range(n):
+            at[i] = old[i] + work[DY * n + i]
+    call_law(laws[ALONG], t0, old, p, part(room, 2))
+    call_law(laws[ALONG], t, at, p, part(room, 2 + 2 * ways))
+    room[0], room[1] = t - t0, max(setting[TOLERANCE], CROSSING)
+    found = part(room, 2 + 4 * ways)
+    call_law(laws[SHARE], t, room, p, found)
+    return found[0]
+
+
+@helper
+def ended(laws, setting, n, t, y, p, last, work, status):
+    """The status of a step that has come to the row y at t; `status` if there is nothing else.
+
+    Lines are chosen for the next step; `last` is the place of its length among the inputs.
+    """
+    if not math.isfinite(y[2 * n]):
+        return NOT_FINITE
+    if laws[CHOICE]:
+        at, count = part(work, AT * n), int(setting[CHOSEN])
+        call_law(laws[CHOICE], t, y, p, at)
+        copy(count, part(p, last - count), at)
+    if laws[INSIDE]:
+        at = part(work, AT * n)
+        call_law(laws[INSIDE], t, y, p, at)
+        if at[0] == 0.0:
+            return LEFT_DOMAIN
+    return status

@@ -1,0 +1,309 @@
+"""The loop of `record` in steps of fixed length for several runs at once, on laws in lanes.
+
+A law in lanes (rb_sim.graph.vector_code) works on as many runs as a register has numbers.  All
+lanes have one clock, and take the steps that `record` takes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rb_sim.graph.vector_code import LANES
+from rb_sim.integrate.attempt import root
+from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
+from rb_sim.numerics.kernels import call_law, helper, loop, part, pointer
+
+OPEN = -1
+"""Status of a run that has not ended."""
+STEP, TIME, SAMPLING, FORCED, TOLERANCE, LARGEST, EXTRA_INPUTS = range(7)
+"""Places after the inputs of a law, a vector each: length [s] and start [s] of the attempt; 1 where
+it goes to a sample; 1 where it is accepted whatever its error; tolerance; largest step [s]."""
+TOTAL, INSIDE, FIXED_EXTRA = range(3)
+"""After coordinates and carry, of a fixed step: the sum of y; 0 outside the system's domain."""
+
+
+@helper
+def fill(vector, row, value):
+    for lane in range(LANES):
+        vector[row * LANES + lane] = value
+
+
+@helper
+def note_fixed(n, new, statuses):
+    """Statuses of the lanes that have just ended; returns how many are open."""
+    left = 0
+    for lane in range(LANES):
+        if statuses[lane] != OPEN:
+            continue
+        if not math.isfinite(new[(2 * n + TOTAL) * LANES + lane]):
+            statuses[lane] = NOT_FINITE
+        elif new[(2 * n + INSIDE) * LANES + lane] == 0.0:
+            statuses[lane] = LEFT_DOMAIN
+        else:
+            left += 1
+    return left
+
+
+@loop
+def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
+    """Carry LANES runs in steps of h to each of `times`; out: (LANES, times, n) coordinates.
+
+    buffer: three rows (coordinates, carry and FIXED_EXTRA of each lane). clock: both ends of the
+    last step; count: steps taken, the row of the later end, times reached; a call that ends after
+    `most` steps goes on when it is called again. statuses stay OPEN until the run has ended.
+    """
+    size = (2 * n + FIXED_EXTRA) * LANES
+    rows, p, given = pointer(buffer), pointer(inputs), inputs.shape[0] - EXTRA_INPUTS
+    upto = count[0] + most
+    while count[2] < times.shape[0]:
+        t = times[count[2]]
+        while clock[1] < t - ULPS * abs(t):
+            if count[0] >= upto:
+                return
+            fill(p, given + STEP, h)
+            fill(p, given + TIME, clock[1])
+            old, new = part(rows, count[1] * size), part(rows, (1 - count[1]) * size)
+            call_law(law, 0.0, old, p, new)
+            count[0] += 1
+            count[1] = 1 - count[1]
+            clock[0], clock[1] = clock[1], count[0] * h
+            if note_fixed(n, new, statuses) == 0:
+                return
+        old, new = part(rows, (1 - count[1]) * size), part(rows, count[1] * size)
+        now = new
+        if t < clock[1] - ULPS * abs(t):
+            now = old
+            if t > clock[0] + ULPS * abs(t):
+                now = part(rows, 2 * size)
+                fill(p, given + STEP, t - clock[0])
+                fill(p, given + TIME, clock[0])
+                call_law(law, 0.0, old, p, now)
+        for i in range(n):
+            for lane in range(LANES):
+                out[lane, count[2], i] = now[i * LANES + lane]
+        count[2] += 1
+    for lane in range(LANES):
+        if statuses[lane] == OPEN:
+            statuses[lane] = FINE
+
+
+@loop
+def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples_of):
+    """Write the samples: samples_of (LANES, times, width) from the coordinates (runs, times, n).
+
+    Of the LANES runs from `first` on; where there are fewer, the last stands for the others.
+    """
+    p, y, width = pointer(inputs), pointer(buffer), samples_of.shape[2]
+    at, m, last, count = pointer(rows), inputs_of.shape[1], path.shape[0] - 1, times.shape[0]
+    starts, given, out = pointer(path), pointer(inputs_of), pointer(samples_of)
+    for k in range(LANES):
+        for i in range(m):
+            p[i * LANES + k] = given[min(first + k, last) * m + i]
+    for j in range(count):
+        fill(p, m + TIME, times[j])
+        for k in range(LANES):
+            row = (min(first + k, last) * count + j) * n
+            for i in range(n):
+                y[i * LANES + k] = starts[row + i]
+        call_law(law, 0.0, y, p, at)
+        for k in range(LANES):
+            for i in range(width):
+                out[(k * count + j) * width + i] = at[i * LANES + k]
+
+
+# The loop of `record` in steps of adaptive length for several runs at once, on laws in lanes.
+#
+# Every lane has its own clock, error control and place among its samples; one call of the law is an
+# attempt of each lane, whatever it is at, and a lane that has ended its run takes the next.  The
+# steps are those that `record` takes.
+
+
+ERROR, ACCEPTED, FOLLOWING, WITHIN, ALL, ADAPTIVE_EXTRA = range(6)
+"""After old, new and tried coordinates of an attempt: its error in units of the tolerance; 1 where
+it is accepted; length of the next attempt [s]; 0 outside the domain; the sum of y."""
+IDLE, ADVANCE, SAMPLE, FIRST = range(4)
+"""What a lane is at."""
+MODE, RUN, REACHED, TRIES, TAKEN, T0, T1, NEXT, TRIED, UNTIL, PLACES = range(11)
+"""Rows of `lane`: what it is at, its run, samples reached, attempts, steps; then times [s]: ends of
+the last step, step to try next, the one tried and its end."""
+NEXT_RUN, BEGUN, RUNS, TIMES, GIVEN, QUEUE = range(6)
+"""Places in `queue`: the next run, 1 once lanes have begun; numbers of runs, times and inputs."""
+MOST_FIRST = 60
+"""Attempts to find a first step."""
+
+
+@helper
+def begin(k, n, lane, state, inputs, starts, given, queue):
+    """Lane k takes the next run, if there is one."""
+    run, m = int(queue[NEXT_RUN]), int(queue[GIVEN])
+    for i in range(PLACES):
+        lane[i * LANES + k] = 0.0
+    if run >= int(queue[RUNS]):
+        lane[MODE * LANES + k] = IDLE
+        return
+    queue[NEXT_RUN] = run + 1
+    lane[MODE * LANES + k] = FIRST
+    lane[RUN * LANES + k] = run
+    for i in range(n):
+        y = starts[run * n + i]
+        state[i * LANES + k] = y
+        state[(2 * n + i) * LANES + k] = y
+        state[(n + i) * LANES + k] = 0.0
+        state[(3 * n + i) * LANES + k] = 0.0
+    for i in range(m):
+        inputs[i * LANES + k] = given[run * m + i]
+
+
+@helper
+def keep(k, n, lane, state, first, queue, out):
+    """The coordinates of lane k from row `first` on become its next sample."""
+    row = int(lane[RUN * LANES + k]) * int(queue[TIMES]) + int(lane[REACHED * LANES + k])
+    for i in range(n):
+        out[row * n + i] = state[(first + i) * LANES + k]
+    lane[REACHED * LANES + k] += 1.0
+
+
+@helper
+def end(k, lane, ended, status):
+    """The run of lane k has ended; `ended` gets its status and steps."""
+    run = int(lane[RUN * LANES + k])
+    ended[2 * run] = status
+    ended[2 * run + 1] = lane[TAKEN * LANES + k]
+
+
+@helper
+def go_on(k, lane, inputs, m):
+    """Lane k attempts a step."""
+    start, mode = lane[T1 * LANES + k], int(lane[MODE * LANES + k])
+    if mode == SAMPLE:
+        mode = ADVANCE
+    if lane[NEXT * LANES + k] == 0.0:
+        mode = FIRST
+        lane[NEXT * LANES + k] = inputs[(m + LARGEST) * LANES + k]
+    lane[MODE * LANES + k] = mode
+    until = start + lane[NEXT * LANES + k]
+    tried = until - start
+    lane[UNTIL * LANES + k] = until
+    lane[TRIED * LANES + k] = tried
+    small = not tried > 4.0 * ULPS * max(abs(start), 1e-3)
+    attempt(k, inputs, m, start, tried, 0.0)
+    inputs[(m + FORCED) * LANES + k] = 1.0 if small and mode == ADVANCE else 0.0
+
+
+@helper
+def attempt(k, inputs, m, start, h, sampling):
+    inputs[(m + STEP) * LANES + k] = h
+    inputs[(m + TIME) * LANES + k] = start
+    inputs[(m + SAMPLING) * LANES + k] = sampling
+
+
+@helper
+def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
+    """Choose what lane k attempts; samples that need no attempt are kept, runs end and begin."""
+    m = int(queue[GIVEN])
+    while lane[MODE * LANES + k] != IDLE:
+        reached = int(lane[REACHED * LANES + k])
+        if reached == int(queue[TIMES]):
+            end(k, lane, ended, FINE)
+            begin(k, n, lane, state, inputs, starts, given, queue)
+            continue
+        t, t0, t1 = times[reached], lane[T0 * LANES + k], lane[T1 * LANES + k]
+        slack = ULPS * abs(t)
+        if t1 < t - slack:
+            go_on(k, lane, inputs, m)
+            return
+        if t >= t1 - slack:
+            keep(k, n, lane, state, 2 * n, queue, out)
+        elif t <= t0 + slack:
+            keep(k, n, lane, state, 0, queue, out)
+        else:
+            lane[MODE * LANES + k] = SAMPLE
+            attempt(k, inputs, m, t0, t - t0, 1.0)
+            return
+    attempt(k, inputs, m, 0.0, 0.0, 1.0)
+
+
+@helper
+def cut(k, lane, error):
+    """A shorter first step."""
+    lane[TRIES * LANES + k] += 1.0
+    if math.isfinite(error):
+        lane[NEXT * LANES + k] *= min(0.5, max(0.01, 0.9 / root(8.0, error)))
+    else:
+        lane[NEXT * LANES + k] *= 0.01
+    if lane[TRIES * LANES + k] == MOST_FIRST:
+        lane[MODE * LANES + k] = ADVANCE
+        lane[TRIES * LANES + k] = 0.0
+
+
+@helper
+def take(k, lane, state, last):
+    """Lane k has taken its step; returns a status, OPEN where it goes on."""
+    following = state[(last + FOLLOWING) * LANES + k]
+    if lane[MODE * LANES + k] == ADVANCE and lane[TRIES * LANES + k] > 0.0:
+        following = min(following, lane[TRIED * LANES + k])
+    lane[NEXT * LANES + k] = following
+    lane[T0 * LANES + k] = lane[T1 * LANES + k]
+    lane[T1 * LANES + k] = lane[UNTIL * LANES + k]
+    lane[TAKEN * LANES + k] += 1.0
+    lane[TRIES * LANES + k] = 0.0
+    lane[MODE * LANES + k] = ADVANCE
+    if not math.isfinite(state[(last + ALL) * LANES + k]):
+        return NOT_FINITE
+    if state[(last + WITHIN) * LANES + k] == 0.0:
+        return LEFT_DOMAIN
+    return OPEN if state[(last + ERROR) * LANES + k] <= 1.0 else STEP_UNDERFLOW
+
+
+@helper
+def judge(k, n, lane, state, queue, out):
+    """Accept the attempt of lane k or not; returns a status, OPEN where its run goes on."""
+    last, mode = 6 * n, int(lane[MODE * LANES + k])
+    if mode == SAMPLE:
+        keep(k, n, lane, state, 4 * n, queue, out)
+    elif state[(last + ACCEPTED) * LANES + k] != 0.0:
+        return take(k, lane, state, last)
+    elif mode == FIRST:
+        cut(k, lane, state[(last + ERROR) * LANES + k])
+    else:
+        lane[NEXT * LANES + k] = state[(last + FOLLOWING) * LANES + k]
+        lane[TRIES * LANES + k] += 1.0
+    return OPEN
+
+
+@loop
+def adaptive(law, n, lanes, buffer, inputs, runs, queue_of, times_of, most, paths, results):
+    """Carry all runs to each of `times_of` with a step size of their own; True once all have ended.
+
+    runs: (coordinates (runs, n), inputs of the law (runs, m)); paths: (runs, times, n); results:
+    (runs, 2), status and steps.  lanes, buffer (two rows), inputs and queue_of are the lanes' own:
+    a call that ends after `most` attempts goes on when it is called again.
+    """
+    size = (6 * n + ADAPTIVE_EXTRA) * LANES
+    rows, p, lane, queue = pointer(buffer), pointer(inputs), pointer(lanes), pointer(queue_of)
+    starts, given, times = pointer(runs[0]), pointer(runs[1]), pointer(times_of)
+    out, ended = pointer(paths), pointer(results)
+    a, b = rows, part(rows, size)
+    if queue[BEGUN] == 0.0:
+        queue[BEGUN] = 1.0
+        for k in range(LANES):
+            begin(k, n, lane, a, p, starts, given, queue)
+            prepare(k, n, lane, a, p, starts, given, queue, times, out, ended)
+    for _ in range(most):
+        call_law(law, 0.0, a, p, b)
+        a, b = b, a
+        active = 0
+        for k in range(LANES):
+            if lane[MODE * LANES + k] == IDLE:
+                continue
+            active += 1
+            status = judge(k, n, lane, a, queue, out)
+            if status != OPEN:
+                end(k, lane, ended, status)
+                begin(k, n, lane, a, p, starts, given, queue)
+            prepare(k, n, lane, a, p, starts, given, queue, times, out, ended)
+        if active == 0:
+            return True
+    for i in range(4 * n * LANES):
+        rows[i] = a[i]
+    return False

@@ -1,0 +1,382 @@
+"""The stepping loop: fixed or adaptive steps over a grid, samples on the way."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rb_sim.graph.machine import interpreted
+from rb_sim.integrate.attempt import MOST_CUTS, attempt, copy, ended, finish, root, share_of
+from rb_sim.integrate.layout import (
+    ADD,
+    BEGIN,
+    CALL,
+    CALL_AT,
+    CLOCK_AT,
+    COORDINATE_COUNT,
+    COORDINATES,
+    COUNT,
+    COUNT_AT,
+    CUT,
+    DY,
+    END,
+    EXPAND,
+    EXTRA,
+    FINE,
+    FIRST_TIME,
+    INPUT_COUNT,
+    INPUTS_AT,
+    LARGEST,
+    LAWS_AT,
+    NEXT,
+    NOW,
+    ORDER,
+    ORIGIN,
+    PIECE_STEPS,
+    REACHED,
+    REJECTED,
+    ROOM,
+    ROWS_AT,
+    SAMPLE,
+    SERIES_AT,
+    SETTING_AT,
+    SHARE,
+    SIZES_AT,
+    SLOPE,
+    STATE_AT,
+    STEP_LENGTH,
+    STEP_UNDERFLOW,
+    T0,
+    T1,
+    TAKEN,
+    TOLERANCE,
+    ULPS,
+    UNFINISHED,
+    WIDTH,
+    WORK_AT,
+    WORST,
+)
+from rb_sim.integrate.taylor_steps import (
+    LOOKS,
+    agrees,
+    before_events,
+    evaluate,
+    longest,
+    of_coordinates,
+    variables,
+)
+from rb_sim.numerics.kernels import (
+    call_law,
+    for_python,
+    helper,
+    integers_to,
+    part,
+    pointer_to,
+    where,
+)
+
+# Steps of fixed length, cut where a piece of a law ends.
+
+
+@helper
+def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
+    """(end, 1 or 0 steps of the grid): a fixed step from t0 to t1, or to where a piece ends before
+    it; what is left of it comes next."""
+    whole = 1
+    for cuts in range(MOST_CUTS + 1):
+        attempt(laws, setting, n, t0, old, h, p, last, work, new)
+        share = share_of(laws, setting, n, t0, t1, old, p, work, new)
+        if cuts == MOST_CUTS or not share < 1.0 or not t0 + share * h > t0:
+            break
+        h, whole = share * h, 0
+        t1 = t0 + h
+    return t1, whole
+
+
+@helper
+def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
+    """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status.
+
+    Also UNFINISHED after that many parts of steps: a motion that blows up passes pieces of a law
+    without end, and nobody would be asked whether to go on.
+    """
+    row, end, step = 2 * n + EXTRA, count[END], setting[STEP_LENGTH]
+    old, new = part(state, end * row), part(state, (1 - end) * row)
+    taken, t0, t1 = count[TAKEN], clock[T0], clock[T1]
+    cut, status, parts = stop - ULPS * abs(stop), FINE, 0
+    while t1 < until and taken < most and status == FINE:
+        h, t0, t1, whole = step, t1, clock[ORIGIN] + (taken + 1) * step, 1
+        if t1 > cut or t1 == stop:
+            t1 = stop
+            h = t1 - t0
+        if laws[SHARE]:
+            if t0 != clock[ORIGIN] + taken * step:
+                h = t1 - t0
+            t1, whole = upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new)
+        else:
+            attempt(laws, setting, n, t0, old, h, p, last, work, new)
+        finish(laws, setting, n, t1, old, p, work, new)
+        old, new, end, taken = new, old, 1 - end, taken + whole
+        status, parts = ended(laws, setting, n, t1, old, p, last, work, FINE), parts + 1 - whole
+        if parts >= PIECE_STEPS and status == FINE:
+            status = UNFINISHED
+    clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end
+    return status
+
+
+# Steps of adaptive length, as long as the tolerance lets them be.
+#
+# The method estimates its error, or the step goes along a Taylor series.
+
+
+@helper
+def first_length(laws, setting, n, t, y, p, last, work, new):
+    """A trial step of the largest length, cut by its own error estimate until that is within."""
+    h = setting[LARGEST]
+    for _ in range(60):
+        error = attempt(laws, setting, n, t, y, h, p, last, work, new)
+        if math.isfinite(error) and error <= 1.0:
+            return h
+        if math.isfinite(error):
+            h *= min(0.5, max(0.01, 0.9 / root(setting[ORDER], error)))
+        else:
+            h *= 0.01
+    return h
+
+
+@helper
+def next_length(setting, h, error):
+    """The step to try after one of length h with this error."""
+    if not math.isfinite(error):
+        return 0.2 * h
+    factor = 6.0 if error == 0.0 else min(6.0, max(0.2, 0.9 / root(setting[ORDER], error)))
+    return min(factor * h, setting[LARGEST])
+
+
+@helper
+def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
+    """(end of the step, status): one step of the grid from the row `old`, with as many attempts
+    as the tolerance takes."""
+    t0, h, tries, cuts, uncut = clock[T1], clock[NEXT], 0, 0, 0.0
+    if h == 0.0:
+        h = first_length(laws, setting, n, t0, old, p, last, work, new)
+    while True:
+        t = t0 + h
+        if t > stop - ULPS * abs(stop):
+            t = stop
+        tried = t - t0
+        error = attempt(laws, setting, n, t0, old, tried, p, last, work, new)
+        h_next = next_length(setting, tried, error)
+        if error <= 1.0 and cuts < MOST_CUTS:
+            share = share_of(laws, setting, n, t0, t, old, p, work, new)
+            if share < 1.0:
+                h, cuts, uncut = share * tried, cuts + 1, max(uncut, tried)
+                continue
+        if error <= 1.0 or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
+            break
+        h, tries = h_next, tries + 1
+    if t == stop and h_next < h:
+        h_next = h
+    if tries > 0:
+        h_next = min(h_next, tried)
+    clock[NEXT] = max(h_next, uncut)
+    count[REJECTED] += tries + cuts
+    count[CUT] += cuts
+    return t, FINE if error <= 1.0 else STEP_UNDERFLOW
+
+
+@helper
+def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, new, series):
+    """As advance_adaptive, along the Taylor series at the end of the last step."""
+    t0, tries, cuts, kept = clock[T1], 0, 0, False
+    start = variables(laws[BEGIN], sizes, n, t0, old, p, series)
+    call_law(laws[EXPAND], t0, start, p, series)
+    own = laws[BEGIN] != 0
+    h = longest(own, sizes, setting[TOLERANCE], setting[LARGEST], n, start, series, work)
+    t, least = t0, 4.0 * ULPS * max(abs(t0), 1e-3)
+    while h > 0.0:
+        t = t0 + h
+        if t > stop - ULPS * abs(stop):
+            t = stop
+        tried = t - t0
+        free = before_events(sizes, tried, series)
+        if free < tried and tried > least:
+            h = max(free, tried / LOOKS)
+        else:
+            evaluate(laws[ADD], sizes, tried, series, part(work, DY * n))
+            kept = agrees(own, laws[SLOPE], setting[TOLERANCE], sizes, n, t, tried, start, p, work)
+            share = 1.0
+            if tries < MOST_CUTS:
+                share = share_of(laws, setting, n, t0, t, old, p, work, new)
+            if (kept and not share < 1.0) or not tried > least:
+                break
+            cuts += 1 if share < 1.0 else 0
+            h = share * tried if share < 1.0 else 0.5 * tried
+        tries += 1
+    of_coordinates(laws[COORDINATES], sizes, n, t0, p, series, work)
+    clock[NEXT] = h
+    count[REJECTED] += tries
+    count[CUT] += cuts
+    return t, FINE if kept else STEP_UNDERFLOW
+
+
+@helper
+def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series):
+    """One more step of adaptive length, not beyond `stop`; returns a status."""
+    row = 2 * n + EXTRA
+    old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
+    if laws[EXPAND]:
+        t, status = advance_series(
+            laws, setting, sizes, n, clock, count, p, stop, work, old, new, series
+        )
+    else:
+        t, status = advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new)
+    if status != FINE and laws[EXPAND]:
+        return status
+    finish(laws, setting, n, t, old, p, work, new)
+    clock[T0], clock[T1] = clock[T1], t
+    count[TAKEN] += 1
+    count[END] = 1 - count[END]
+    return ended(laws, setting, n, t, new, p, last, work, status)
+
+
+# The loop that Python calls: carry a state over a grid of steps and sample on the way.
+#
+# The grid of steps does not depend on when samples are taken.  A sample between two grid points is
+# one more step of the method from the grid point before it, so it has the method's full order and
+# costs nothing where no sample is asked for; a run split in two equals the run in one, bit for bit.
+
+
+@helper
+def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work, series):
+    """One more step of the grid, or several; returns a status."""
+    if setting[TOLERANCE] == 0.0:
+        return stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
+    return advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series)
+
+
+@helper
+def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series):
+    """The row NOW becomes the state at t, with t0 <= t <= t1; returns it."""
+    row, slack = 2 * n + EXTRA, ULPS * abs(t)
+    old, new = part(state, (1 - count[END]) * row), part(state, count[END] * row)
+    now = part(state, NOW * row)
+    if t >= clock[T1] - slack:
+        copy(n, now, new)
+    elif t <= clock[T0] + slack:
+        copy(n, now, old)
+    else:
+        if laws[EXPAND]:
+            evaluate(laws[ADD], sizes, t - clock[T0], series, part(work, DY * n))
+            of_coordinates(laws[COORDINATES], sizes, n, clock[T0], p, series, work)
+        else:
+            attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
+        finish(laws, setting, n, t, old, p, work, now)
+    return now
+
+
+@for_python
+def record_into(places):
+    """See `record`; returns the status.
+
+    All comes by one address, since each argument costs where Python calls. And everything goes on
+    as a pointer: an array or a tuple goes from function to function number by number, which would
+    cost more than a step of a small law.
+    """
+    n, last = places[COORDINATE_COUNT], places[INPUT_COUNT] - 1
+    laws, setting = integers_to(places, LAWS_AT), pointer_to(places, SETTING_AT)
+    sizes, clock = integers_to(places, SIZES_AT), pointer_to(places, CLOCK_AT)
+    taken, state = integers_to(places, COUNT_AT), pointer_to(places, STATE_AT)
+    p, work = pointer_to(places, INPUTS_AT), pointer_to(places, WORK_AT)
+    series, out = pointer_to(places, SERIES_AT), pointer_to(places, ROWS_AT)
+    call, width = pointer_to(places, CALL_AT), places[WIDTH]
+    stop, reached, most = call[0], 0, taken[TAKEN] + PIECE_STEPS
+    for i in range(places[COUNT]):
+        t = call[FIRST_TIME + i]
+        until = t - ULPS * abs(t)
+        while clock[T1] < until:
+            if taken[TAKEN] >= most:
+                places[REACHED] = reached
+                return UNFINISHED
+            status = go_on(
+                laws, setting, sizes, n, clock, taken, state, p, last, until, most, stop, work,
+                series,
+            )  # fmt: skip
+            if status != FINE:
+                places[REACHED] = reached
+                return status
+        now = move_to(laws, setting, sizes, n, clock, taken, state, t, p, last, work, series)
+        if width > 0:
+            call_law(laws[SAMPLE], t, now, p, part(out, i * width))
+            residual = out[(i + 1) * width - 1]
+            if not residual <= call[WORST] and call[WORST] == call[WORST]:
+                call[WORST] = residual
+        reached += 1
+    places[REACHED] = reached
+    return FINE
+
+
+ONE_TIME = struct.Struct("=qdd")
+"""What stands at COUNT and CALL in a call for one time."""
+
+
+class Places:
+    """The arguments of `record_into`: addresses of the arrays that stay, and numbers.
+
+    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row,
+    0 where nothing is sampled.
+    """
+
+    def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
+        self.rows = np.zeros((ROOM, width))
+        room = np.zeros(CALL + WORST + 1)
+        self.call = room[CALL:]
+        plain = interpreted()
+        found = [a if plain else where(a) for a in (*arrays, self.rows, self.call)]
+        numbers = [*found, coordinates, inputs, width, 0, 0]
+        self.numbers: Any = numbers if plain else room.view(np.int64)
+        self.numbers[:CALL] = numbers
+        self.at = numbers if plain else where(room)
+        told = memoryview(room.data).cast("B")[COUNT * room.itemsize :]
+        self._one = None if plain else partial(ONE_TIME.pack_into, told, 0)
+        """For one time, which is asked for often: half the time of a call."""
+
+    def take_worst(self) -> float:
+        """The worst residual of the samples since this was last asked for; nan if one is."""
+        worst, self.call[WORST] = float(self.call[WORST]), 0.0
+        return worst
+
+    def tell(self, times: Any, stop: float) -> None:
+        """Say for which times the next call is."""
+        count = len(times)
+        if self._one is not None and count == 1:
+            self._one(1, stop, times[0])
+            return
+        self.numbers[COUNT] = count
+        self.call[0] = stop
+        self.call[FIRST_TIME : FIRST_TIME + count] = times
+
+
+def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]:
+    """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
+
+    Nothing is sampled where `out` is None; the places were made with a width of 0 then.  The last
+    of the inputs is the length of a step that is one law.  At SIZES_AT and SERIES_AT: sizes of a
+    Taylor series, see `integrate.taylor_steps`, and its room, which is kept from call to call.
+    Returns (status, number of times reached).
+    """
+    first, count, status = 0, len(times), FINE
+    while first < count and status == FINE:
+        some = times if count <= ROOM else times[first : first + ROOM]
+        places.tell(some, stop)
+        status = record_into(places.at)
+        done = len(some) if status == FINE else int(places.numbers[REACHED])
+        if out is not None:
+            out[first : first + done] = places.rows[:done]
+        first += done
+    return status, first

@@ -1,0 +1,49 @@
+"""The classical Runge-Kutta method of order 4 (Kutta 1901); its step is `integrate.methods.rk4`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rb_sim.integrate.layout import AT, SLOPES
+from rb_sim.numerics.kernels import call_law, part, step
+
+# The classical Runge-Kutta method of order 4 (Kutta 1901).
+
+
+@step(4)
+def rk4(law, jacobian, n, t, y, h, p, dy, work):
+    at = part(work, AT * n)
+    k1, k2 = part(work, SLOPES * n), part(work, (SLOPES + 1) * n)
+    k3, k4 = part(work, (SLOPES + 2) * n), part(work, (SLOPES + 3) * n)
+    half, sixth = 0.5 * h, h / 6.0
+    call_law(law, t, y, p, k1)
+    for i in range(n):
+        at[i] = y[i] + half * k1[i]
+    call_law(law, t + half, at, p, k2)
+    for i in range(n):
+        at[i] = y[i] + half * k2[i]
+    call_law(law, t + half, at, p, k3)
+    for i in range(n):
+        at[i] = y[i] + h * k3[i]
+    call_law(law, t + h, at, p, k4)
+    for i in range(n):
+        dy[i] = sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+    return 0.0
+
+
+@rk4.on_tuples
+def rk4_traced(rate, t, y, h, velocities):
+    half = 0.5 * h
+    k1 = rate(t, y)
+    k2 = rate(t + half, tuple(a + half * k for a, k in zip(y, k1, strict=True)))
+    k3 = rate(t + half, tuple(a + half * k for a, k in zip(y, k2, strict=True)))
+    k4 = rate(t + h, tuple(a + h * k for a, k in zip(y, k3, strict=True)))
+    sixth = h / 6.0
+    slopes = zip(k1, k2, k3, k4, strict=True)
+    return tuple(sixth * (a + 2.0 * (b + c) + d) for a, b, c, d in slopes), 0.0
+
+
+class Rk4(NamedTuple):
+    """Fixed step [s]."""
+
+    step: float

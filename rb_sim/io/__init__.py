@@ -1,0 +1,1 @@
+"""Where samples go and come from: messages, bags, plots, Rerun recordings."""

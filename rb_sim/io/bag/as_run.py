@@ -1,0 +1,76 @@
+"""The scene of a bag as it was run, and with other values in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene
+
+OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial", "impacts")
+
+
+def scene_as_run(
+    reader: BagReader, changes: Sequence[str] = (), overrides: Mapping[str, Any] | None = None
+) -> Scene:
+    """The scene with the options of that run; where `auto` chose a method, with its choice.
+
+    changes: texts KEY=VALUE that replace values of the scene; overrides: as of load_scene.
+    Raises SceneError, RbSimError.
+    """
+    recorded = reader.scene
+    data = yaml_reader.parse(recorded.text, recorded.name)
+    options = {k: v for k, v in vars(recorded.simulation).items() if k in OPTIONS and v is not None}
+    given = {key: value for key, value in (overrides or {}).items() if value is not None}
+    summary = reader.summary
+    choice = (summary or {}).get("choice")
+    if choice and options.get("method") == "auto":
+        options |= {"method": choice["method"], "step": None, "tolerance": None}
+        options |= {k: choice[k] for k in ("step", "tolerance") if choice.get(k)}
+        options = {key: value for key, value in options.items() if value is not None}
+    data = {**data, "simulation": options}
+    for change in changes:
+        data = with_value(data, change)
+    return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
+
+
+def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
+    """The data of a scene with one value replaced. change: "effects.weight.acceleration=[0,0,-1]".
+
+    Raises RbSimError for a text that is no KEY=VALUE, and a key whose section does not exist.
+    """
+    key, equals, text = change.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names) or len(names) < 2:
+        raise RbSimError(f"--set {change}: must be KEY=VALUE, as effects.weight.acceleration=9.8")
+    try:
+        value = yaml_reader.parse(f"value: {text}", "--set")["value"]
+    except SceneError as error:
+        raise RbSimError(f"--set {change}: {error.message}") from None
+    copy: dict[str, Any] = dict(data)
+    at: Any = copy
+    for name in names[:-1]:
+        if not isinstance(at, dict) or name not in at or not isinstance(at[name], (dict, list)):
+            allowed = ", ".join(map(str, at)) if isinstance(at, dict) else "a mapping"
+            raise RbSimError(f"--set {key}: there is no {name!r}; must be one of: {allowed}")
+        at[name] = dict(at[name]) if isinstance(at[name], dict) else list(at[name])
+        at = at[name]
+    if isinstance(at, list):
+        raise RbSimError(f"--set {key}: {names[-2]} is a list; give all of it")
+    at[names[-1]] = value
+    return copy
+
+
+def value_at(data: Mapping[str, Any], key: str) -> Any:
+    """The value that a dotted key names. Raises RbSimError where there is none."""
+    at: Any = data
+    for name in key.split("."):
+        if not isinstance(at, Mapping) or name not in at:
+            allowed = ", ".join(map(str, at)) if isinstance(at, Mapping) else "a number"
+            raise RbSimError(f"{key}: there is no {name!r}; must be one of: {allowed}")
+        at = at[name]
+    return at

@@ -1,0 +1,416 @@
+"""Reads a bag that rb_sim recorded back into samples.
+
+What the topics give for the body origin is turned back to the centre of mass; momenta follow from
+the state. All numbers are those recorded, to round-off; times to half a nanosecond.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.records import Channel
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.checked_records import Missing
+from rb_sim.io.bag.records import bag_paths, is_complete, metadata_names, read_metadata, unlisted
+from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
+from rb_sim.io.frames import centers_of_mass, conjugate, cross, rotate
+from rb_sim.io.messages.cdr import NANO
+from rb_sim.io.messages.input_messages import InputTable
+from rb_sim.io.messages.topic_names import CONTACT_WORK, TF, reaction_topic, state_topic
+from rb_sim.io.messages.topics import Topic, TopicTable, read_event
+from rb_sim.io.sink import split_at
+from rb_sim.mechanics.samples import (
+    Array,
+    ContactEvent,
+    Input,
+    SampleBlock,
+    SampleLayout,
+    concatenate,
+)
+
+# From the messages of a bag to whole samples: what belongs to one instant is put together.
+
+
+class Rows(NamedTuple):
+    """n whole samples as the bytes of their messages."""
+
+    number: np.ndarray
+    """of each sample, increasing, shape (n,)."""
+    data: dict[str, np.ndarray]
+    """by topic as in TopicTable: uint8, shape (n, length)."""
+    events: list[tuple[int, bytes]]
+    """number of the sample that an event comes before, and its message."""
+    inputs: list[tuple[int, Input]]
+    """likewise, read; Input.index counts among these samples."""
+
+    def read_events(self) -> tuple[ContactEvent, ...]:
+        """The events. Raises ValueError for a message that is none."""
+        return tuple(ContactEvent(*read_event(data)) for _, data in self.events)  # type: ignore[arg-type]
+
+
+class RowReader:
+    """Puts the messages of one sample together; they have the sample's number in common."""
+
+    def __init__(self, table: TopicTable, namespace: str, layout: SampleLayout) -> None:
+        self._topics = table.topics
+        self._index = {topic.full_name(namespace): i for i, topic in enumerate(table.topics)}
+        event = table.event_topic
+        self._event_topic = "" if event is None else f"{namespace}/{event[0]}"
+        self._waiting: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in table.topics]
+        self._events: list[tuple[int, bytes]] = []
+        self._inputs: list[tuple[int, Input]] = []
+        self._input_table = InputTable(layout)
+        topics = self._input_table.topics
+        self._input_topics = {f"{namespace}/{name}": i for i, (name, _) in enumerate(topics)}
+
+    def read(self, paths: list[Path], missing: list[Missing]) -> Iterator[Rows]:
+        """The samples of the files; what could not be read comes into `missing`.
+
+        Raises ValueError for a message that is not as recorded, SinkError as BagScan does.
+        """
+        for path in paths:
+            scan = BagScan(path)
+            for batch in scan.batches():
+                rows = self._add(batch, scan.channels)
+                if rows is not None:
+                    yield rows
+            if scan.missing.damages:
+                missing.append(scan.missing)
+
+    def _add(self, batch: Batch, channels: Mapping[int, Channel]) -> Rows | None:
+        inputs: list[tuple[int, int, Input]] = []
+        for number, messages in batch.items():
+            topic = channels[number].topic
+            if topic in self._index:
+                i = self._index[topic]
+                rows = messages.rows(self._topics[i].codec.length)
+                self._waiting[i].append((messages.sequence, rows))
+            elif topic == self._event_topic:
+                numbers = messages.sequence.tolist()
+                self._events += [(k, messages.data(i)) for i, k in enumerate(numbers)]
+            elif topic in self._input_topics:
+                inputs += self._read_inputs(self._input_topics[topic], messages)
+        # a reset and commands at one instant stand in the file in their order
+        self._inputs += [(k, given) for _, k, given in sorted(inputs, key=lambda entry: entry[0])]
+        return self._whole()
+
+    def _read_inputs(self, topic: int, messages: Messages) -> Iterator[tuple[int, int, Input]]:
+        for i, (start, k) in enumerate(
+            zip(messages.start.tolist(), messages.sequence.tolist(), strict=True)
+        ):
+            yield start, k, self._input_table.read(topic, messages.data(i), 0)
+
+    def _whole(self) -> Rows | None:
+        """The samples of which every message is there; the rest waits."""
+        if not all(self._waiting):
+            return None
+        joined = [
+            (np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
+            for parts in self._waiting
+        ]
+        if (common := _alike([number for number, _ in joined])) is not None:
+            return self._cut(common, {
+                topic.name: rows[: len(common)]
+                for topic, (_, rows) in zip(self._topics, joined, strict=True)
+            }, joined)  # fmt: skip
+        common = reduce(np.intersect1d, [number for number, _ in joined])
+        if not len(common):
+            return None
+        data = {}
+        for topic, (number, rows) in zip(self._topics, joined, strict=True):
+            number, first = np.unique(number, return_index=True)
+            data[topic.name] = rows[first[np.isin(number, common, assume_unique=True)]]
+        return self._cut(common, data, joined)
+
+    def _cut(
+        self,
+        common: np.ndarray,
+        data: dict[str, np.ndarray],
+        joined: list[tuple[np.ndarray, np.ndarray]],
+    ) -> Rows:
+        """The samples `common`, and what came before them; what is later waits."""
+        last = int(common[-1])
+        self._waiting = [
+            [(number[later], rows[later])] if (later := number > last).any() else []
+            for number, rows in joined
+        ]
+        events = [(k, event) for k, event in self._events if k <= last]
+        self._events = [(k, event) for k, event in self._events if k > last]
+        inputs = [
+            (k, given._replace(index=int(np.searchsorted(common, k))))
+            for k, given in self._inputs
+            if k <= last
+        ]
+        self._inputs = [(k, given) for k, given in self._inputs if k > last]
+        return Rows(common, data, events, inputs)
+
+
+def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
+    """The numbers up to the least of the last ones, where all have the same and in order."""
+    last = min(int(number[-1]) for number in numbers)
+    first = numbers[0]
+    count = int(np.count_nonzero(first <= last))
+    if not count or not (first[1:] > first[:-1]).all():
+        return None
+    common = first[:count]
+    same = all(
+        np.array_equal(number[:count], common) and (number[count:] > last).all()
+        for number in numbers
+    )
+    return common if same else None
+
+
+UNREADABLE = "damaged: the record of what was simulated cannot be read"
+BLOCK = 4096
+"""Samples that are read at a time."""
+
+
+class RecordedBody(NamedTuple):
+    """What a bag tells of a body. Units and frames as in a scene."""
+
+    mass: float
+    inertia: Array
+    center_of_mass: Array
+    shape: Any | None
+
+
+@dataclass(frozen=True)
+class RecordedScene:
+    """What a bag tells of its scene: enough for every sink."""
+
+    name: str
+    description: str
+    text: str
+    bodies: dict[str, RecordedBody]
+    constraints: dict[str, Any]
+    """contacts only: type, body, parent, surface."""
+    simulation: Any
+
+
+class BagReader:
+    """A recorded bag: `scene`, `layout`, `namespace`, `start` [ns], and its samples in blocks.
+
+    bag: directory or .mcap file. unfinished: read also one that was never finished.
+    missing: after `blocks`, what could not be read of each file that is not whole.
+    Raises SinkError with one clear line: missing, no MCAP, unfinished, not recorded by rb_sim.
+    """
+
+    def __init__(self, bag: Path, *, unfinished: bool = False) -> None:
+        self.paths = bag_paths(Path(bag))
+        self.path = self.paths[0]
+        self.unlisted = unlisted(Path(bag))
+        """a line for files of the folder that are not read."""
+        self.missing: list[Missing] = []
+        self._broken_summary: list[str] = []
+        record = _first_record(self.path)
+        if record is None:
+            raise SinkError(f"{self.path}: not recorded by rb_sim")
+        if record["format"] not in READABLE:
+            raise SinkError(
+                f"{self.path}: its records have format {record['format']}; "
+                f"this version of rb_sim reads format {' and '.join(READABLE)}"
+            )
+        if not unfinished and not all(is_complete(path) for path in self.paths):
+            raise SinkError(f"{self.path}: unfinished; first run: rb_sim recover {bag}")
+        self.record = record
+        self.scene, self.layout = _described(record, self.path)
+        self._table = TopicTable(self.scene, self.layout)  # type: ignore[arg-type]  # has what it reads
+        self.namespace = record["namespace"]
+        self.start = int(record["start"])
+
+    @property
+    def summary(self) -> dict[str, Any] | None:
+        """Summary of the run, if it had come to one and is whole; `damage` tells if it is not."""
+        try:
+            return summary_in(metadata_of(self.paths[-1], SUMMARY_RECORD))
+        except ValueError as error:
+            self._broken_summary = [f"{self.paths[-1]}: {error}"]
+            return None
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of a sample; the last one is the clock."""
+        return self._table.topics
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How the simulation was run: `by` and the settings of that program; {} if not told."""
+        return json.loads(self.record.get("run", "{}"))
+
+    @property
+    def damage(self) -> list[str]:
+        """Lines that say what was missing in what `blocks` has read."""
+        lines = [line for missing in self.missing for line in missing.lines()]
+        return lines + self._broken_summary
+
+    @property
+    def left_out(self) -> list[str]:
+        """Lines that say what of the folder `blocks` has not read: other files, and `damage`."""
+        return self.unlisted + self.damage
+
+    def blocks(self, size: int = BLOCK) -> Iterator[SampleBlock]:
+        """The whole samples in time order, `size` at a time."""
+        waiting: list[SampleBlock] = []
+        count = 0
+        for block in self._parts():
+            waiting.append(block)
+            count += len(block)
+            while count >= size:
+                joined = concatenate(waiting, self.layout)
+                whole, rest = split_at(joined, size)
+                waiting, count = [rest], len(rest)
+                yield whole
+        if count or any(block.events for block in waiting):
+            yield concatenate(waiting, self.layout)
+
+    @property
+    def clock(self) -> Topic:
+        """The topic whose stamps are the samples' [ns]."""
+        return self._table.topics[-1]
+
+    def rows(self) -> Iterator[Rows]:
+        """The whole samples as the bytes of their messages."""
+        reader = RowReader(self._table, self.namespace, self.layout)
+        self.missing = []
+        try:
+            yield from reader.read(self.paths, self.missing)
+        except ValueError as error:
+            raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
+
+    def _parts(self) -> Iterator[SampleBlock]:
+        """The samples as they come out of the chunks."""
+        center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
+        clock = self.clock
+        for rows in self.rows():
+            columns = {t.name: t.codec.unpack_rows(rows.data[t.name]) for t in self._table.topics}
+            t = clock.codec.unpack_stamps(rows.data[clock.name]) / NANO
+            try:
+                events = rows.read_events()
+            except ValueError as error:
+                raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
+            block = _block(t, columns, self.scene, self.layout, center_of_mass)
+            yield replace(block, events=events, inputs=tuple(given for _, given in rows.inputs))
+
+
+def metadata_of(path: Path, name: str) -> dict[str, str] | None:
+    """The values of the metadata record called `name`, the last one; None if there is none."""
+    found = None
+    for record in read_metadata(path):
+        if record.name == name:
+            found = record.metadata
+    return found
+
+
+def _first_record(path: Path) -> dict[str, str] | None:
+    """What rb_sim writes before the first message; None in a bag of somebody else.
+
+    Raises SinkError if it is broken.
+    """
+    found = metadata_of(path, RECORD)
+    if found is None:
+        if RECORD in metadata_names(path):
+            raise SinkError(f"{path}: {UNREADABLE}")
+        return None
+    if any(key not in found for key in REQUIRED) or found.get("sha256", "") not in (
+        "",
+        checksum(found),
+    ):
+        raise SinkError(f"{path}: damaged: the record of what was simulated is not as written")
+    return found
+
+
+def _described(record: dict[str, str], path: Path) -> tuple[RecordedScene, SampleLayout]:
+    try:
+        names = json.loads(record["layout"]).items()
+        return _scene(record), SampleLayout(**{key: tuple(value) for key, value in names})
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise SinkError(f"{path}: {UNREADABLE}") from None
+
+
+def _scene(record: dict[str, str]) -> RecordedScene:
+    bodies = {
+        name: RecordedBody(
+            mass=body["mass"],
+            inertia=np.array(body["inertia"]),
+            center_of_mass=np.array(body["center_of_mass"]),
+            shape=None if body["shape"] is None else SimpleNamespace(**body["shape"]),
+        )
+        for name, body in json.loads(record["bodies"]).items()
+    }
+    return RecordedScene(
+        name=record["name"],
+        description=record["description"],
+        text=record["scene"],
+        bodies=bodies,
+        constraints={
+            name: SimpleNamespace(
+                type="contact", **{**spec, "surface": SimpleNamespace(**spec["surface"])}
+            )
+            for name, spec in json.loads(record.get("contacts", "{}")).items()
+        },
+        simulation=SimpleNamespace(**json.loads(record["simulation"])),
+    )
+
+
+def _block(
+    t: Array,
+    columns: dict[str, Array],
+    scene: RecordedScene,
+    layout: SampleLayout,
+    center_of_mass: Array,
+) -> SampleBlock:
+    """Samples from the numbers of each topic, shape (n, size)."""
+    n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
+    pose = _stack([columns[f"{name}/pose"] for name in layout.bodies], n, 7)
+    twist = _stack([columns[f"{name}/twist"] for name in layout.bodies], n, 6)
+    wrench = _stack([columns[reaction_topic(name)] for name in layout.reactions], n, 6)
+    q, spin_W = pose[..., 3:], twist[..., 3:]
+    r_OC_W = rotate(q, center_of_mass)
+    position, velocity = pose[..., :3] + r_OC_W, twist[..., :3] + cross(spin_W, r_OC_W)
+    spin_B = rotate(conjugate(q), spin_W)
+    momentum, angular_momentum = _momenta(scene, layout, position, velocity, q, spin_B)
+    frames = columns[TF].reshape(n, -1, 7)
+    states = _stack([columns[state_topic(name)] for name in layout.contacts], n, 1)[..., 0]
+    return SampleBlock(
+        t=t,
+        position=position,
+        orientation=q,
+        linear_velocity=velocity,
+        angular_velocity=spin_B,
+        reaction_force=wrench[..., :3],
+        reaction_torque=wrench[..., 3:],
+        anchor=frames[:, bodies : bodies + reactions, :3],
+        command=_stack([columns[f"{name}/wrench_applied"] for name in layout.commanded], n, 6),
+        kinetic_energy=columns["energy/kinetic"][:, 0],
+        potential_energy=columns["energy/potential"][:, 0],
+        power=columns["power"][:, 0],
+        momentum=momentum,
+        angular_momentum=angular_momentum,
+        residual=columns["residual"][:, 0],
+        contact_work=columns[CONTACT_WORK][:, 0] if layout.contacts else np.zeros(n),
+        contact_state=states.astype(float),
+    )
+
+
+def _stack(parts: list[Array], n: int, size: int) -> Array:
+    """Shape (n, number of parts, size), for no parts too."""
+    return np.stack(parts, axis=1) if parts else np.empty((n, 0, size))
+
+
+def _momenta(
+    scene: RecordedScene, layout: SampleLayout, p: Array, v: Array, q: Array, w_B: Array
+) -> tuple[Array, Array]:
+    """P = sum m v,  L = sum p x m v + R I w, world axes, shape (n, 3) each."""
+    mass = np.array([scene.bodies[name].mass for name in layout.bodies])[:, None]
+    inertia = np.array([scene.bodies[name].inertia for name in layout.bodies])
+    spin = rotate(q, np.einsum("bij,nbj->nbi", inertia, w_B))
+    return (mass * v).sum(axis=1), (cross(p, mass * v) + spin).sum(axis=1)

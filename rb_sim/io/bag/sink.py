@@ -1,0 +1,383 @@
+"""Records samples into a ROS 2 bag (MCAP), with no ROS installed.
+
+The messages are those of `topics`; their stamps are simulated time. The bag also carries what it
+takes to read them back on their own (`bag_reader`): the metadata record `rb_sim` with the bodies,
+the layout, the options of the run, and the file scene.yaml; both stand before the first message.
+The summary follows in the record `rb_sim_summary` when the bag is closed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.io.bag.writer import Rows
+from rb_sim.io.contact_power import contacts_of
+from rb_sim.io.messages import cdr
+from rb_sim.io.messages.cdr import NANO, stamp_of
+from rb_sim.io.messages.input_messages import InputTable
+from rb_sim.io.messages.message_types import TYPE_HASHES, schema_text
+from rb_sim.io.messages.topic_names import NAMESPACE
+from rb_sim.io.messages.topics import AccelTable, Asked, SampleMessages, TopicTable, stamps_of
+from rb_sim.scene.load import as_run_text
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Input, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+# What a run depends on beside its scene: versions of programs, and the processor.
+
+
+PACKAGES = ("rb_sim", "numpy", "scipy", "llvmlite", "mcap")
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Version of each program that a result depends on; of ROS, its distribution if it is there."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    ros = os.environ.get("ROS_DISTRO") or _ros_of_wheels()
+    return found | ({"ros": ros} if ros else {})
+
+
+def _ros_of_wheels() -> str:
+    """The distribution of a rclpy that was installed from wheels, with its version."""
+    for name in ("ros-jazzy-rclpy", "ros-rclpy", "rclpy"):
+        try:
+            return f"rclpy {version(name)}"
+        except PackageNotFoundError:
+            continue
+    return ""
+
+
+@lru_cache(maxsize=1)
+def host() -> dict[str, str]:
+    """The processor and the system; nothing that names the machine or its user."""
+    return {"cpu": _cpu(), "machine": platform.machine(), "system": platform.system()}
+
+
+def _cpu() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor() or "unknown"
+    names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
+    return names[0] if names else platform.processor() or "unknown"
+
+
+# What a bag says of its scene and layout in the metadata record `rb_sim`.
+
+
+FORMAT = "1"
+"""Of the record; a reader refuses another one."""
+
+
+def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
+    """What a reader needs to know of scene and layout, each value JSON but for plain text."""
+    bodies = {
+        name: {
+            "mass": body.mass,
+            "inertia": body.inertia.tolist(),
+            "center_of_mass": list(body.center_of_mass),
+            "shape": None if body.shape is None else body.shape.model_dump(mode="json"),
+        }
+        for name, body in scene.bodies.items()
+    }
+    names = layout._asdict()
+    supports = describe_supports(scene)
+    if not supports:
+        del names["contacts"]
+    return {
+        "format": FORMAT,
+        "name": scene.name,
+        "description": scene.description,
+        "scene": scene.text,
+        "bodies": json.dumps(bodies),
+        "layout": json.dumps(names),
+        "simulation": json.dumps(scene.simulation.model_dump(mode="json")),
+        **({"contacts": json.dumps(supports)} if supports else {}),
+    }
+
+
+def describe_supports(scene: Scene) -> dict[str, Any]:
+    """Each contact's body, parent and surface."""
+    return {
+        name: {
+            "body": spec.body,
+            "parent": spec.parent,
+            "surface": spec.surface.model_dump(mode="json"),
+        }
+        for name, spec in contacts_of(scene).items()
+    }
+
+
+READABLE = ("1",)
+"""Formats that `bag_reader` reads."""
+
+REQUIRED = ("format", "name", "scene", "bodies", "layout", "simulation", "namespace", "start")
+"""Keys without which a bag cannot be read back."""
+
+RECORD = "rb_sim"
+SUMMARY_RECORD = "rb_sim_summary"
+LIBRARY = "rb_sim"
+
+MEASURED = frozenset(
+    ("nanoseconds_per_step", "processor_time", "wall_time", "real_time_factor", "overruns")
+)
+"""Entries of a summary that differ from run to run of the same input."""
+
+
+LEAST_SPLIT = 100_000
+"""Bytes of a file of a bag: a chunk is about as large."""
+
+
+class BagSink:
+    """Writes DIRECTORY/<its name>_0.mcap and DIRECTORY/metadata.yaml; replaces an older bag there.
+
+    start_ns: log time of simulated time 0 [ns]: 0, so that log times are simulated time, or the
+    wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
+    summary give equal bytes: how long anything took (MEASURED) is not recorded.
+    namespace: name of the node in the topic names.
+    accelerations: record BODY/accel, too.
+    run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
+    split_size [bytes], split_duration [s]: where either is reached, the next sample begins another
+    file, <its name>_1.mcap ..., which can be read on its own too; None: never.
+
+    `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
+    then and readable up to that point, by `rb_sim recover` if not even its index could be written.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        start_ns: int = 0,
+        namespace: str = NAMESPACE,
+        run: Mapping[str, Any] | None = None,
+        chunk_size: int = CHUNK_SIZE,
+        split_size: int | None = None,
+        split_duration: float | None = None,
+        accelerations: Asked | None = None,
+    ) -> None:
+        self.directory = Path(directory)
+        self._start = start_ns
+        self._namespace = namespace
+        self._run = dict(run or {}) | ({"accelerations": True} if accelerations else {})
+        self._chunk_size = chunk_size
+        self._split_size = float("inf") if split_size is None else split_size
+        self._split_after = float("inf") if split_duration is None else NANO * split_duration
+        self._splits = split_size is not None or split_duration is not None
+        self._file: BagFile | None = None
+        self._channels: list[int] = []
+        self._events: int | None = None
+        self._asked = accelerations
+        self._accel: AccelTable | None = None
+        self._inputs: dict[int, int] = {}
+        self._sample = 0
+        self._base = 0
+        self._last_stamp = 0
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the file and record the scene in it."""
+        self._table = TopicTable(scene, layout)
+        self._accel = self._asked and AccelTable(scene, layout, self._asked)
+        start = self._base = self._start
+        try:
+            self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
+            record = describe(scene, layout) | {"namespace": self._namespace, "start": str(start)}
+            record |= {"run": json.dumps(self._run), "versions": json.dumps(versions())}
+            record |= {"host": json.dumps(host())}
+            self._record = record | {"sha256": checksum(record)}
+            texts = {"scene.yaml": scene.text, "scene_as_run.yaml": as_run_text(scene)}
+            self._texts = {name: text.encode() for name, text in texts.items()}
+            self._describe(self._file)
+        except BlockingIOError:
+            raise SinkError(f"{mcap_path(self.directory)}: another process is writing it") from None
+        except OSError as error:
+            self._drop()
+            raise SinkError(f"{self.directory}: cannot record here: {error.strerror}") from None
+        self._channels = [
+            self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
+            for topic in self._table.topics
+        ]
+        for name, ros_type in [] if self._accel is None else self._accel.topics:
+            channel = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+            self._channels.append(channel)
+        self._input_table = InputTable(layout)
+        if self._table.event_topic is not None:
+            name, ros_type = self._table.event_topic
+            self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+
+    def _describe(self, file: BagFile) -> None:
+        """What a reader needs before the first message."""
+        file.add_metadata(RECORD, self._record)
+        for name, text in self._texts.items():
+            file.add_attachment(name, "application/yaml", text, self._start)
+
+    def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
+        """The file for a sample: another one if this one is large or long enough."""
+        if file.first is None:
+            return file
+        time = self._base + max(instant.stamp, self._last_stamp)
+        if file.stream.tell() < self._split_size and time - file.first < self._split_after:
+            return file
+        after = file.follow()
+        self._file = after
+        self._describe(after)
+        return after
+
+    def _add_channel(self, file: BagFile, name: str, ros_type: str) -> int:
+        return file.add_channel(
+            name, ros_type, schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
+        )
+
+    def write(self, block: SampleBlock) -> None:
+        """Append the samples of `block`; an empty one only sees that what waits is kept."""
+        if self._file is None:
+            raise SinkError(f"{self.directory}: the bag is closed")
+        if self._file.stream.vanished:
+            self._drop()
+            raise SinkError(f"{self.directory}: the bag was removed while it was written")
+        try:
+            if self._is_plain(block):
+                self._write_plain(self._file, block)
+            elif len(block):
+                self._write_one_by_one(self._file, block)
+            self._file.keep()
+        except OSError as error:
+            path = self._file.path
+            self._drop()
+            raise SinkError(
+                f"{path}: {error.strerror}; recording stopped; "
+                f"read it with: rb_sim recover {self.directory}"
+            ) from None
+        if self._file.stream.full:
+            self._finish_full()
+
+    def _is_plain(self, block: SampleBlock) -> bool:
+        """Whether nothing but the topics of the table goes into one file, in the order of time."""
+        more = block.events or block.inputs or self._asked or self._splits or not len(block)
+        stamps = stamps_of(block)
+        return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
+
+    def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
+        """The samples, about a chunk's worth at a time, until the disk is full."""
+        stamps, rows, bounds = self._table.packed(block)
+        some = max(1, self._chunk_size // max(1, rows.shape[1]))
+        for first in range(0, len(rows), some):
+            part = slice(first, first + some)
+            times = self._base + stamps[part]
+            file.write_rows(self._channels, times, self._sample, Rows(rows[part], bounds))
+            self._sample += len(times)
+            self._last_stamp = int(stamps[part][-1])
+            if file.stream.full:
+                return
+
+    def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
+        inputs = list(block.inputs)
+        more = None if self._accel is None else self._accel.messages(block)
+        for k, instant in enumerate(self._table.messages(block)):
+            file = self._split_before(file, instant)
+            while inputs and inputs[0].index <= k:
+                self._write_input(file, inputs.pop(0))
+            if more is not None:
+                instant.messages.extend(more[k])
+            self._write_sample(file, instant)
+            if file.stream.full:
+                return
+
+    def _write_input(self, file: BagFile, given: Input) -> None:
+        topic, data = self._input_table.message(given)
+        log_time = max(self._base + stamp_of(given.t), self._base + self._last_stamp)
+        if topic not in self._inputs:  # most runs have none: no empty topics then
+            name, ros_type = self._input_table.topics[topic]
+            channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
+            self._inputs[topic] = channel
+        file.write(self._inputs[topic], log_time, self._sample, data)
+
+    def _write_sample(self, file: BagFile, instant: SampleMessages) -> None:
+        stamp = instant.stamp
+        if stamp < self._last_stamp:  # the simulation was reset: the log goes on from here
+            self._base += self._last_stamp - stamp
+        self._last_stamp = stamp
+        log_time = self._base + stamp
+        for data in instant.events:
+            own_time = self._base + min(cdr.read_diagnostic(data)[0], stamp)
+            file.write(self._events, own_time, self._sample, data)  # type: ignore[arg-type]
+        file.write_all(self._channels, log_time, self._sample, instant.messages)
+        self._sample += 1
+
+    def _finish_full(self) -> None:
+        self.close(None)
+        upto = self._last_stamp * 1e-9
+        raise SinkError(f"{self.directory}: disk full; the bag holds what was before t = {upto:g}")
+
+    def _drop(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            file.abandon()
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Write the summary, the index and metadata.yaml. Raises SinkError if the disk is full."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        if file.stream.vanished:
+            file.abandon()
+            return
+        try:
+            if summary is not None:
+                told = {key: value for key, value in summary.items() if key not in MEASURED}
+                text = json.dumps(told, sort_keys=True, default=_plain)
+                record = {"summary": text}
+                file.add_metadata(SUMMARY_RECORD, record | {"sha256": checksum(record)})
+            file.finish()
+        except OSError as error:
+            raise SinkError(
+                f"{file.path}: {error.strerror}; the bag has no index; "
+                f"read it with: rb_sim recover {self.directory}"
+            ) from None
+
+
+def checksum(record: Mapping[str, str]) -> str:
+    """SHA-256 of the other values of a record: MCAP has no checksum for metadata."""
+    text = json.dumps(
+        {key: value for key, value in record.items() if key != "sha256"}, sort_keys=True
+    )
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A number or array of numpy as JSON can write it; anything else as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+BROKEN_SUMMARY = "the record of the run's summary is broken; it is left out"
+
+
+def summary_in(record: Mapping[str, str] | None) -> dict[str, Any] | None:
+    """The summary of a run in its record; None where there is none. Raises ValueError: broken."""
+    if record is None:
+        return None
+    if "sha256" in record and record["sha256"] != checksum(record):
+        raise ValueError(BROKEN_SUMMARY)
+    try:
+        return json.loads(record["summary"])
+    except (KeyError, ValueError):
+        raise ValueError(BROKEN_SUMMARY) from None

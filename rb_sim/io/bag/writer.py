@@ -1,0 +1,318 @@
+"""Writes an MCAP file, the same bytes as the package mcap does, at a fifth of the time per message.
+
+A node writes ten messages and more per sample, and that package builds each field by field. The
+records that are few are its own.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+# Messages as records of an MCAP file: one, or those of many samples without Python for each.
+
+
+MESSAGE = struct.Struct("<BQHIQQ")
+"""Opcode, length, channel, sequence, log time, publish time; the data follow."""
+HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+"""The same for numpy."""
+OPCODE = int(Opcode.MESSAGE)
+OWN = MESSAGE.size - 9
+"""Bytes of a message's content before its data."""
+
+
+class Rows(NamedTuple):
+    """Messages of many samples, those of one in a row."""
+
+    data: NDArray[np.uint8]
+    """shape (n, size)."""
+    bounds: Sequence[tuple[int, int]]
+    """where in a row each message begins and ends."""
+
+    def records(self, channels: Sequence[int], times: NDArray[Any], sequence: int) -> Rows:
+        """The messages as records of the file. times: [ns], shape (n,); numbers count up."""
+        n = len(times)
+        sizes = [end - start for start, end in self.bounds]
+        ends = np.cumsum([MESSAGE.size + size for size in sizes]).tolist()
+        bounds = [*zip([0, *ends[:-1]], ends, strict=True)]
+        heads = np.empty((n, len(channels)), HEAD)
+        heads["opcode"], heads["length"], heads["channel"] = OPCODE, np.add(sizes, OWN), channels
+        heads["sequence"] = (sequence + np.arange(n))[:, None] & 0xFFFFFFFF
+        heads["log_time"] = heads["publish_time"] = times[:, None]
+        front = heads.view(np.uint8).reshape(n, len(channels), MESSAGE.size)
+        out = np.empty((n, ends[-1]), np.uint8)
+        for j, ((start, end), (a, b)) in enumerate(zip(bounds, self.bounds, strict=True)):
+            out[:, start : start + MESSAGE.size] = front[:, j]
+            out[:, start + MESSAGE.size : end] = self.data[:, a:b]
+        return Rows(out, bounds)
+
+
+_ENTRY = struct.Struct("<QQ")
+"""Of a chunk's index: log time [ns] and offset of a message."""
+_INDEX = struct.Struct("<BQHI")
+"""Opcode, length, channel, bytes of entries; pairs of log time and offset follow."""
+_FOOTER = struct.Struct("<BQQQ")
+"""Of a footer, what its checksum covers."""
+
+
+class Sink(Protocol):
+    """Where the file goes."""
+
+    def write(self, data: bytes, /) -> int:
+        """Append all of it, or raise OSError."""
+        ...
+
+    def tell(self) -> int:
+        """Bytes written."""
+        ...
+
+
+class _Chunk:
+    """The chunk that is open: its records, and where the messages of each channel are in it."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.index: dict[int, bytearray] = {}
+        """by channel: _ENTRY of each message, one behind the other."""
+
+    def times(self) -> tuple[int, int]:
+        """Earliest and latest log time [ns]."""
+        times = np.concatenate([np.frombuffer(e, "<u8")[0::2] for e in self.index.values()])
+        return int(times.min()), int(times.max())
+
+
+class McapWriter:
+    """Writes a chunked file, compressed by zstd, with all its indices. chunk_size: [bytes]."""
+
+    def __init__(self, sink: Sink, chunk_size: int) -> None:
+        self._sink, self._chunk_size = sink, chunk_size
+        self._chunk = _Chunk()
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        """messages in finished chunks, by channel."""
+        self._span: tuple[int, int] | None = None
+        """earliest and latest log time in finished chunks [ns]."""
+
+    def start(self, profile: str, library: str) -> None:
+        """Begin the file."""
+        self._sink.write(MCAP0_MAGIC)
+        self._sink.write(_bytes([Header(profile, library)]))
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """A new schema; its number."""
+        number = len(self._schemas) + 1
+        self._schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
+        self._put(self._schemas[-1])
+        return number
+
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str]
+    ) -> int:
+        """A new channel; its number."""
+        number = len(self._channels) + 1
+        self._channels.append(Channel(number, topic, message_encoding, metadata, schema_id))
+        self._put(self._channels[-1])
+        return number
+
+    def add_messages(
+        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
+    ) -> bool:
+        """A message on each of the channels, logged and published at `time` [ns], all with the
+        same number; whether a chunk ended by it."""
+        begun = chunk = self._chunk
+        content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, _ENTRY.pack
+        for channel, data in zip(channels, messages, strict=True):
+            entries = index.get(channel)
+            if entries is None:
+                entries = index[channel] = bytearray()
+            entries += entry(time, len(content))
+            content += pack(OPCODE, OWN + len(data), channel, sequence, time, time)
+            content += data
+            if len(content) > self._chunk_size:
+                self._end_chunk()
+                chunk = self._chunk
+                content, index = chunk.data, chunk.index
+        return chunk is not begun
+
+    def add_rows(
+        self, channels: Sequence[int], times: NDArray[Any], sequence: int, rows: Rows
+    ) -> bool:
+        """As `add_messages` for each row, the same bytes, sooner; numbers count up."""
+        begun, (records, bounds) = self._chunk, rows.records(channels, times, sequence)
+        n, width = records.shape
+        data, each = memoryview(records.tobytes()), len(channels)
+        starts, ends = (
+            np.add.outer(np.arange(n) * width, x).ravel() for x in zip(*bounds, strict=True)
+        )
+        entries = np.stack([np.repeat(times, each), starts], axis=1).astype("<i8")
+        first = 0
+        while first < n * each:
+            chunk, begin = self._chunk, int(starts[first])
+            room = self._chunk_size - len(chunk.data)
+            over = int(np.searchsorted(ends, begin + room, side="right"))
+            stop = min(over + 1, n * each)
+            entries[first:stop, 1] += len(chunk.data) - begin
+            for i in range(first, min(first + each, stop)):
+                index = chunk.index.setdefault(channels[i % each], bytearray())
+                index += entries[i:stop:each].tobytes()
+            chunk.data += data[begin : ends[stop - 1]]
+            if stop > over:
+                self._end_chunk()
+            first = stop
+        return self._chunk is not begun
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the open chunk has messages."""
+        return bool(self._chunk.index)
+
+    def draft(self) -> bytes:
+        """The open chunk as a record, if it ended now, not compressed; it begins with all schemas
+        and channels, as a reader of a broken file needs them."""
+        heads: list[McapRecord] = [*self._schemas, *self._channels]
+        data = _bytes(heads) + bytes(self._chunk.data)
+        first, last = self._chunk.times()
+        return _bytes([Chunk("", data, last, first, zlib.crc32(data), len(data))])
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """A metadata record, at once."""
+        record, at = _bytes([Metadata(name=name, metadata=values)]), self._sink.tell()
+        self._metadata.append(MetadataIndex(offset=at, length=len(record), name=name))
+        self._sink.write(record)
+
+    def add_attachment(self, time: int, name: str, media_type: str, data: bytes) -> None:
+        """A file, at once. time: of its making, and log time [ns]."""
+        of_file = {"log_time": time, "create_time": time, "name": name, "media_type": media_type}
+        record, at = _bytes([Attachment(data=data, **of_file)]), self._sink.tell()
+        index = AttachmentIndex(offset=at, length=len(record), data_size=len(data), **of_file)
+        self._attachments.append(index)
+        self._sink.write(record)
+
+    def finish(self) -> None:
+        """The open chunk, the summary and the end."""
+        self._end_chunk()
+        self._sink.write(_bytes([DataEnd(0)]))
+        start = self._sink.tell()
+        groups: list[tuple[Opcode, Iterable[McapRecord]]] = [
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attachments),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ]
+        summary, places = bytearray(), []
+        for opcode, records in groups:
+            group = _bytes(records)
+            places.append(SummaryOffset(opcode, start + len(summary), len(group)))
+            summary += group
+        offsets = start + len(summary)
+        summary += _bytes(places)
+        covered = _FOOTER.pack(Opcode.FOOTER, 20, start, offsets)
+        checksum = zlib.crc32(covered, zlib.crc32(summary))
+        self._sink.write(bytes(summary))
+        self._sink.write(_bytes([Footer(start, offsets, checksum)]))
+        self._sink.write(MCAP0_MAGIC)
+
+    def _put(self, record: McapRecord) -> None:
+        """A schema or channel, among the messages."""
+        self._chunk.data += _bytes([record])
+        if len(self._chunk.data) > self._chunk_size:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        """Write the open chunk, if it has messages, with its indices; another one begins."""
+        chunk = self._chunk
+        if not chunk.index:
+            return
+        data, (first, last) = bytes(chunk.data), chunk.times()
+        packed = zstandard.compress(data)
+        record = _bytes([Chunk("zstd", packed, last, first, zlib.crc32(data), len(data))])
+        at = self._sink.tell()
+        self._sink.write(record)
+        indices, places = bytearray(), {}
+        for channel, entries in chunk.index.items():
+            places[channel] = at + len(record) + len(indices)
+            size = len(entries)
+            indices += _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries
+            self._counts[channel] = self._counts.get(channel, 0) + size // _ENTRY.size
+        self._sink.write(bytes(indices))
+        span = self._span or (first, last)
+        self._span = min(first, span[0]), max(last, span[1])
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=len(record),
+                chunk_start_offset=at,
+                compression="zstd",
+                compressed_size=len(packed),
+                message_end_time=last,
+                message_index_length=len(indices),
+                message_index_offsets=places,
+                message_start_time=first,
+                uncompressed_size=len(data),
+            )
+        )
+        self._chunk = _Chunk()
+
+    def _statistics(self) -> Statistics:
+        start, end = self._span or (0, 0)
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_end_time=end,
+            message_start_time=start,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+
+
+def _bytes(records: Iterable[McapRecord]) -> bytes:
+    """The records one behind the other."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()

@@ -1,0 +1,290 @@
+"""All messages of a sample in one buffer, filled by two assignments.
+
+A message of fixed layout is a template with numbers to fill in. Here the templates of all topics
+stand one behind the other, each where its doubles are aligned, so that the numbers of a sample, or
+of many, go to their places in one indexed assignment; Python does nothing per field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.io.frames import Origins, origins
+from rb_sim.io.messages.cdr import HEADER, NANO
+from rb_sim.mechanics.samples import SampleBlock, block_of, empty_block, row_width
+from rb_sim.numerics.kernels import helper, loop
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rb_sim.io.messages.topics import Topic
+    from rb_sim.mechanics.samples import Array, SampleLayout
+
+
+# Rows of the kernel into the buffer of all messages: see rb_sim.io.messages.packing.
+
+
+@helper
+def pack_row(
+    row, command, centers, linear, energy, source, numbers, chosen, doubles, stamps, whole, rest
+):
+    """Fill `source` from the row and the commands, then the doubles of the messages from it.
+
+    row: as the kernel writes it, shape (width,). command: world axes, shape (6 M,). centers: r_OC,
+    shape (N, 3). linear: (from, to) of what is copied as it is: from >= 0 counts in the row,
+    -1 - from in the command; shape (L, 2). energy: columns of the total, and of its two parts.
+    source: columns as rb_sim.io.messages.packing has them.
+    numbers, chosen: places among the doubles, and the columns that go there.
+    stamps: places of seconds among the 32-bit integers of the same buffer; `whole` goes there and
+    `rest` [ns] behind it.
+    The numbers are those of rb_sim.io.frames, to the last bit.
+    """
+    bodies = len(centers)
+    p, v, w = 2, 2 + 7 * bodies, 2 + 10 * bodies
+    q = 2 + 3 * bodies
+    moved = False
+    for k in range(bodies):
+        for i in range(3):
+            moved = moved or centers[k, i] != 0.0
+    for k in range(bodies):
+        at = 13 * k
+        x, y, z, s = row[at + 3], row[at + 4], row[at + 5], row[at + 6]
+        scale = 2.0 / (((x * x + y * y) + z * z) + s * s)
+        a, b, c = row[at + 10], row[at + 11], row[at + 12]
+        tx, ty, tz = scale * (y * c - z * b), scale * (z * a - x * c), scale * (x * b - y * a)
+        wx = (a + s * tx) + (y * tz - z * ty)
+        wy = (b + s * ty) + (z * tx - x * tz)
+        wz = (c + s * tz) + (x * ty - y * tx)
+        rx = ry = rz = 0.0
+        for i in range(3):
+            source[p + 3 * k + i] = row[at + i]
+            source[v + 3 * k + i] = row[at + 7 + i]
+        if moved:
+            a, b, c = centers[k, 0], centers[k, 1], centers[k, 2]
+            tx, ty, tz = scale * (y * c - z * b), scale * (z * a - x * c), scale * (x * b - y * a)
+            rx = (a + s * tx) + (y * tz - z * ty)
+            ry = (b + s * ty) + (z * tx - x * tz)
+            rz = (c + s * tz) + (x * ty - y * tx)
+            source[p + 3 * k] -= rx
+            source[p + 3 * k + 1] -= ry
+            source[p + 3 * k + 2] -= rz
+            source[v + 3 * k] -= wy * rz - wz * ry
+            source[v + 3 * k + 1] -= wz * rx - wx * rz
+            source[v + 3 * k + 2] -= wx * ry - wy * rx
+        source[w + 3 * k] = wx
+        source[w + 3 * k + 1] = wy
+        source[w + 3 * k + 2] = wz
+        for i in range(4):
+            source[q + 4 * k + i] = row[at + 3 + i]
+    for i in range(len(linear)):
+        come = linear[i, 0]
+        source[linear[i, 1]] = row[come] if come >= 0 else command[-1 - come]
+    source[energy[0]] = source[energy[1]] + source[energy[2]]
+    for i in range(len(numbers)):
+        doubles[numbers[i]] = source[chosen[i]]
+    integers = doubles.view(np.int32)
+    for i in range(len(stamps)):
+        integers[stamps[i]] = whole
+        integers[stamps[i] + 1] = rest
+
+
+@loop
+def pack_rows(
+    rows, commands, centers, linear, energy, source, numbers, chosen, doubles, stamps, times
+):
+    """As pack_row for each row: doubles of shape (n, size), times (seconds, rest) of (n, 2)."""
+    for k in range(len(rows)):
+        pack_row(
+            rows[k],
+            commands[k],
+            centers,
+            linear,
+            energy,
+            source,
+            numbers,
+            chosen,
+            doubles[k],
+            stamps,
+            times[k, 0],
+            times[k, 1],
+        )
+
+
+CONSTANTS = (0.0, 1.0)
+"""The first columns of the source: numbers that a topic takes from no sample."""
+FIELDS = (
+    "reaction_force",
+    "reaction_torque",
+    "anchor",
+    "command",
+    "kinetic_energy",
+    "potential_energy",
+    "power",
+    "residual",
+    "contact_work",
+)
+"""Of a block, in the source, behind the motion of the body origins and the energy."""
+
+
+class Packer:
+    """Packs the messages of `topics`. center_of_mass: r_OC of each body, shape (N, 3)."""
+
+    def __init__(
+        self, topics: Sequence[Topic], layout: SampleLayout, center_of_mass: Array
+    ) -> None:
+        self._center_of_mass = center_of_mass
+        self._constants = np.array([CONSTANTS])
+        self.bounds: list[tuple[int, int]] = []
+        numbers: list[NDArray[Any]] = []
+        octets, stamps, template = [], [], bytearray()
+        for topic in topics:
+            start = _aligned(len(template))
+            template += bytes(start - len(template)) + topic.codec.template
+            self.bounds.append((start, len(template)))
+            stamps += [start + offset for offset in topic.codec.stamps]
+            for offset, kind, length in topic.codec.numbers:
+                if kind == "d":
+                    numbers.append((start + offset) // 8 + np.arange(length))
+                else:
+                    octets.append(start + offset)
+        template += bytes(-len(template) % 8)
+        self._template = np.frombuffer(bytes(template), dtype=np.uint8)
+        self._numbers = np.concatenate([np.empty(0, dtype=np.intp), *numbers])
+        self._octets = np.array(octets, dtype=np.intp)
+        self._seconds = np.array(stamps, dtype=np.intp) // 4
+        self._source = _columns(topics, layout)
+        self._linear, self._energy = _linear(layout)
+        self._columns = np.zeros(int(self._linear[:, 1].max()) + 1)
+        self._columns[: len(CONSTANTS)] = CONSTANTS
+        self._states = row_width(layout) - len(layout.contacts)
+
+    def pack_rows(self, rows: Array, commands: Array, stamps: Sequence[int]) -> list[list[bytes]]:
+        """The messages of each sample, the same bytes as `pack` gives, sooner.
+
+        rows: as the kernel writes them, shape (n, width). commands: world axes, shape (n, M, 6).
+        """
+        n = len(rows)
+        buffer = np.empty((n, len(self._template)), dtype=np.uint8)
+        buffer[:] = self._template
+        pack_rows(
+            rows,
+            commands.reshape(n, -1),
+            self._center_of_mass,
+            self._linear,
+            self._energy,
+            self._columns,
+            self._numbers,
+            self._source,
+            buffer.view(np.float64),
+            self._seconds,
+            np.array([divmod(stamp, NANO) for stamp in stamps]),
+        )
+        if len(self._octets):
+            buffer[:, self._octets] = rows[:, self._states :]
+        return self._cut(buffer)
+
+    def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
+        """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
+        return self._cut(self.fill(block, stamps)) if len(block) else []
+
+    def fill(self, block: SampleBlock, stamps: NDArray[Any]) -> NDArray[np.uint8]:
+        """The same in one array, shape (n, size); the topics' messages are at `bounds` of a row."""
+        n, size = len(block), len(self._template)
+        buffer = np.empty((n, size), dtype=np.uint8)
+        buffer[:] = self._template
+        source = _source(block, origins(block, self._center_of_mass), self._constants)
+        buffer.view(np.float64)[:, self._numbers] = source[:, self._source]
+        if len(self._octets):
+            buffer[:, self._octets] = block.contact_state
+        seconds = buffer.view(np.int32)
+        whole, rest = np.divmod(stamps[:, None], NANO)
+        seconds[:, self._seconds] = whole
+        seconds[:, self._seconds + 1] = rest
+        return buffer
+
+    def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
+        """The messages in each row of the buffer."""
+        (n, size), bounds, data = buffer.shape, self.bounds, buffer.tobytes()
+        return [[data[at + a : at + b] for a, b in bounds] for at in range(0, n * size, size)]
+
+
+def _aligned(end: int) -> int:
+    """The next start of a message whose fields, behind its header, are aligned in the buffer."""
+    return end + (-end - len(HEADER)) % 8
+
+
+def _source(block: SampleBlock, motion: Origins, constants: Array) -> Array:
+    """The numbers of each sample, shape (n, columns)."""
+    n = len(block)
+    parts = [
+        np.broadcast_to(constants, (n, len(CONSTANTS))),
+        motion.position,
+        block.orientation,
+        motion.linear_velocity,
+        motion.angular_velocity,
+        block.energy,
+        *(getattr(block, name) for name in FIELDS),
+    ]
+    return np.concatenate([part.reshape(n, -1) for part in parts], axis=1)
+
+
+def _columns(topics: Sequence[Topic], layout: SampleLayout) -> NDArray[Any]:
+    """The column of the source from which each number of the messages comes.
+
+    Found by asking the topics for their values of a sample whose numbers are those of the columns.
+    """
+    block = empty_block(1, layout)
+    shape = block.position.shape
+    motion = Origins(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+    column = len(CONSTANTS)
+    arrays: dict[str, Any] = {}
+
+    def numbered(array: Array) -> Array:
+        nonlocal column
+        column += array.size
+        return np.arange(column - array.size, column, dtype=float).reshape(array.shape)
+
+    position, arrays["orientation"] = numbered(motion.position), numbered(block.orientation)
+    motion = Origins(position, numbered(motion.linear_velocity), numbered(motion.angular_velocity))
+    arrays["energy"] = numbered(block.energy)
+    arrays |= {name: numbered(getattr(block, name)) for name in FIELDS}
+    energy = arrays.pop("energy")
+    marked = _Marked(**vars(replace(block, **arrays)))
+    object.__setattr__(marked, "_energy", energy)
+    found = [
+        topic.values(marked, motion).reshape(-1)
+        for topic in topics
+        if all(kind == "d" for _, kind, _ in topic.codec.numbers)
+    ]
+    return np.concatenate([np.empty(0), *found]).astype(np.intp)
+
+
+def _linear(layout: SampleLayout) -> tuple[NDArray[Any], NDArray[Any]]:
+    """What of a row or a command is copied into the source as it is: (from, to), shape (L, 2);
+    and the columns of the energy and its two parts. Found as `_columns` finds its own."""
+    width = row_width(layout)
+    row = np.arange(float(width))[None]
+    command = -1.0 - np.arange(6.0 * len(layout.commanded)).reshape(1, -1, 6)
+    block = block_of(np.zeros(1), row, layout, command)
+    first = len(CONSTANTS) + 13 * len(layout.bodies)
+    moves, starts, at = [], {}, first + 1
+    for name in FIELDS:
+        values = getattr(block, name).reshape(-1)
+        starts[name] = at
+        if name != "contact_work" or layout.contacts:
+            moves += [(int(value), at + i) for i, value in enumerate(values)]
+        at += len(values)
+    energy = (first, starts["kinetic_energy"], starts["potential_energy"])
+    return np.array(moves, dtype=np.int64), np.array(energy, dtype=np.int64)
+
+
+class _Marked(SampleBlock):
+    """A block whose energy is a number of its own, not a sum."""
+
+    @property
+    def energy(self) -> Array:
+        return self._energy  # type: ignore[attr-defined]

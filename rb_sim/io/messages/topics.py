@@ -1,0 +1,328 @@
+"""The one table of topics: what the node publishes and the bag records. SI units.
+
+| topic                  | type          | numbers                           | frame_id          |
+|------------------------|---------------|-----------------------------------|-------------------|
+| BODY/pose              | PoseStamped   | of the body frame (its origin O)  | world             |
+| BODY/twist             | TwistStamped  | velocity of O, angular velocity   | world             |
+| BODY/accel             | AccelStamped  | rate of BODY/twist; if asked for  | world             |
+| BODY/wrench_applied    | WrenchStamped | commanded wrench as applied       | BODY/origin       |
+| reactions/CONSTRAINT   | WrenchStamped | BY the constraint ON the body     | CONSTRAINT/anchor |
+| energy                 | Float64       | kinetic plus potential [J]        |                   |
+| energy/kinetic         | Float64       | [J]                               |                   |
+| energy/potential       | Float64       | [J]                               |                   |
+| power                  | Float64       | of what has no potential [W]      |                   |
+| residual               | Float64       | worst violation of a constraint   |                   |
+| contacts/CONTACT/state | UInt8         | 0 open, 1 slip, 2 stick or roll   |                   |
+| contact_work           | Float64       | of all contacts since the start   |                   |
+| contact_events         | DiagnosticArray | one event each, see below       |                   |
+| BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
+| BODY/state_command     | JointState    | state that was set; in bags only  | world             |
+| resets                 | Clock         | back to the start; in bags only   |                   |
+| /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
+| /clock                 | Clock         | simulated time                    |                   |
+
+Names without a leading slash are under the node's name (NAMESPACE unless it was renamed). A wrench
+acts at the origin of the frame that its frame_id names, and its numbers are in that frame's axes.
+`BODY/origin` and `CONSTRAINT/anchor` have the axes of the world; the first moves with the body's
+origin, the second with the point of the constraint. Bearings are CONSTRAINT/A and CONSTRAINT/B.
+The slash keeps these frames apart from any body's, whose names have none.
+
+The topics of contacts are there only if the scene has any. Where one has several points they are
+CONTACT/1, CONTACT/2 ... in frames, and CONTACT/point_1 ... in topics, since no part of a topic's
+name may begin with a digit. An event has its own instant as stamp, the contact as `name`, the kind
+as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s],
+each to the last digit. It is sent before the first sample that is not earlier.
+
+A bag also records what came from outside, each before the sample that it acts on first: a command
+in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.frames import Origins, centers_of_mass, cross, rotate
+from rb_sim.io.messages import cdr
+from rb_sim.io.messages import message_types as types
+from rb_sim.io.messages.cdr import stamp_of
+from rb_sim.io.messages.input_messages import InputTable
+from rb_sim.io.messages.message_types import ACCEL_STAMPED
+from rb_sim.io.messages.packing import Packer
+from rb_sim.io.messages.topic_names import (
+    CLOCK,
+    CONTACT_EVENTS,
+    CONTACT_WORK,
+    NAMESPACE,
+    TF,
+    WORLD,
+    anchor_frame,
+    origin_frame,
+    reaction_topic,
+    state_topic,
+)
+from rb_sim.mechanics.samples import SampleRow, row_width
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+# An event of a contact as a message, to the last digit, and back.
+
+
+_IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
+
+
+def event_message(event: ContactEvent) -> bytes:
+    """The DiagnosticArray of an event."""
+    impulse = zip(_IMPULSE, event.impulse, strict=True)
+    values = {"t": repr(event.t), **{key: repr(value) for key, value in impulse}}
+    return cdr.diagnostic(stamp_of(event.t), event.contact, event.kind, values)
+
+
+def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
+    """The fields of the event of a message. Raises ValueError for another message."""
+    _, contact, kind, values = cdr.read_diagnostic(data)
+    try:
+        numbers = [float(values[key]) for key in ("t", *_IMPULSE)]
+    except KeyError as missing:
+        raise ValueError(f"an event without {missing}") from None
+    return numbers[0], contact, kind, tuple(numbers[1:])
+
+
+_NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+
+Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
+
+
+class Topic(NamedTuple):
+    """One topic.
+
+    name: relative to the node's name, or absolute with a leading slash.
+    values: numbers of the messages, shape (n, codec.size), from a block and its body origins.
+    """
+
+    name: str
+    ros_type: str
+    codec: cdr.Codec
+    values: Values
+
+    def full_name(self, namespace: str = NAMESPACE) -> str:
+        """Absolute name for a node called `namespace`."""
+        return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
+
+
+class SampleMessages(NamedTuple):
+    """What is to be sent at one sample."""
+
+    stamp: int
+    """of the sample [ns]."""
+    messages: list[bytes]
+    """in the order of TopicTable.topics."""
+    events: list[bytes]
+    """messages of the event topic that come before, in their order."""
+
+
+class TopicTable:
+    """The topics of a scene, and the messages of a block.
+
+    skip: names of topics to leave out, as in Topic.name. prefix: before the name of every frame.
+    event_topic: (name, ROS type) of the events, if the scene has contacts.
+    Raises SinkError where two topics would have one name.
+    """
+
+    def __init__(
+        self, scene: Scene, layout: SampleLayout, skip: Collection[str] = (), prefix: str = ""
+    ) -> None:
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        entries = [*_body_topics(layout, prefix), *_reaction_topics(layout, prefix)]
+        entries += _scalar_topics()
+        entries += _contact_topics(layout)
+        entries += [_tf_topic(layout, prefix), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
+        events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock(), _nothing)
+        self.event_topic = (events.name, events.ros_type) if layout.contacts else None
+        inputs = [Topic(*topic, cdr.clock(), _nothing) for topic in InputTable(layout).topics]
+        _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
+        self.topics = tuple(topic for topic in entries if topic.name not in skip)
+        self._packer = Packer(self.topics, layout, self._center_of_mass)
+
+    def warm(self, layout: SampleLayout) -> None:
+        """Compile what `messages_of_rows` calls, so that no sample waits for it."""
+        row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
+        self.messages_of_rows([SampleRow(0.0, row, command)])
+
+    def messages(self, block: SampleBlock) -> Iterator[SampleMessages]:
+        """The messages of each sample, and of the events before it."""
+        stamps = stamps_of(block)
+        rows = self._packer.pack(block, stamps)
+        events = list(block.events)
+        for k, stamp in enumerate(stamps.tolist()):
+            last = k == len(rows) - 1  # takes also what is announced for just after it
+            told: list[bytes] = []
+            while events and (last or stamp_of(events[0].t) <= stamp):
+                told.append(event_message(events.pop(0)))
+            yield SampleMessages(stamp, rows[k], told)
+
+    def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
+        """Stamps [ns], shape (n,); bytes, shape (n, size); and where each topic's message is in a
+        row of them."""
+        stamps = stamps_of(block)
+        return stamps, self._packer.fill(block, stamps), self._packer.bounds
+
+    def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[SampleMessages]:
+        """The messages of each sample: the same bytes, sooner."""
+        stamps = [stamp_of(one.t) for one in rows]
+        numbers, commands = (np.array([one[i] for one in rows]) for i in (1, 2))
+        packed = self._packer.pack_rows(numbers, commands, stamps)
+        told = ([event_message(event) for event in one.events] for one in rows)
+        return list(map(SampleMessages, stamps, packed, told))
+
+
+def stamps_of(block: SampleBlock) -> Any:
+    """Stamps of the samples [ns], shape (n,)."""
+    return np.rint(block.t * cdr.NANO).astype(np.int64)
+
+
+def _check_names(entries: list[Topic]) -> None:
+    seen: set[str] = set()
+    for topic in entries:
+        name = topic.full_name()
+        if name in seen:
+            raise SinkError(f"topic {name}: two sources have it; rename the body or the constraint")
+        seen.add(name)
+
+
+def _body_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
+    pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
+    for i, name in enumerate(layout.bodies):
+        yield Topic(f"{name}/pose", types.POSE_STAMPED, pose, _pose(i))
+        yield Topic(f"{name}/twist", types.TWIST_STAMPED, twist, _twist(i))
+    for i, name in enumerate(layout.commanded):
+        codec = cdr.wrench_stamped(prefix + origin_frame(name))
+        yield Topic(f"{name}/wrench_applied", types.WRENCH_STAMPED, codec, _command(i))
+
+
+def _reaction_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
+    for i, name in enumerate(layout.reactions):
+        codec = cdr.wrench_stamped(prefix + anchor_frame(name))
+        yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, _reaction(i))
+
+
+def _scalar_topics() -> Iterator[Topic]:
+    for name, field in (
+        ("energy", "energy"),
+        ("energy/kinetic", "kinetic_energy"),
+        ("energy/potential", "potential_energy"),
+        ("power", "power"),
+        ("residual", "residual"),
+    ):
+        yield Topic(name, types.FLOAT64, cdr.float64(), _scalar(field))
+
+
+def _contact_topics(layout: SampleLayout) -> Iterator[Topic]:
+    for c, name in enumerate(layout.contacts):
+        yield Topic(state_topic(name), types.UINT8, cdr.uint8(), _state(c))
+    if layout.contacts:
+        yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), _scalar("contact_work"))
+
+
+def _tf_topic(layout: SampleLayout, prefix: str) -> Topic:
+    children = [
+        *layout.bodies,
+        *(anchor_frame(name) for name in layout.reactions),
+        *(origin_frame(name) for name in layout.commanded),
+    ]
+    codec = cdr.tf_message([(prefix + WORLD, prefix + child) for child in children])
+    return Topic(TF, types.TF_MESSAGE, codec, _transforms(layout))
+
+
+def _pose(i: int) -> Values:
+    return lambda block, motion: np.hstack([motion.position[:, i], block.orientation[:, i]])
+
+
+def _twist(i: int) -> Values:
+    return lambda _, motion: np.hstack(
+        [motion.linear_velocity[:, i], motion.angular_velocity[:, i]]
+    )
+
+
+def _command(i: int) -> Values:
+    return lambda block, _: block.command[:, i]
+
+
+def _reaction(i: int) -> Values:
+    return lambda block, _: np.hstack([block.reaction_force[:, i], block.reaction_torque[:, i]])
+
+
+def _state(c: int) -> Values:
+    return lambda block, _: block.contact_state[:, c : c + 1].astype(np.uint8)
+
+
+def _scalar(field: str) -> Values:
+    return lambda block, _: getattr(block, field)[:, None]
+
+
+def _nothing(block: SampleBlock, _: Origins) -> Array:
+    return np.empty((len(block), 0))
+
+
+def _transforms(layout: SampleLayout) -> Values:
+    commanded = [layout.bodies.index(name) for name in layout.commanded]
+
+    def values(block: SampleBlock, motion: Origins) -> Array:
+        moving = np.concatenate([motion.position, block.orientation], axis=2)
+        points = np.concatenate([block.anchor, motion.position[:, commanded]], axis=1)
+        turns = np.broadcast_to(_NO_ROTATION, (*points.shape[:2], 4))
+        fixed = np.concatenate([points, turns], axis=2)
+        return np.concatenate([moving, fixed], axis=1).reshape(len(block), -1)
+
+    return values
+
+
+# BODY/accel: what BODY/twist changes by, as geometry_msgs/AccelStamped, where it is asked for.
+#
+#     a_O = a_C - R (dw/dt x r_OC + w x (w x r_OC))
+#
+# with a_C (world axes), w and dw/dt (body axes) of the samples; the message has a_O and R dw/dt in
+# world axes, as the twist has its numbers.
+
+
+Accelerating = Callable[["SampleBlock"], Any]
+"""Linear accelerations of C, world axes, and dw/dt, body axes, of shape (n, bodies, 3)."""
+
+Asked = Callable[["Scene", "SampleLayout"], Accelerating]
+"""Gives them for the blocks of a run; rb_sim.trajectory.wrenches.accelerating is one."""
+
+
+def accel_topic(body: str) -> str:
+    """Topic of the accelerations of a body."""
+    return f"{body}/accel"
+
+
+class AccelTable:
+    """The messages of all bodies. topics: (name, ROS type) of each; prefix: before the frame."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout, asked: Asked, prefix: str = "") -> None:
+        self._accelerations = asked(scene, layout)
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        self._codec = cdr.accel_stamped(prefix + WORLD)
+        self.topics = [(accel_topic(body), ACCEL_STAMPED) for body in layout.bodies]
+
+    def messages(self, block: SampleBlock) -> list[list[bytes]]:
+        """Of each sample, in the order of the topics."""
+        linear, angular = self._accelerations(block)
+        spin, arm = block.angular_velocity, -self._center_of_mass
+        own = cross(angular, arm) + cross(spin, cross(spin, arm))
+        turned = rotate(block.orientation, own), rotate(block.orientation, angular)
+        values = np.concatenate([linear + turned[0], turned[1]], axis=2)
+        pack = self._codec.pack
+        return [
+            [pack(stamp_of(t), numbers) for numbers in row]
+            for t, row in zip(block.t.tolist(), values.tolist(), strict=True)
+        ]

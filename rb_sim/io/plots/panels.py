@@ -1,0 +1,291 @@
+"""Which curves a run is drawn with: panels by body, and how fine each of them is resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.io.contact_power import smooth_power
+from rb_sim.io.extent import reach
+from rb_sim.io.frames import centers_of_mass, origins, rotate
+from rb_sim.io.sink import stretches
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+# By how much the power of commands jumps at the instants at which they change.
+#
+# A command acts from a sample on, and that sample still shows the one before: between two samples
+# the power at the beginning is P(t_k) + (f' - f) v_O + (tau' - tau) w, with the new command f',
+# tau'.
+
+
+class _Shown(NamedTuple):
+    """What samples show of the bodies that take commands: shape (n, M, ...), world axes."""
+
+    command: Array
+    orientation: Array
+    motion: Array
+    """velocity of the origin and angular velocity, six numbers."""
+
+
+class CommandJumps:
+    """Takes the blocks of a run one behind the other."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        self._commanded = layout.commanded
+        self._bodies = [layout.bodies.index(name) for name in layout.commanded]
+        self._last: _Shown | None = None
+
+    def __call__(self, block: SampleBlock) -> Array:
+        """For each sample, the jump at the beginning of the time that it ends [W], shape (n,)."""
+        jumps = np.zeros(len(block))
+        if not self._commanded or not len(block):
+            return jumps
+        shown = self._shown(block)
+        before = shown if self._last is None else _behind(self._last, shown)
+        given = {(one.index, one.body): one for one in block.inputs if one.body and not one.state}
+        for (k, body), one in given.items():
+            row, m = k - (self._last is None), self._commanded.index(body)
+            if row < 0:  # it came before the first sample
+                continue
+            wrench = np.array([one.force, one.torque])
+            if one.frame == "body":
+                wrench = rotate(before.orientation[row, m], wrench)
+            jumps[k] += (wrench.ravel() - before.command[row, m]) @ before.motion[row, m]
+        self._last = _Shown(*(part[-1:] for part in shown))
+        return jumps
+
+    def _shown(self, block: SampleBlock) -> _Shown:
+        motion = origins(block, self._center_of_mass)
+        speeds = np.concatenate([motion.linear_velocity, motion.angular_velocity], axis=2)
+        return _Shown(block.command, block.orientation[:, self._bodies], speeds[:, self._bodies])
+
+
+def _behind(last: _Shown, shown: _Shown) -> _Shown:
+    return _Shown(*(np.concatenate(parts) for parts in zip(last, shown, strict=True)))
+
+
+RESOLUTION = 1e-8
+"""Of the scene's scale of a kind of quantity; what is below is round-off, not motion."""
+
+LEAST = 1e-18
+"""Residuals below are drawn as this."""
+
+AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
+"""Of x, y, z and the scalar part w."""
+
+BODY_TITLES = {
+    "position": "{}: position of the centre of mass, world",
+    "orientation": "{}: orientation, quaternion body to world",
+    "velocity": "{}: velocity of the centre of mass, world",
+    "angular_velocity": "{}: angular velocity, body axes",
+}
+"""Of the panels of a body, by the entity's name in a recording."""
+
+FORCE_TITLE = "{}: reaction force on {}, world axes"
+TORQUE_TITLE = "{}: reaction torque about its anchor"
+
+_ENERGIES = ("#c8372d", "#2b62c4", "#202020")
+
+
+class Panel(NamedTuple):
+    """One pair of axes. values: shape (n, number of labels), from a block."""
+
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    colors: tuple[str, ...]
+    values: Callable[[SampleBlock], Array]
+    kind: str
+    """what it is a component of, see `scales`."""
+    body: str | None = None
+    """whose page it is on; None: the page about the whole."""
+    logarithmic: bool = False
+    contact: int | None = None
+    """index of the point of contact whose state is shown below the curves."""
+    jumps: bool = False
+    """whether it may jump where contacts change."""
+
+
+Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
+"""Linear accelerations, world axes, and angular ones, body axes, of shape (n, bodies, 3)."""
+
+ACCELERATION_TITLES = (
+    "{}: acceleration of the centre of mass, world",
+    "{}: angular acceleration, body axes",
+)
+
+
+def panels_of(
+    scene: Scene, layout: SampleLayout, accelerations: Accelerating | None = None
+) -> list[Panel]:
+    """All panels, body by body, then those about the whole."""
+    return [
+        *_body_panels(layout),
+        *([] if accelerations is None else _acceleration_panels(layout, accelerations)),
+        *_reaction_panels(layout),
+        *_energy_panels(scene, layout),
+    ]
+
+
+def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for i, name in enumerate(layout.bodies):
+        titles = {key: title.format(name) for key, title in BODY_TITLES.items()}
+        yield _xyz(titles["position"], "m", "position", i, "length", name)
+        column = _column("orientation", i)
+        title = titles["orientation"]
+        yield Panel(title, "", tuple("xyzw"), AXES, column, "attitude", name)
+        yield _xyz(titles["velocity"], "m/s", "linear_velocity", i, "speed", name, jumps=True)
+        title = titles["angular_velocity"]
+        yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+
+
+def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Panel]:
+    found: list[Any] = [None, ()]
+
+    def part(which: int, i: int) -> Callable[[SampleBlock], Array]:
+        def values(block: SampleBlock) -> Array:
+            if found[0] is not block:  # all panels ask in turn
+                found[:] = block, of(block)
+            return found[1][which][:, i]
+
+        return values
+
+    kinds = (("m/s^2", "acceleration"), ("rad/s^2", "turning"))
+    for i, name in enumerate(layout.bodies):
+        for k, (unit, kind) in enumerate(kinds):
+            title = ACCELERATION_TITLES[k].format(name)
+            columns = part(k, i)
+            yield Panel(title, unit, tuple("xyz"), AXES[:3], columns, kind, name, jumps=True)
+
+
+def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for k, name in enumerate(layout.reactions):
+        body = layout.reaction_bodies[k]
+        c = layout.contacts.index(name) if name in layout.contacts else None
+        title = FORCE_TITLE.format(name, body)
+        force = _xyz(title, "N", "reaction_force", k, "force", body, jumps=True)
+        yield force._replace(contact=c)
+        title = TORQUE_TITLE.format(name)
+        yield _xyz(title, "N m", "reaction_torque", k, "torque", body, jumps=True)
+
+
+def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
+    labels = ("kinetic", "potential", "total")
+    yield Panel("energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
+    labels, colors = ("E - E(0)", "work"), (_ENERGIES[2], "#e08a1e")
+    title = "change of total energy, and work of forces without potential"
+    yield Panel(title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
+    title = "power of forces without potential"
+    yield Panel(title, "W", ("power",), (AXES[3],), _power, "power", jumps=True)
+    title = "worst violation of a constraint, relative to the scene's scale"
+    yield Panel(title, "", ("residual",), (AXES[3],), _residual, "residual", logarithmic=True)
+
+
+class Balance:
+    """Change of energy since the first sample, and the work done since; both begin anew where a
+    run was reset or a state was set, since no work leads there.
+
+    That of contacts is as sampled, the rest by the trapezoidal rule between changes of commands.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._scene, self._layout = scene, layout
+        self._begin()
+
+    def _begin(self) -> None:
+        self._jumps = CommandJumps(self._scene, self._layout)
+        self._first_contact_work = 0.0
+        self._first: float | None = None
+        self._last: tuple[float, float] | None = None
+        self._work = 0.0
+
+    def __call__(self, block: SampleBlock) -> Array:
+        found = [np.empty((0, 2))]
+        for part, given in stretches(block):
+            if given is not None:
+                self._begin()
+            if len(part):
+                found.append(self._of(part))
+        return np.concatenate(found)
+
+    def _of(self, block: SampleBlock) -> Array:
+        if self._first is None:
+            self._first = float(block.energy[0])
+            self._first_contact_work = float(block.contact_work[0])
+        power = smooth_power(block, self._scene, self._layout)
+        t0, p0 = self._last or (float(block.t[0]), float(power[0]))
+        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # also where time goes back
+        begun = np.concatenate([[p0], power[:-1]]) + self._jumps(block)
+        means = 0.5 * (power + begun)
+        work = self._work + np.cumsum(steps * means)
+        self._last, self._work = (float(block.t[-1]), float(power[-1])), float(work[-1])
+        contacts = block.contact_work - self._first_contact_work
+        return np.c_[block.energy - self._first, work + contacts]
+
+
+def _xyz(
+    title: str, unit: str, field: str, index: int, kind: str, body: str, jumps: bool = False
+) -> Panel:
+    values = _column(field, index)
+    return Panel(title, unit, tuple("xyz"), AXES[:3], values, kind, body, jumps=jumps)
+
+
+def _column(field: str, index: int) -> Callable[[SampleBlock], Array]:
+    return lambda block: getattr(block, field)[:, index]
+
+
+def _energies(block: SampleBlock) -> Array:
+    return np.c_[block.kinetic_energy, block.potential_energy, block.energy]
+
+
+def _power(block: SampleBlock) -> Array:
+    return block.power[:, None]
+
+
+def _residual(block: SampleBlock) -> Array:
+    return np.maximum(block.residual, LEAST)[:, None]
+
+
+def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, float]:
+    """How large each kind of quantity is in this run: what a curve is to be seen against.
+
+    values: of each panel, shape (n, labels). Kinds that belong together lend each other their
+    scale (a torque that vanishes is small against force times length).
+    """
+    kinds = ("length", "speed", "spin", "force", "torque", "power", "acceleration", "turning")
+    size = dict.fromkeys(kinds, 0.0)
+    energy = 0.0
+    for panel, rows in zip(panels, values, strict=True):
+        finite = np.where(np.isfinite(rows), rows, 0.0)
+        if not finite.size:
+            continue
+        if panel.kind == "length":
+            ranges = float(np.ptp(finite, axis=0).max())
+            size["length"] = max(size["length"], ranges)
+        elif panel.kind == "energy":
+            energy = max(energy, *np.ptp(finite, axis=0), float(np.abs(finite[:, 0]).max()))
+        elif panel.kind in size:
+            size[panel.kind] = max(size[panel.kind], float(np.abs(finite).max()))
+    bodies = [reach(body.shape) for body in scene.bodies.values()]
+    length = max([size["length"], *bodies])
+    speed = max(size["speed"], size["spin"] * max(bodies, default=0.0))
+    return {
+        "length": length,
+        "attitude": 1.0,
+        "speed": speed,
+        "spin": max(size["spin"], speed / length if length else 0.0),
+        "force": size["force"],
+        "torque": max(size["torque"], size["force"] * length),
+        "energy": energy,
+        "power": max(size["power"], size["force"] * speed),
+        "residual": 1.0,
+        "acceleration": max(size["acceleration"], size["turning"] * length),
+        "turning": max(size["turning"], size["acceleration"] / length if length else 0.0),
+    }

@@ -1,0 +1,326 @@
+"""The Rerun viewer as a process: a window, a screenshot, a film."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.errors import MissingExtraError, SinkError
+
+# The process of a Rerun viewer, which does not outlive us.
+
+
+FATAL = (signal.SIGTERM, signal.SIGHUP)
+"""Would end us without a word to the viewer. SIGINT is an exception by itself."""
+
+
+@contextlib.contextmanager
+def viewer_process(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[Any]]:
+    """A viewer; ended with what it started when the block is left, by a signal too."""
+    with _signals_as_exits():
+        # a group of its own: the command is a wrapper, and the viewer its child
+        process = subprocess.Popen(command, start_new_session=True, **options)
+        try:
+            yield process
+        finally:
+            _end_group(process)
+
+
+@contextlib.contextmanager
+def _signals_as_exits() -> Iterator[None]:
+    """SystemExit where a signal would end the process at once; other handlers stay."""
+    numbers: list[signal.Signals] = []
+    if threading.current_thread() is threading.main_thread():
+        numbers = [n for n in FATAL if signal.getsignal(n) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, _leave)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    sys.exit(128 + number)
+
+
+def _end_group(process: subprocess.Popen[Any]) -> None:
+    """End the process and its children, whether or not it has gone already itself."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, number)
+            process.wait(timeout=5)
+        except (ProcessLookupError, subprocess.TimeoutExpired):
+            continue
+    process.wait()
+
+
+# A picture of a recording, drawn by the Rerun viewer without a window.
+
+
+SCREENSHOT_SIZE = (1600, 1000)
+"""Of the viewer, in points; the picture has more pixels where the viewer scales."""
+
+MOMENT = 0.6
+"""The time shown, as a fraction of the recording."""
+
+PATIENCE = 90.0
+"""Seconds to wait for the picture."""
+
+LOCAL = "127.0.0.1"
+"""Viewers listen here; by itself one would listen on every network."""
+
+MOTION = "motion"
+"""Name of the 3D view."""
+
+_PAUSE = 1.0
+
+_GREETING = 5.0
+"""Seconds for which the viewer shows a note of its own over the view."""
+
+
+def save_screenshot(
+    recording: Path, picture: Path, size: tuple[int, int] = SCREENSHOT_SIZE
+) -> None:
+    """Draw `recording` (.rrd) into `picture` (.png).
+
+    Raises MissingExtraError without rerun-sdk, SinkError where the viewer cannot draw (it needs
+    Vulkan; Mesa's software driver will do) or the picture cannot be written.
+    """
+    with _viewer(recording, size) as viewer:
+        data = _settled(viewer)
+    try:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        picture.write_bytes(data)
+    except OSError as error:
+        raise SinkError(f"{picture}: cannot write the picture: {error.strerror}") from None
+
+
+def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
+    """Pictures (PNG) of the motion in `recording` at these times, as fractions of it.
+
+    Raises as `save_screenshot` does.
+    """
+    with _viewer(recording, size) as viewer:
+        first, last = _loaded_span(viewer)
+        _settled(viewer)
+        time.sleep(_GREETING)
+        views = [view.view_id for view in viewer.ask("get_state").views if view.name == MOTION]
+        view = views[0] if len(views) == 1 else None
+        for moment in moments:
+            viewer.patient()
+            when = first + moment * (last - first)
+            viewer.ask("set_time", "sim_time", duration=when, play_state="paused")
+            viewer.ask("take_screenshot", view)  # may still be of the time before
+            yield viewer.ask("take_screenshot", view)
+
+
+def rerun_executable() -> str:
+    """Path of the viewer that belongs to this Python, else of the one on PATH."""
+    beside = Path(sys.executable).with_name("rerun")
+    found = str(beside) if beside.exists() else shutil.which("rerun")
+    if found is None:
+        raise MissingExtraError("rerun-sdk", "rerun", "the Rerun viewer")
+    return found
+
+
+class _Viewer:
+    """A viewer process and the line to it."""
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path, port: int) -> None:
+        self._process = process
+        self._log = log
+        self._url = f"rerun+http://{LOCAL}:{port}/proxy"
+        self._deadline = time.monotonic() + PATIENCE
+        self._client: Any = None
+
+    def ask(self, question: str, *arguments: Any, **options: Any) -> Any:
+        """The answer of the viewer, once it gives one."""
+        from rerun.experimental import ViewerClient
+
+        while True:
+            self.check()
+            try:
+                if self._client is None:
+                    self._client = ViewerClient.connect(self._url)
+                return getattr(self._client, question)(*arguments, **options)
+            except Exception:  # not up yet: rerun says so in several ways
+                self._client = None
+            time.sleep(0.3)
+
+    def patient(self) -> None:
+        """Grant the next question as long as the first."""
+        self._deadline = time.monotonic() + PATIENCE
+
+    def check(self) -> None:
+        """Raise SinkError if the viewer has died or takes too long."""
+        if self._process.poll() is not None:
+            raise SinkError(f"the Rerun viewer cannot draw here: {self._reason()}")
+        if time.monotonic() > self._deadline:
+            raise SinkError(f"the Rerun viewer gave no picture within {PATIENCE:g} s")
+
+    def _reason(self) -> str:
+        text = self._log.read_text(errors="replace")
+        if "render context" in text or "No graphics adapter" in text:
+            return "no Vulkan driver (on Debian and Ubuntu: apt install mesa-vulkan-drivers)"
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        return lines[-1] if lines else f"it ended with code {self._process.returncode}"
+
+
+@contextlib.contextmanager
+def _viewer(recording: Path, size: tuple[int, int]) -> Iterator[_Viewer]:
+    """A viewer without a window that shows `recording`; gone afterwards."""
+    port = _free_port()
+    command = [rerun_executable(), str(recording), "--headless"]
+    command += ["--window-size", f"{size[0]}x{size[1]}", "--bind", LOCAL, "--port", str(port)]
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        own = {**os.environ, "TMPDIR": folder}  # it leaves its files there when it is ended
+        with (
+            log.open("wb") as output,
+            viewer_process(command, env=own, stdout=output, stderr=subprocess.STDOUT) as process,
+        ):
+            yield _Viewer(process, log, port)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
+
+
+def _settled(viewer: _Viewer) -> bytes:
+    """The picture (PNG), once everything is loaded and nothing moves any more."""
+    first, last = _loaded_span(viewer)
+    moment = first + MOMENT * (last - first)
+    viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
+    before, now = b"", viewer.ask("take_screenshot")
+    while now != before:
+        time.sleep(_PAUSE)
+        before, now = now, viewer.ask("take_screenshot")
+    return now
+
+
+def _loaded_span(viewer: _Viewer) -> tuple[float, float]:
+    """First and last simulated time [s], once the viewer has loaded everything."""
+    while True:
+        viewer.check()
+        state = viewer.ask("get_state")
+        if not state.loading:
+            for recording in state.recordings:
+                for timeline in recording.timelines:
+                    if timeline.name == "sim_time" and timeline.end is not None:
+                        return timeline.start / 1e9, timeline.end / 1e9
+        time.sleep(0.3)
+
+
+# The Rerun viewer in a window of its own.
+
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Environment variables, one of which a program on Linux needs to open a window."""
+
+
+def show(recording: Path) -> None:
+    """Open the viewer and wait until it is closed. Raises SinkError."""
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
+        raise SinkError("no screen for the Rerun viewer: use --save or --screenshot")
+    viewer = [rerun_executable(), str(recording), "--bind", LOCAL, "--port", "auto"]
+    with viewer_process(viewer, stderr=subprocess.PIPE, text=True) as process:
+        _, said = process.communicate()
+    if process.returncode:
+        lines = [line.strip() for line in said.splitlines() if "rror:" in line]
+        reason = lines[-1] if lines else f"it ended with code {process.returncode}"
+        raise SinkError(f"the Rerun viewer did not open: {reason}")
+
+
+# A film of a recording: pictures by the Rerun viewer without a window, joined by ffmpeg.
+
+
+RATE = 25
+"""Pictures per second."""
+SHORTEST, LONGEST = 4.0, 20.0
+"""Of a film [s]; runs that are shorter or longer are played slower or faster."""
+FILM_SIZE = (960, 540)
+"""Of a picture; H.264 wants even numbers."""
+
+
+class Film(NamedTuple):
+    """What was made."""
+
+    pictures: int
+    seconds: float
+    speed: float
+    """simulated seconds in one of the film."""
+
+
+def find_ffmpeg() -> str:
+    """The program. Raises SinkError where there is none."""
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise SinkError("--video: needs the program ffmpeg (on Debian and Ubuntu: apt install "
+                        "ffmpeg)")  # fmt: skip
+    return found
+
+
+def length_of(duration: float) -> float:
+    """Seconds of the film of a run of this duration [s]."""
+    return float(np.clip(duration, SHORTEST, LONGEST))
+
+
+def save_video(
+    recording: Path, path: Path, duration: float, size: tuple[int, int] = FILM_SIZE
+) -> Film:
+    """Film `recording` (.rrd, of `duration` seconds) into `path` (.mp4), which is never half there.
+
+    Raises SinkError without ffmpeg or where it fails, and as `save_screenshot` does.
+    """
+
+    ffmpeg = find_ffmpeg()
+    seconds = length_of(duration)
+    count = round(RATE * seconds) + 1
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        draft = Path(folder) / "film.mp4"
+        command = [ffmpeg, "-y", "-loglevel", "error", "-f", "image2pipe", "-c:v", "png",
+                   "-framerate", str(RATE), "-i", "-", "-c:v", "libx264", "-crf", "23",
+                   "-pix_fmt", "yuv420p", "-vf", "scale=trunc(iw/2)*2:trunc(ih/2)*2",
+                   "-movflags", "+faststart", str(draft)]  # fmt: skip
+        log = Path(folder) / "log"
+        with log.open("wb") as errors:
+            joining = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=errors)
+            assert joining.stdin is not None
+            try:
+                for picture in frames(recording, np.linspace(0.0, 1.0, count).tolist(), size):
+                    joining.stdin.write(picture)
+                joining.stdin.close()
+            except BrokenPipeError:
+                pass  # it ended early; its last line says why
+            except BaseException:
+                joining.kill()
+                raise
+            finally:
+                joining.wait()
+        if joining.returncode:
+            lines = log.read_text(errors="replace").strip().splitlines()
+            raise SinkError(f"ffmpeg made no film: {lines[-1] if lines else joining.returncode}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(draft, path)
+        except OSError as error:
+            raise SinkError(f"{path}: cannot write the film: {error.strerror}") from None
+    return Film(count, seconds, duration / seconds)

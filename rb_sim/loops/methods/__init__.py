@@ -1,1 +1,0 @@
-"""Steps of the methods, one file each."""

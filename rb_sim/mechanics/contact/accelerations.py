@@ -1,0 +1,364 @@
+"""Accelerations and multipliers of bodies with contacts, some of which slip.
+
+A line that slips pushes along another direction than it enforces, so that the matrix of the lines,
+G M^-1 W^T, is not symmetric.
+"""
+
+from __future__ import annotations
+
+from rb_sim.catalogue.constraints.rows import BIAS
+from rb_sim.integrate.layout import PackedSystem, address
+from rb_sim.mechanics.contact.constraint_tables import load_effects, write_lines
+from rb_sim.mechanics.contact.contact_bodies import (
+    AMONG_LINES,
+    DEPENDENT,
+    HELD,
+    HOLDS,
+    MOST_RANK,
+    NOWHERE,
+    RANK,
+    REDUNDANT,
+    ROUNDING,
+    SECOND_ORDER,
+    SHARES,
+    ContactBodies,
+    line_of,
+)
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
+from rb_sim.mechanics.contact.contact_table import (
+    CLOSED,
+    COMPLIANT,
+    DIRECT,
+    DIRECT_TORQUE,
+    FORCE,
+    PIVOT,
+    POINT,
+    SLIDE,
+    STATIC,
+)
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    LOAD,
+    MULTIPLIERS,
+    ORDER,
+    PARENT,
+    PUSH,
+    RIGHT,
+    add_load,
+    state_of,
+    vec,
+)
+from rb_sim.mechanics.systems.multipliers import (
+    add_push,
+    clear_loads,
+    coupling,
+    free_accelerations,
+    rise_of,
+    row_times_push,
+)
+from rb_sim.mechanics.systems.multipliers import inverse_mass_times as inverse_mass_row
+from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
+from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
+from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
+
+
+@inline
+def add_direct(system, y):
+    """Add the forces of the contacts that do not wait for N to the loads."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            continue
+        k = line_of(system, c)
+        f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        B = state_of(y, b)
+        add_load(system.bodies, b, f, unrotate(B.q_WB, add(m, cross(sub(p, B.p_WC), f))))
+        if a >= 0:
+            A = state_of(y, a)
+            back = unrotate(A.q_WB, add(m, cross(sub(p, A.p_WC), f)))
+            add_load(system.bodies, a, scale(-1.0, f), scale(-1.0, back))
+
+
+@inline
+def push_of(system, i, j, column):
+    """M_i^-1 of the push of line j on body i, whose columns start at `column`."""
+    force = scale(1.0 / system.bodies[i, 0], vec(system.pushes, j, column))
+    s = system.bodies
+    k = vec(system.pushes, j, column + 3)
+    turn = (
+        s[i, 7] * k[0] + s[i, 10] * k[1] + s[i, 11] * k[2],
+        s[i, 10] * k[0] + s[i, 8] * k[1] + s[i, 12] * k[2],
+        s[i, 11] * k[0] + s[i, 12] * k[1] + s[i, 9] * k[2],
+    )
+    return force, turn
+
+
+@inline
+def find_holding(system, dependent):
+    """Number the lines that hold, those that are not zero; returns how many there are.
+
+    dependent: lines that depend on others like this are left out.
+    """
+    holding = 0
+    for k in range(system.lines.shape[0]):
+        if system.lines[k, DEPENDENT] & dependent != 0:
+            continue
+        size = 0.0
+        for j in range(12):
+            size += abs(system.rows[k, j])
+        if size > 0.0:
+            system.lines[holding, HOLDS] = k
+            holding += 1
+    return holding
+
+
+@inline
+def fill_pushed_matrix(system, holding):
+    """A = G M^-1 W^T of the lines that hold."""
+    lines = system.lines
+    for n in range(holding):
+        j = lines[n, HOLDS]
+        b, a = lines[j, BODY], lines[j, PARENT]
+        fb, kb = push_of(system, b, j, 0)
+        fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        if a >= 0:
+            fa, ka = push_of(system, a, j, 6)
+        for m in range(holding):
+            i = lines[m, HOLDS]
+            system.square[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
+
+
+@inline
+def spread_multipliers(system, holding):
+    """From the lines that hold, in order, to all lines; the others are zero."""
+    x = system.vectors[MULTIPLIERS]
+    for k in range(holding, x.shape[0]):
+        x[k] = 0.0
+    for m in range(holding - 1, -1, -1):
+        value = x[m]
+        x[m] = 0.0
+        x[system.lines[m, HOLDS]] = value
+
+
+@inline
+def joints_share(system, joints, at, column):
+    """What the joints take of the rise at contact line `at` (counted among those that hold) per
+    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the line
+    itself."""
+    A, spare = system.square[0], system.square[1]
+    b, x = spare[joints], spare[joints + 1]
+    for j in range(joints):
+        b[j] = A[j, column] if column >= 0 else A[at, j]
+    lines = system.lines
+    solve_unsymmetric(A, b, x, spare, lines[:, ORDER], lines[:, SECOND_ORDER], joints)
+    share = 0.0
+    for j in range(joints):
+        share += A[at, j] * x[j]
+    return share
+
+
+@inline
+def pivots(system, holding):
+    """N of every contact, and the effective over the ideal pivot of those that slip, joints
+    holding, into the table of contacts.
+
+    A contact's pivot is the rise of its two points away from each other per unit of push.
+    """
+    touch, joints = system.touch, 0
+    while joints < holding and system.lines[joints, HOLDS] < line_of(system, 0):
+        joints += 1
+    at = joints
+    for c in range(touch.shape[0]):
+        k = line_of(system, c)
+        touch[c, PIVOT] = 1.0
+        if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
+            continue
+        touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+            continue
+        while at < holding and system.lines[at, HOLDS] < k:
+            at += 1
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        force, turn = inverse_mass_row(system, b, k, 0)
+        alone = coupling(system.rows, k, 0, force, turn)
+        if a >= 0:
+            force, turn = inverse_mass_row(system, a, k, 6)
+            alone += coupling(system.rows, k, 6, force, turn)
+        ideal, effective = alone, system.square[0, at, at]
+        if joints > 0:
+            ideal -= joints_share(system, joints, at, -1)
+            effective -= joints_share(system, joints, at, at)
+        if ideal > HELD * alone:
+            touch[c, PIVOT] = effective / ideal
+
+
+@inline
+def note_sizes(system):
+    """Sizes of the accelerations from the loads alone, in place of the loads."""
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            system.bodies[i, LOAD + j] = abs(system.bodies[i, PUSH + j])
+
+
+@inline
+def add_term(bodies, i, force, turn, x):
+    """push += x (force, turn), and the sizes of these terms to the others."""
+    add_push(bodies, i, force, turn, x)
+    for j in range(3):
+        bodies[i, LOAD + j] += abs(x * force[j])
+        bodies[i, LOAD + 3 + j] += abs(x * turn[j])
+
+
+@inline
+def drop_rounding(system):
+    """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
+    bodies = system.bodies
+    for i in range(bodies.shape[0]):
+        for first in (0, 3):
+            terms = norm(vec(bodies, i, LOAD + first))
+            for j in range(first, first + 3):
+                if abs(bodies[i, PUSH + j]) <= ROUNDING * terms:
+                    bodies[i, PUSH + j] = 0.0
+
+
+@dispatch
+def unconstrained(system, t, y):
+    """Write the lines, and push = accelerations from loads and given contact forces alone."""
+
+
+@unconstrained.register(ContactBodies)
+def unconstrained_here(system, t, y):
+    unconstrained_in(system, t, y, True)
+
+
+@inline
+def unconstrained_in(system, t, y, everywhere):
+    """As `unconstrained`; everywhere: as in `write_lines`."""
+    clear_loads(system)
+    load_effects(system, t, y)
+    write_lines(system, t, y, everywhere)
+    add_direct(system, y)
+    free_accelerations(system, y)
+
+
+@inline
+def least_reactions(system, rank, holding):
+    """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep."""
+    A, right, shares = system.square[0], system.vectors[RIGHT], system.vectors[SHARES]
+    x, lines = system.vectors[MULTIPLIERS], system.lines
+    for m in range(holding):
+        for n in range(holding):
+            right[m] -= A[m, n] * shares[lines[n, HOLDS]]
+    least_norm(A, right, x, rank, holding)
+    for m in range(holding):
+        x[m] += shares[lines[m, HOLDS]]
+
+
+@unconstrained.register(PackedSystem)
+def unconstrained_by_address(system, t, y):
+    call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.room))
+
+
+@dispatch
+def contact_accelerations(system, t, y):
+    """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
+
+    Where reactions are not determined, those nearest to the SHARES.
+    """
+
+
+@contact_accelerations.register(PackedSystem)
+def accelerations_by_address(system, t, y):
+    return moving_by_address(system, t, y, True)
+
+
+@contact_accelerations.register(ContactBodies)
+def accelerations_here(system, t, y):
+    return accelerations_in(system, t, y, True)
+
+
+@dispatch
+def moving(system, t, y, everywhere):
+    """As `contact_accelerations`; everywhere: as in `write_lines`, and with reactions of all lines,
+    for which the state has to be on the manifold."""
+
+
+@moving.register(PackedSystem)
+def moving_by_address(system, t, y, everywhere):
+    found = pointer(system.room)
+    found[0] = 1.0 if everywhere else 0.0
+    call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
+    return found[0], found[1]
+
+
+@moving.register(ContactBodies)
+def accelerations_in(system, t, y, everywhere):
+    unconstrained_in(system, t, y, everywhere)
+    n = system.lines.shape[0]
+    holding = find_holding(system, NOWHERE if everywhere else AMONG_LINES)
+    fill_pushed_matrix(system, holding)
+    right, multipliers = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
+    for m in range(holding):
+        k = system.lines[m, HOLDS]
+        right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
+    lines = system.lines
+    rank = solve_unsymmetric(
+        system.square[0],
+        right,
+        multipliers,
+        system.square[1],
+        lines[:, ORDER],
+        lines[:, SECOND_ORDER],
+        holding,
+    )
+    rank = min(rank, lines[0, MOST_RANK])
+    lines[0, RANK] = rank
+    if rank < holding:
+        lines[0, REDUNDANT] = 1
+        least_reactions(system, rank, holding)
+    spread_multipliers(system, holding)
+    note_sizes(system)
+    for k in range(n):
+        x, b, a = multipliers[k], system.lines[k, BODY], system.lines[k, PARENT]
+        if x != 0.0:
+            force, turn = push_of(system, b, k, 0)
+            add_term(system.bodies, b, force, turn, x)
+            if a >= 0:
+                force, turn = push_of(system, a, k, 6)
+                add_term(system.bodies, a, force, turn, x)
+    drop_rounding(system)
+    pivots(system, holding)
+    return rank, holding
+
+
+@inline
+def power_of_contacts(system, y):
+    """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
+    power = 0.0
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 0.0:
+            continue
+        k = line_of(system, c)
+        last = line_of(system, c + 1)
+        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        B, A = state_of(y, b), state_of(y, a)
+        for i in range(k, last):
+            x = system.vectors[MULTIPLIERS, i]
+            s = coupling(system.pushes, i, 0, B.v_WC, B.w_WB_B)
+            if a >= 0:
+                s += coupling(system.pushes, i, 6, A.v_WC, A.w_WB_B)
+            power += x * s
+        f, m, p = (
+            vec(system.touch, c, DIRECT),
+            vec(system.touch, c, DIRECT_TORQUE),
+            vec(system.touch, c, POINT),
+        )
+        speed = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
+        turn = rotate(B.q_WB, B.w_WB_B)
+        if a >= 0:
+            spin_A = rotate(A.q_WB, A.w_WB_B)
+            speed = sub(speed, add(A.v_WC, cross(spin_A, sub(p, A.p_WC))))
+            turn = sub(turn, spin_A)
+        power += dot(f, speed) + dot(m, turn)
+    return power

@@ -1,0 +1,326 @@
+"""The tables of bodies with contacts brought up to date: lines, loads, anchors and energies.
+
+Traced laws give them in loops; interpreted, the same Python is called as it is.
+"""
+
+from __future__ import annotations
+
+from rb_sim.catalogue.constraints.rows import ROW_WIDTH
+from rb_sim.catalogue.geometry.corners_and_rims import Lean
+from rb_sim.graph.functions import leaves
+from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
+from rb_sim.mechanics.contact.contact_bodies import ContactBodies, keep, least_slip, line_of
+from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
+from rb_sim.mechanics.contact.contact_table import (
+    AHEAD,
+    AROUND,
+    CLOSED,
+    DIRECT,
+    DIRECT_TORQUE,
+    FASTEST,
+    FORCE,
+    FORCES_WIDTH,
+    GAP,
+    GEOMETRY_WIDTH,
+    LEAN_BEFORE,
+    LEAN_WIDTH,
+    LOW,
+    RIM,
+    ROLL,
+    ROLL_AHEAD,
+    SIDE,
+    SLIDE,
+    SPIN,
+    SPIN_AHEAD,
+    SPRING,
+)
+from rb_sim.mechanics.systems.many_bodies import (
+    LOAD,
+    WIDTH,
+    anchor_all,
+    apply_effects,
+    energetics,
+    fill_all,
+    state_of,
+    vec,
+)
+from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.numerics.kernels import call_law, dispatch, inline, part, pointer
+
+# Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
+#
+# A contact's law gets ARGUMENTS numbers and gives those of its geometry and, where it is closed, of
+# its lines; the columns of `touch` that it fills lie as the law gives them.
+
+
+KEPT = 26
+"""Place among the arguments after the states of both bodies: Lean (7), modes and side (4),
+directions (3, 3, 1), what is but rounding (2)."""
+ARGUMENTS = KEPT + 20
+GEOMETRY = GEOMETRY_WIDTH + 2 + LEAN_WIDTH + 1
+"""Numbers of an open contact: gap, its rate, normal, point, slip, turning (14), spring, fastest,
+Lean (7), place round the rim."""
+FORCES = GEOMETRY + FORCES_WIDTH
+"""Of a closed one besides: forces that do not wait for N (3, 3), force; from here on 16 numbers of
+each line, then 12 of each push."""
+MOST_LINES = 6
+OUTPUTS = FORCES + 28 * MOST_LINES
+ROOM = ARGUMENTS + OUTPUTS
+
+OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER, CONTACT_COLUMNS = range(6)
+"""Columns of `contacts`: addresses of the laws of the contact, its bodies, where its constants
+begin in `parameters`."""
+
+LAYOUT = Layout(
+    {
+        "bodies": (REAL, 2),
+        "lines": (INTEGER, 2),
+        "rows": (REAL, 2),
+        "square": (REAL, 3),
+        "vectors": (REAL, 2),
+        "first_row": (INTEGER, 1),
+        "members": (INTEGER, 2),
+        "anchors": (REAL, 2),
+        "length": REAL,
+        "speed": REAL,
+        "touch": (REAL, 2),
+        "pushes": (REAL, 2),
+        "mass": REAL,
+        "still": REAL,
+        "creep": REAL,
+        "joints": INTEGER,
+        "contacts": (INTEGER, 2),
+        "parameters": (REAL, 1),
+        "inputs": (REAL, 1),
+        "room": (REAL, 1),
+        "loads_law": INTEGER,
+        "lines_law": INTEGER,
+        "anchors_law": INTEGER,
+        "energy_law": INTEGER,
+        "free_by_address": INTEGER,
+        "accelerate_by_address": INTEGER,
+        "settle_by_address": INTEGER,
+    }
+)
+"""Fields as those of ContactBodies; `inputs` of the laws of the scene, `room` for what laws give;
+laws of the scene; functions compiled once (see compiled)."""
+
+
+@inline
+def clear_contact(G, W, k, last, touch, c):
+    """No lines and no forces of a contact that is open."""
+    for i in range(k, last):
+        for j in range(ROW_WIDTH):
+            G[i, j] = 0.0
+        for j in range(12):
+            W[i, j] = 0.0
+    keep(touch, c, DIRECT, (0.0, 0.0, 0.0))
+    keep(touch, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
+    touch[c, FORCE] = 0.0
+
+
+@inline
+def put_geometry(touch, c, out):
+    """Into the table of contacts what is known of an open contact as well."""
+    for j in range(GEOMETRY_WIDTH):
+        touch[c, GAP + j] = out[j]
+    touch[c, SPRING], touch[c, FASTEST] = out[GEOMETRY_WIDTH], out[GEOMETRY_WIDTH + 1]
+    if touch[c, RIM] >= 0.0:
+        for j in range(LEAN_WIDTH):
+            touch[c, LOW + j] = out[GEOMETRY_WIDTH + 2 + j]
+        touch[c, AROUND] = out[GEOMETRY - 1]
+
+
+@inline
+def put_forces(system, c, out):
+    """Lines, pushes and forces of a closed contact into the tables."""
+    first, last = line_of(system, c), line_of(system, c + 1)
+    for j in range(FORCES_WIDTH):
+        system.touch[c, DIRECT + j] = out[GEOMETRY + j]
+    pushes = FORCES + ROW_WIDTH * (last - first)
+    for i in range(last - first):
+        for j in range(ROW_WIDTH):
+            system.rows[first + i, j] = out[FORCES + ROW_WIDTH * i + j]
+        for j in range(12):
+            system.pushes[first + i, j] = out[pushes + 12 * i + j]
+
+
+def write_contact(placed, t, system, y, c):
+    """Geometry, lines and pushes of contact c at (t, y)."""
+    touch, at = system.touch, LEAN_BEFORE
+    lean = Lean(vec(touch, c, at), vec(touch, c, at + 3), touch[c, at + 6])
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    found, moving = geometry(placed.row, t, B, A, lean)
+    put_geometry(touch, c, list(leaves(found)))
+    if touch[c, CLOSED] == 0.0:
+        clear_contact(
+            system.rows, system.pushes, line_of(system, c), line_of(system, c + 1), touch, c
+        )
+        return
+    kept = Kept(
+        lean,
+        touch[c, SLIDE],
+        touch[c, ROLL],
+        touch[c, SPIN],
+        touch[c, SIDE],
+        vec(touch, c, AHEAD),
+        vec(touch, c, ROLL_AHEAD),
+        touch[c, SPIN_AHEAD],
+        least_slip(system, c),
+        system.still / system.length,
+    )
+    done = forces(placed.row, found, moving, kept)
+    put_forces(system, c, list(leaves((found, done))))
+
+
+@inline
+def put_arguments(system, y, c, out):
+    """What the law of contact c gets, see layout."""
+    touch = system.touch
+    b, a = system.contacts[c, CONTACT_BODY], system.contacts[c, CONTACT_PARENT]
+    for j in range(WIDTH):
+        out[j] = y[WIDTH * b + j]
+        if a >= 0:
+            out[WIDTH + j] = y[WIDTH * a + j]
+    for j in range(LEAN_WIDTH):
+        out[KEPT + j] = touch[c, LEAN_BEFORE + j]
+    for j in range(3):
+        out[KEPT + 7 + j] = touch[c, SLIDE + j]
+    for j in range(8):
+        out[KEPT + 10 + j] = touch[c, SIDE + j]
+    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = least_slip(system, c), system.still / system.length
+
+
+@inline
+def write_contact_by_law(system, t, y, c):
+    """As write_contact, in loops."""
+    arguments = pointer(system.room)
+    out = part(arguments, ARGUMENTS)
+    put_arguments(system, y, c, arguments)
+    constants = part(pointer(system.parameters), system.contacts[c, FIRST_PARAMETER])
+    if system.touch[c, CLOSED] == 0.0:
+        call_law(system.contacts[c, OPEN_LAW], t, arguments, constants, out)
+        put_geometry(system.touch, c, out)
+        first, last = line_of(system, c), line_of(system, c + 1)
+        clear_contact(system.rows, system.pushes, first, last, system.touch, c)
+    else:
+        call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
+        put_geometry(system.touch, c, out)
+        put_forces(system, c, out)
+
+
+def write_contacts(groups, t, system, y, c, everywhere):
+    """Write the contacts of all groups, the first of which is number c, or those that are closed
+    alone."""
+    for group in groups:
+        for placed in group:
+            if everywhere or system.touch[c, CLOSED] == 1.0:
+                write_contact(placed, t, system, y, c)
+            c += 1
+
+
+def _write_lines(system, t, y, everywhere):
+    """Write the lines of all constraints at (t, y), and what is known of every contact; or, where
+    the lines of open ones are zero already, of the closed ones alone, which is all that a rate
+    needs."""
+
+
+write_lines = dispatch(_write_lines)
+
+
+@dispatch
+def write_joints(system, t, y):
+    """Write the lines of the joints at (t, y)."""
+
+
+@write_joints.register(ContactBodies)
+def write_joints_plainly(system, t, y):
+    fill_all(system.constraints, t, system, y, 0)
+
+
+@write_joints.register(PackedSystem)
+def write_joints_by_law(system, t, y):
+    if system.lines_law:
+        call_law(system.lines_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
+
+
+@write_lines.register(ContactBodies)
+def write_lines_plainly(system, t, y, everywhere):
+    write_joints(system, t, y)
+    write_contacts(system.contacts, t, system, y, 0, everywhere)
+    push_joints_along(system)
+
+
+@write_lines.register(PackedSystem)
+def write_lines_by_law(system, t, y, everywhere):
+    write_joints(system, t, y)
+    for c in range(system.touch.shape[0]):
+        if everywhere or system.touch[c, CLOSED] == 1.0:
+            write_contact_by_law(system, t, y, c)
+    push_joints_along(system)
+
+
+@write_rows.register(ContactBodies, PackedSystem)
+def write_contact_rows(system, t, y):
+    write_lines(system, t, y, True)
+
+
+@inline
+def push_joints_along(system):
+    """A joint pushes along the line that it enforces."""
+    for k in range(line_of(system, 0)):
+        for j in range(12):
+            system.pushes[k, j] = system.rows[k, j]
+
+
+@dispatch
+def load_effects(system, t, y):
+    """Add the wrenches of all effects to the loads."""
+
+
+@load_effects.register(ContactBodies)
+def load_effects_plainly(system, t, y):
+    apply_effects(system.effects, t, system, y)
+
+
+@load_effects.register(PackedSystem)
+def load_effects_by_law(system, t, y):
+    loads = part(pointer(system.room), ROOM)
+    call_law(system.loads_law, t, pointer(y), pointer(system.inputs), loads)
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            system.bodies[i, LOAD + j] += loads[6 * i + j]
+
+
+@dispatch
+def write_anchors(system, y):
+    """Write the anchors of the joints."""
+
+
+@write_anchors.register(ContactBodies)
+def write_anchors_plainly(system, y):
+    anchor_all(system.constraints, system, y, 0)
+
+
+@write_anchors.register(PackedSystem)
+def write_anchors_by_law(system, y):
+    if system.anchors_law:
+        anchors = pointer(system.anchors)
+        call_law(system.anchors_law, 0.0, pointer(y), pointer(system.inputs), anchors)
+
+
+@dispatch
+def energies(system, t, y):
+    """(potential energy, power of the effects that have none)."""
+
+
+@energies.register(ContactBodies)
+def energies_plainly(system, t, y):
+    return energetics(system.effects, t, system, y)
+
+
+@energies.register(PackedSystem)
+def energies_by_law(system, t, y):
+    found = pointer(system.room)
+    call_law(system.energy_law, t, pointer(y), pointer(system.inputs), found)
+    return found[0], found[1]

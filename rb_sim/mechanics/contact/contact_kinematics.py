@@ -1,0 +1,205 @@
+"""What one contact is at an instant: geometry, the lines that hold, the pushes, the friction.
+
+A function of the states of both bodies, of the modes and of the directions kept from the start of
+the step, and of nothing else; it is traced once for each kind of contact (`contact_laws`), and runs
+as it is in plain Python.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from rb_sim.catalogue.contacts.friction import NoResistance, resisting, traction
+from rb_sim.catalogue.geometry.carriers import carrier
+from rb_sim.catalogue.geometry.corners_and_rims import (
+    Lean,
+    PointOnSolid,
+    RimOnCylinder,
+    RimOnPlane,
+    point_on_solid_touching,
+    rim_on_cylinder_touching,
+    rim_touching,
+)
+from rb_sim.catalogue.geometry.pairs import Touch, touching
+from rb_sim.catalogue.types import BodyState, Vec3
+from rb_sim.numerics.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    neg,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+    where,
+)
+
+NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
+"""Modes of each kind of friction."""
+
+
+class Kept(NamedTuple):
+    """Of the start of the step, and the modes."""
+
+    lean: Lean
+    slide: float
+    roll: float
+    spin: float
+    """NONE, SLIDING or STUCK."""
+    side: float
+    """sign of N where it may pull."""
+    ahead: Vec3
+    """direction of slip."""
+    roll_ahead: Vec3
+    """direction of turning across the normal."""
+    spin_ahead: float
+    """sign of turning about the normal."""
+    still: float
+    """slip that is but rounding [m/s]."""
+    still_turn: float
+    """turning that is but rounding [rad/s]."""
+
+
+class Geometry(NamedTuple):
+    """Where the surfaces are and how they move past each other, world axes."""
+
+    gap: float
+    rising: float
+    normal: Vec3
+    point: Vec3
+    slip: Vec3
+    turn: Vec3
+    spring: float
+    """N of a compliant support without regard to its sign; 0 of a rigid one [N]."""
+    fastest: float
+    """speed that no point of body or support exceeds here [m/s]."""
+    lean: Lean
+    """of a rim on a plane; as before of others."""
+    around: float
+    """0 for the low point of a rim, more for others of its points."""
+
+
+class Forces(NamedTuple):
+    """What a closed contact does."""
+
+    direct: Vec3
+    direct_torque: Vec3
+    """that do not wait for N, world axes [N, N m]."""
+    force: float
+    """N of a compliant support."""
+    lines: tuple
+    """16 numbers of each line (see catalogue.constraints.rows), zero where it does not hold."""
+    pushes: tuple
+    """12 numbers of each line."""
+
+
+class _Moving(NamedTuple):
+    """Body, support and what both parts need of them."""
+
+    B: BodyState
+    A: BodyState
+    a_A: Vec3
+    alpha_A: Vec3
+    driven: float
+    at: Touch
+    r: Vec3
+    sigma: Vec3
+    moved: Vec3
+
+
+def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch, Lean, Any]:
+    """The Touch, how a rim leans, and how far round it the point is."""
+    if isinstance(pair, RimOnPlane):
+        at, lean = rim_touching(pair, B, A, before)
+        return at, lean, 1.0 - pair.along
+    if isinstance(pair, RimOnCylinder):
+        at, lean = rim_on_cylinder_touching(pair, B, A, before)
+        return at, lean, pair.second
+    if isinstance(pair, PointOnSolid):
+        at, lean = point_on_solid_touching(pair, B, A, before)
+        return at, lean, 0.0
+    return touching(pair, B, A), before, 0.0
+
+
+def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Any, Any]:
+    """(Geometry, what `forces` goes on with) of a contact of body state B with the parent's A."""
+    A, a_A, alpha_A, driven = carrier(row.carrier, t, A)
+    at, lean, around = touch_of(row.pair, B, A, before)
+    r, sigma = sub(at.point, B.p_WC), sub(at.point, A.p_WC)
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    moved = add(A.v_WC, cross(spin_A, sigma))
+    speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
+    rising = dot(at.normal, speed)
+    slip = sub(speed, scale(rising, at.normal))
+    spring = -row.spring[0] * at.gap - row.spring[1] * rising if row.spring else 0.0
+    fastest = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * norm(r) + norm(A.w_WB_B) * norm(sigma)
+    turn = sub(spin_B, spin_A)
+    found = Geometry(at.gap, rising, at.normal, at.point, slip, turn, spring, fastest, lean, around)
+    return found, _Moving(B, A, a_A, alpha_A, driven, at, r, sigma, moved)
+
+
+def line(
+    holds: Any, force: Vec3, torque_B: Vec3, torque_A: Vec3, bias: Any, error: Any, rate: Any,
+    holonomic: float,
+) -> tuple:  # fmt: skip
+    """16 numbers of a line; zero where it does not hold."""
+    numbers = (*force, *torque_B, *neg(force), *torque_A, bias, error, rate, holonomic)
+    return where(holds, numbers, (0.0,) * len(numbers))
+
+
+def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
+    """Lines and pushes of a closed contact, and the forces that do not wait for N."""
+    B, A, n, r, sigma = m.B, m.A, m.at.normal, m.r, m.sigma
+    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
+    r_dot, sigma_dot = sub(m.at.point_rate, B.v_WC), sub(m.at.point_rate, A.v_WC)
+    drift = sub(
+        cross(spin_B, r_dot), add(cross(spin_A, sigma_dot), add(m.a_A, cross(m.alpha_A, sigma)))
+    )
+    t1, t2 = perpendicular(n)
+    rigid = not row.spring
+    lines = []
+    for i, d in enumerate((n, t1, t2)):
+        holds, first = (rigid, 1.0) if i == 0 else (kept.slide > 0.5 * (SLIDING + STUCK), 0.0)
+        # what gives way may approach while it sticks, and the tangents turn with the normal
+        turning = dot(m.at.normal_rate, g.slip) if i == 0 else -g.rising * dot(d, m.at.normal_rate)
+        bias = dot(d, drift) + turning
+        turn_B, turn_A = unrotate(B.q_WB, cross(r, d)), unrotate(A.q_WB, cross(d, sigma))
+        rate = m.driven * dot(d, m.moved)
+        lines.append(line(holds, d, turn_B, turn_A, bias, first * g.gap, rate, first))
+    if not isinstance(row.resistance, NoResistance):
+        lines += turn_lines(m, (t1, t2, n), spin_A, g.turn, kept)
+    sliding = (kept.slide > 0.5 * SLIDING) & (kept.slide < 0.5 * (SLIDING + STUCK))
+    per_normal, direct = traction(row.friction, g.slip, kept.ahead, kept.still, not rigid)
+    per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
+    modes = (kept.roll, kept.spin)
+    torque = resisting(
+        row.resistance, g.turn, n, modes, kept.roll_ahead, kept.spin_ahead, kept.still_turn
+    )
+    per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
+    pushes = [values[:12] for values in lines]
+    if rigid:
+        turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
+        turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
+        rubbing = (*per_normal, *turn_B, *neg(per_normal), *neg(turn_A))
+        pushes[0] = tuple(a + b for a, b in zip(pushes[0], rubbing, strict=True))
+        torque = ZERO
+    else:
+        direct = add(direct, scale(g.spring, add(n, per_normal)))
+        torque = scale(g.spring, torque)
+    return Forces(direct, torque, g.spring, tuple(lines), tuple(pushes))
+
+
+def turn_lines(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:
+    """Rolling and spinning lines of a contact that resists turning."""
+    n, n_dot, about = axes[2], m.at.normal_rate, dot(turn, axes[2])
+    found = []
+    for i, d in enumerate(axes):
+        stuck = (kept.roll if i < 2 else kept.spin) > 0.5 * (SLIDING + STUCK)
+        drift = dot(n_dot, turn) if d is n else -dot(d, n_dot) * about
+        bias, rate = drift - dot(d, m.alpha_A), m.driven * dot(d, spin_A)
+        torque_A = neg(unrotate(m.A.q_WB, d))
+        found.append(line(stuck, ZERO, unrotate(m.B.q_WB, d), torque_A, bias, 0.0, rate, 0.0))
+    return found

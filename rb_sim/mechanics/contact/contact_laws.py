@@ -1,0 +1,219 @@
+"""The laws of bodies in contact, traced: of each kind of contact once, and of the scene's rest.
+
+A contact's constants are inputs of its law, so contacts of one kind share machine code, in all
+scenes.  Loads of the effects, lines of the joints, anchors and energies are traced scene by scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.geometry.corners_and_rims import Lean
+from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
+from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.graph.functions import explored, leaves
+from rb_sim.graph.machine import Law, compile_law
+from rb_sim.graph.symbols import Graph
+from rb_sim.integrate.layout import held
+from rb_sim.mechanics.contact.accelerations import accelerations_in, unconstrained_here
+from rb_sim.mechanics.contact.constraint_tables import (
+    ARGUMENTS,
+    CONTACT_COLUMNS,
+    KEPT,
+    LAYOUT,
+    ROOM,
+)
+from rb_sim.mechanics.contact.contact_bodies import ContactBodies
+from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
+from rb_sim.mechanics.contact.contact_projection import bring_to_manifold
+from rb_sim.mechanics.contact.motion_kernels import contact_rate
+from rb_sim.mechanics.inputs import Inputs, numbers, skeleton, with_numbers
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY_WIDTH,
+    LOAD,
+    WIDTH,
+    anchor_all,
+    apply_effects,
+    energetics,
+    fill_all,
+)
+from rb_sim.numerics.kernels import by_address, place_of
+
+# What loops call of bodies in contact by address: compiled once for all scenes.
+
+
+@by_address
+def free(t, y, p, out):
+    """Lines, and accelerations from loads and given contact forces alone, into the tables."""
+    unconstrained_here(held(p), t, y)
+
+
+@by_address
+def accelerate(t, y, p, out):
+    """Multipliers and accelerations into the tables, everywhere where out[0] is not 0; rank and
+    lines that hold into out."""
+    rank, holding = accelerations_in(held(p), t, y, out[0] != 0.0)
+    out[0], out[1] = float(rank), float(holding)
+
+
+@by_address
+def bring_back(t, y, p, out):
+    """y back on the manifold, in place."""
+    bring_to_manifold(held(p), t, y)
+
+
+@by_address
+def rate_of_change(t, y, p, out):
+    """dy/dt into out."""
+    contact_rate(held(p), t, y, out)
+
+
+_KINDS: dict[Any, tuple[Law, Law]] = {}
+"""Laws of open and closed contacts by what their kind is."""
+
+
+def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
+    """(law while open, law while closed) of contacts like this row; the support the world or not.
+
+    void law(t, arguments, constants of the row, outputs), see layout.
+    """
+    key = skeleton(row), in_world
+    if key not in _KINDS:
+        opened = compile_law(_traced(row, in_world, False))
+        _KINDS[key] = opened, compile_law(_traced(row, in_world, True))  # type: ignore[assignment]
+    return _KINDS[key]
+
+
+def _traced(row: Any, in_world: bool, closed: bool) -> list[Any]:
+    """What the law of such a contact gives, on symbols."""
+    graph = Graph()
+    places = [place for place, _ in numbers(row)]
+    constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
+    symbolic = with_numbers(row, constants) if places else row
+    y = graph.vector("y", ARGUMENTS)
+    body, parent = state_from(y), WORLD if in_world else state_from(y[WIDTH:])
+    k = y[KEPT:]
+    lean = Lean(k[0:3], k[3:6], k[6])
+    kept = Kept(lean, k[7], k[8], k[9], k[10], k[11:14], k[14:17], k[17], k[18], k[19])
+
+    def terms(body: BodyState, parent: BodyState, kept: Kept) -> tuple[Any, ...]:
+        found, moving = geometry(symbolic, graph.input("t"), body, parent, kept.lean)
+        return (found, forces(symbolic, found, moving, kept)) if closed else (found,)
+
+    return list(leaves(explored(terms, body, parent, kept)))
+
+
+def state_from(y: tuple[Any, ...]) -> BodyState:
+    """The state of a body from its coordinates."""
+    return BodyState(y[0:3], y[3:7], y[7:10], y[10:13])
+
+
+def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:
+    """The row with hulls as traced laws see them; their tables go to `kept`."""
+    surface = getattr(row.pair, "surface", None)
+    if not isinstance(surface, Hull):
+        return row
+    kept.append(packed(surface))
+    return row._replace(pair=row.pair._replace(surface=PackedHull(place_of(kept[-1]))))
+
+
+class ContactLaws:
+    """What loops call for a system of bodies in contact, and the system packed for them."""
+
+    def __init__(self, system: ContactBodies) -> None:
+        self.inputs = Inputs()
+        self._system = system
+        self._kept: list[np.ndarray] = []
+
+    def _law(self, kernel: Callable[[Any, Any, list[Any]], list[Any]]) -> Law:
+        graph = Graph()
+        system = self.inputs.symbolic(self._system, graph)
+        names = ("bodies", "rows", "anchors")
+        tables = {name: getattr(system, name).astype(object) for name in names}
+        y = list(graph.vector("y", WIDTH * len(system.bodies)))
+        return compile_law(kernel(system._replace(**tables), graph.input("t"), y))  # type: ignore[return-value]
+
+    @cached_property
+    def loads(self) -> Law:
+        """Forces (world) and torques (body) of the effects on each body, 6 N numbers."""
+
+        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
+            system.bodies[:, LOAD:BODY_WIDTH] = 0.0
+            apply_effects(system.effects, t, system, y)
+            return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+
+        return self._law(kernel)
+
+    @cached_property
+    def lines(self) -> Law | None:
+        """The lines of the joints as the table of rows has them."""
+        count = int(self._system.first_row[len(self._system.constraints)])
+        if not count:
+            return None
+
+        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
+            fill_all(system.constraints, t, system, y, 0)
+            return list(system.rows[:count].ravel())
+
+        return self._law(kernel)
+
+    @cached_property
+    def anchors(self) -> Law | None:
+        """The anchors of the joints, 3 numbers each."""
+        count = len(self._system.constraints)
+        if not count:
+            return None
+
+        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
+            anchor_all(system.constraints, system, y, 0)
+            return list(system.anchors[:count].ravel())
+
+        return self._law(kernel)
+
+    @cached_property
+    def energy(self) -> Law:
+        """Potential energy, and power of the effects that have none."""
+
+        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
+            return list(energetics(system.effects, t, system, y))
+
+        return self._law(kernel)
+
+    @cached_property
+    def contacts(self) -> tuple[np.ndarray, np.ndarray]:
+        """(table of the contacts, their constants); see layout."""
+        placed = [contact for group in self._system.contacts for contact in group]
+        table = np.zeros((len(placed), CONTACT_COLUMNS), np.int64)
+        constants: list[float] = []
+        for c, contact in enumerate(placed):
+            row = with_packed_hulls(contact.row, self._kept)
+            opened, closed = laws_of_kind(row, contact.parent < 0)
+            ends = contact.body, contact.parent
+            table[c] = opened.address, closed.address, *ends, len(constants)
+            constants += [value for _, value in numbers(row)]
+        return table, np.array(constants)
+
+    def packed(self, system: ContactBodies, inputs: np.ndarray) -> tuple[np.ndarray, Any]:
+        """(the system for loops, what must live as long); inputs: of the laws, in place."""
+
+        table, constants = self.contacts
+        room = np.zeros(ROOM + 6 * len(system.bodies))
+        laws = (self.loads, self.lines, self.anchors, self.energy)
+        names = ("loads_law", "lines_law", "anchors_law", "energy_law")
+        values: dict[str, Any] = {
+            **{name: getattr(system, name, None) for name in LAYOUT.fields},
+            "joints": len(system.constraints),
+            "contacts": table,
+            "parameters": constants,
+            "inputs": inputs,
+            "room": room,
+            **{name: law.address if law else 0 for name, law in zip(names, laws, strict=True)},
+            "free_by_address": free.address,
+            "accelerate_by_address": accelerate.address,
+            "settle_by_address": bring_back.address,
+        }
+        return LAYOUT.pack(values), (values, laws)

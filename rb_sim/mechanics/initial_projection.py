@@ -1,0 +1,225 @@
+"""The start of N bodies on the manifold of their constraints: the laws' elimination on numbers.
+
+It runs once and as plain Python, which costs as little as the lines are sparse.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import pickle
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE, fill
+from rb_sim.compiler.program import folder
+from rb_sim.graph import store
+from rb_sim.graph.emit import Pieces, modules
+from rb_sim.graph.machine import (
+    Law,
+    PlainLaw,
+    compile_law,
+    draft,
+    interpreted,
+    key_of,
+    linked,
+    load,
+    pointer_type,
+)
+from rb_sim.graph.machine import folder as laws_folder
+from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
+from rb_sim.mechanics.independent import Dependent, changing_lines, dense_matrix, factored
+from rb_sim.mechanics.inputs import cleared
+from rb_sim.mechanics.laws import CompiledLaws
+from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.mechanics.systems.elimination import (
+    Factors,
+    constraint_matrix,
+    hasten,
+    with_object_tables,
+)
+from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, MultiBody, arms
+from rb_sim.mechanics.systems.multipliers import (
+    add_multipliers,
+    clear_push,
+    move_by_push,
+    row_velocity,
+    write_rows,
+)
+
+# Laws that are found again by what they were traced from: a second process does not trace them.
+
+
+_LOADED: WeakValueDictionary[tuple[Path | None, str], Law] = WeakValueDictionary()
+_LOCK = threading.Lock()
+
+
+def kept_law(origin: Any, outputs: Callable[[], Sequence[Any]]) -> Law | PlainLaw:
+    """The law of the outputs, which are asked for only where none is kept of the same origin.
+
+    origin: all that the outputs depend on besides the sources. What cannot be pickled, and a law
+    that calls other functions, whose addresses are another process's, are traced every time.
+    """
+    try:
+        content = hashlib.sha256(pickle.dumps(origin)).hexdigest()
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return compile_law(outputs())
+    if interpreted():
+        return PlainLaw(outputs())
+    # the folder is that of exactly these sources
+    place, name = folder(str(store.cache_root())), f"law-{content[:40]}-{draft():d}"
+    with _LOCK:
+        law = _LOADED.get((place, name)) or _found(place, name)
+        if law is not None:
+            return _LOADED.setdefault((place, name), law)
+    pieces = Pieces(outputs())
+    texts = modules(pieces, pointer_type())
+    law = linked(texts, pieces.externals)
+    if not pieces.externals:
+        store.write(place, name, key_of(texts).encode())
+    return law
+
+
+def _found(place: Path | None, name: str) -> Law | None:
+    """The law whose key is kept under this name, if both are on disk."""
+    key = store.read(place, name)
+    if key is None:
+        return None
+    kept = store.read(laws_folder(str(store.cache_root())), key.decode("ascii", "replace"))
+    objects = None if kept is None else store.unpack(kept)
+    return load(objects) if objects else None
+
+
+def relative(system: MultiBody, violations: np.ndarray, length: float, speed: float) -> np.ndarray:
+    """|g| and |G u - b| of each line, (2, n), over the scene's length [m] and speed [m/s]."""
+    arm = np.array(arms([c.row for c in system.constraints], length))
+    return violations * arm / np.array([[length], [speed]])
+
+
+class Manifold:
+    """The constraint lines of a system at states that are numbers."""
+
+    def __init__(self, system: MultiBody) -> None:
+        self.system = with_object_tables(system)
+        self.laws = MultiBodyLaws(system, 0, redundant=False)
+        self.n = system.lines.shape[0]
+        self.arms = arms([c.row for c in system.constraints], system.length)
+
+    def violations(self, t: float, y: list[float]) -> tuple[np.ndarray, int]:
+        """|g| and |G u - b| of each line at (t, y), shape (2, n), and the rank of G."""
+        system = self.system
+        write_rows(system, t, y)
+        found = np.zeros((2, self.n))
+        for k in range(self.n):
+            found[0, k] = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC]
+            found[1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
+        return found, int(factored(system, self.laws.order).rank)
+
+    def settle(self, t: float, y: list[float]) -> None:
+        """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
+        clear_push(self.system)
+        move_by_push(self.system, y)
+        if not self.n:
+            return
+        length = self.system.length
+        if not return_to_positions(self, t, y, length, 0.0)[0] <= LOST * length:
+            y[0] = math.nan
+        write_rows(self.system, t, y)
+        rows = self.system.rows
+        self.push({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
+        hasten(self.system, y)
+
+    def push(self, right: dict[int, float]) -> None:
+        """push = M^-1 G^T lambda for the multipliers of these right sides."""
+        system = self.system
+        found = factored(system, list(right)).solve(right)
+        for k in range(self.n):
+            system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
+        clear_push(system)
+        add_multipliers(system)
+
+
+@position_error.register(Manifold)
+def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, list[int]]:
+    rows = way.system.rows
+    write_rows(way.system, t, y)
+    held = [k for k in way.laws.order if rows[k, HOLONOMIC]]
+    return max((abs(rows[k, ERROR]) * way.arms[k] for k in held), default=0.0), held
+
+
+@correct_positions.register(Manifold)
+def correct_on_numbers(way: Manifold, t: float, y: list[float], lines: list[int]) -> None:
+    way.push({k: -way.system.rows[k, ERROR] for k in lines})
+    move_by_push(way.system, y)
+
+
+def start_on_manifold(
+    system: MultiBody, t: float, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Violations of the lines at (t, y), and y moved onto the manifold in place.
+
+    Returns |g| and |G u - b| of each line before (shape (2, n)) and after (shape (2, n)), and the
+    rank of G after.
+    """
+    manifold, at = Manifold(system), y.tolist()
+    before, _ = manifold.violations(t, at)
+    manifold.settle(t, at)
+    y[:] = at
+    after, rank = manifold.violations(t, at)
+    return before, after, rank
+
+
+def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
+    """A = G M^-1 G^T at (t, y), (n, n)."""
+    made = with_object_tables(system)
+    write_rows(made, t, y.tolist())
+    return dense_matrix(made, range(system.lines.shape[0]))
+
+
+def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
+    """The lines that depend on others at y, a state on the manifold."""
+    manifold = Manifold(system)
+    write_rows(manifold.system, 0.0, y.tolist())
+    order = manifold.laws.order
+    placed = [k for k in order if manifold.laws.holonomic[k]]
+    left_out = (
+        frozenset(some) - frozenset(factored(manifold.system, some).kept)
+        for some in (order, placed)
+    )
+    return Dependent(*left_out)
+
+
+def changing_in(system: MultiBody, dependent: Dependent) -> list[int]:
+    """Lines in loops of which it is chosen anew on the way which get a multiplier."""
+    if not dependent.lines:
+        return []
+    return changing_lines(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
+
+
+def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], CompiledLaws]:
+    """The lines that depend on no others, and the law of their pivots' shares (see Factors)."""
+    laws = MultiBodyLaws(system, 0, False, (), dependent)
+    kept = laws.order
+
+    def kernel(on: MultiBody, t: Any, state: list[Any]) -> list[Any]:
+        write_rows(on, t, state)
+        found = Factors(constraint_matrix(on, kept), kept).shares
+        return [found[k] for k in kept]
+
+    if not of_the_package(system):
+        return kept, laws.traced(kernel)
+    origin = "lines left", cleared(system), sorted(dependent.lines), kept
+    return kept, kept_law(origin, lambda: laws.outputs(kernel))
+
+
+def of_the_package(system: MultiBody) -> bool:
+    """Whether all that writes the lines is among the sources by which a law may be kept; a kernel
+    that somebody registered from elsewhere changes without them."""
+    package = __name__.partition(".")[0]
+    writers = [(type(placed.row), fill.kernels[type(placed.row)]) for placed in system.constraints]
+    return all(x.__module__.partition(".")[0] == package for pair in writers for x in pair)

@@ -1,0 +1,199 @@
+"""Inputs of a traced law: the numbers of a system that change between steps or runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.catalogue.types import CHANGING, Placed
+from rb_sim.graph.symbols import Graph
+
+# Places of numbers in a system: which they are, what is there, and others in their stead.
+
+
+Place = tuple[int, ...]
+"""Of a number in a system: an index a level of its nested tuples, the last one into an array."""
+
+
+CLEARED: dict[type, Callable[[Any], Any]] = {}
+"""For classes of systems that have room to work in: the same system with zeros there."""
+
+
+def cleared(system: Any) -> Any:
+    """The system without what was left in its room to work in."""
+    clear = CLEARED.get(type(system))
+    return system if clear is None else clear(system)
+
+
+def numbers(x: Any, place: Place = ()) -> Iterator[tuple[Place, float]]:
+    """Every float in a system with its place."""
+    if isinstance(x, float):
+        yield place, float(x)
+    elif isinstance(x, tuple):
+        for i, entry in enumerate(x):
+            yield from numbers(entry, (*place, i))
+    elif isinstance(x, np.ndarray) and x.dtype.kind == "f":
+        for i, entry in enumerate(x.ravel().tolist()):
+            yield (*place, i), entry
+
+
+def skeleton(x: Any) -> Any:
+    """What remains of a system without its floats: classes, lengths, indices, shapes."""
+    if isinstance(x, float):
+        return float
+    if isinstance(x, tuple):
+        return type(x), tuple(skeleton(entry) for entry in x)
+    if isinstance(x, np.ndarray):
+        return x.shape, None if x.dtype.kind == "f" else x.tobytes()
+    return x
+
+
+def with_numbers(x: Any, values: Mapping[Place, Any]) -> Any:
+    """The system with these values at their places; float arrays become arrays of objects there."""
+    if () in values:
+        return values[()]
+    heads = {place[0] for place in values}
+    if isinstance(x, np.ndarray):
+        table = x.astype(object)
+        for (i,), value in values.items():
+            table.flat[i] = value
+        return table
+    entries = list(x)
+    for i in heads:
+        below = {place[1:]: value for place, value in values.items() if place[0] == i}
+        entries[i] = with_numbers(x[i], below)
+    return x._make(entries) if hasattr(x, "_make") else tuple(entries)
+
+
+FREE = object()
+"""In a pattern: any number."""
+
+
+def fits(x: Any, pattern: Any) -> bool:
+    """True for a system that is equal to the pattern but for numbers where it says FREE."""
+    if pattern is FREE:
+        return isinstance(x, float)
+    if isinstance(pattern, tuple):
+        if type(x) is not type(pattern) or len(x) != len(pattern):
+            return False
+        return all(fits(one, other) for one, other in zip(x, pattern, strict=True))
+    if isinstance(pattern, np.ndarray):
+        if not isinstance(x, np.ndarray) or x.shape != pattern.shape:
+            return False
+        if pattern.dtype == object:
+            return all(map(fits, x.ravel().tolist(), pattern.ravel().tolist()))
+        return x.dtype == pattern.dtype and bool((x == pattern).all())
+    return isinstance(x, float) is isinstance(pattern, float) and bool(x == pattern)
+
+
+def number_at(x: Any, place: Place) -> float:
+    """The number at a place of a system."""
+    for i in place:
+        x = x.flat[i] if isinstance(x, np.ndarray) else x[i]
+    return float(x)
+
+
+# The inputs p of a traced law: everything of a system that changes between steps, as one vector.
+#
+# Commands, the present segment of tabulated wrenches, what a system keeps of its start.
+
+
+def _rows(system: Any) -> list[Any]:
+    rows = [effect.row if isinstance(effect, Placed) else effect for effect in system.effects]
+    return [*rows, *getattr(system, "spins", ())]
+
+
+def input_values(system: Any, t: float, onwards: bool = True) -> list[float]:
+    """The inputs for the steps from t on, or for the instant t alone."""
+    changing = [x for x in (*_rows(system), system) if type(x) in CHANGING]
+    return [value for x in changing for value in CHANGING[type(x)].values(x, t, onwards)]
+
+
+def on_inputs(system: Any, graph: Graph) -> Any:
+    """The system with symbols for its inputs, in the order of `input_values`."""
+    at = 0
+
+    def changed(x: Any) -> Any:
+        nonlocal at
+        kind = CHANGING.get(type(x))
+        if kind is None:
+            return x
+        symbols = graph.vector("p", kind.count, at)
+        at += kind.count
+        return kind.symbolic(x, symbols)
+
+    effects = tuple(
+        effect._replace(row=changed(effect.row)) if isinstance(effect, Placed) else changed(effect)
+        for effect in system.effects
+    )
+    if hasattr(system, "spins"):
+        system = system._replace(spins=tuple(changed(spin) for spin in system.spins))
+    return changed(system)._replace(effects=effects)
+
+
+class Inputs:
+    """How the laws of one system take what is not constant in them.
+
+    varied: places in the system whose numbers are inputs as well (see rb_sim.mechanics.inputs).
+    chosen: the choice of lines that the motion starts with (see
+    rb_sim.mechanics.systems.elimination), the last of the inputs; whoever steps makes it anew on
+    the way.
+    """
+
+    def __init__(self, varied: Sequence[Place] = (), chosen: Sequence[float] = ()) -> None:
+        self.varied, self.chosen = tuple(varied), list(chosen)
+
+    def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
+        """The inputs for the steps from t on, or for the instant t alone."""
+        own = input_values(system, t, onwards)
+        return own + [number_at(system, place) for place in self.varied] + self.chosen
+
+    def symbolic(self, system: Any, graph: Graph) -> Any:
+        """The system with symbols for its inputs, in the order of `values`."""
+        on_symbols = on_inputs(system, graph)
+        first = len(input_values(system, 0.0))
+        symbols = graph.vector("p", len(self.varied), first)
+        places = dict(zip(self.varied, symbols, strict=True))
+        return with_numbers(on_symbols, places) if places else on_symbols
+
+
+# Systems that differ only in numbers share their laws: the numbers that differ become inputs.
+#
+# A law has the constants of its scene folded in, which is right for one scene and wrong for ten
+# thousand that differ in a mass.  A family is told of a few of them, finds which numbers differ,
+# and makes laws that take those as inputs; everything else stays folded in.
+
+
+class Family:
+    """The laws that all systems of one kind share.
+
+    systems: a few that differ in every number that any of them may differ in. make: gives the laws
+    of a system whose numbers at the given places are inputs.
+    """
+
+    def __init__(
+        self, systems: Sequence[Any], make: Callable[[Any, tuple[Place, ...]], Any]
+    ) -> None:
+        first, *others = [cleared(system) for system in systems]
+        shape = skeleton(first)
+        alike = [system for system in others if skeleton(system) == shape]
+        folded_in = dict(constants(first))
+        self.places: tuple[Place, ...] = tuple(
+            place
+            for place, value in folded_in.items()
+            if any(number_at(system, place) != value for system in alike)
+        )
+        given = {place for place, _ in numbers(first)} - folded_in.keys()
+        self._pattern = with_numbers(first, dict.fromkeys((*given, *self.places), FREE))
+        self.laws: Any = make(first, self.places)
+
+    def has(self, system: Any) -> bool:
+        """True for a system whose motion the shared laws describe."""
+        return fits(cleared(system), self._pattern)
+
+
+def constants(system: Any) -> Iterator[tuple[Place, float]]:
+    """The floats of a system that a law folds in: those that are no inputs already."""
+    return numbers(on_inputs(system, Graph()))

@@ -1,0 +1,169 @@
+"""The methods that can integrate a scene: one line each, the visible table of contents.
+
+A method is listed here and nowhere else; the scene compiler, `method: auto`, the work-precision
+ladder and the documentation read this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853, Dopri853, dopri853
+from rb_sim.integrate.methods.euler import Euler, euler
+from rb_sim.integrate.methods.gauss6 import Gauss6, gauss6
+from rb_sim.integrate.methods.radau5 import AdaptiveRadau5, Radau5, radau5
+from rb_sim.integrate.methods.rk4 import Rk4, rk4
+from rb_sim.integrate.methods.taylor import AdaptiveTaylor, taylor
+from rb_sim.mechanics.laws import traceable
+from rb_sim.mechanics.systems.guides import splines_of
+from rb_sim.mechanics.systems.many_bodies import MultiBody
+from rb_sim.mechanics.systems.translation import GuidedBody
+from rb_sim.numerics.kernels import Step
+
+# Time stepping as a method that scenes name; its steps are those of `contact.stepping`.
+
+
+class TimeStepping(NamedTuple):
+    """Fixed step [s]."""
+
+    step: float
+
+
+def in_contact(system: Any) -> bool:
+    return not traceable(system)
+
+
+def any_system(system: Any) -> bool:
+    return True
+
+
+def expandable(system: Any) -> bool:
+    """Whether the law of the system has a Taylor series.
+
+    In maximal coordinates the nearest point of a spline is found by iteration, which has none.
+    """
+    return traceable(system) and (isinstance(system, GuidedBody) or not splines_of(system))
+
+
+def reduced(system: Any) -> bool:
+    """One body in reduced coordinates.
+
+    In maximal ones a step along the series costs 2 to 16 steps of dopri853, and compiling it
+    seconds (`python -m benchmarks.series`).
+    """
+    return traceable(system) and not isinstance(system, MultiBody)
+
+
+class MethodEntry(NamedTuple):
+    """One method: how a scene may ask for it, and what to expect of it."""
+
+    fixed: type | None
+    """class made from a step [s], or None."""
+    adaptive: type | None
+    """class made from a local tolerance and a largest step [s], or None."""
+    order: int
+    """global error ~ step^order."""
+    line: str
+    """what it is, in one line."""
+    family: str = "runge-kutta"
+    """methods of different families share neither coefficients nor idea: each checks the other."""
+    suits: Callable[[Any], bool] = any_system
+    """whether it can integrate a compiled system."""
+    domain: str = "every scene"
+    """what it can integrate, in words."""
+    loop: Step | None = None
+    """its step on traced laws; None where it integrates other systems only."""
+    error_order: int = 0
+    """of the error estimate of an adaptive step; 0: as `order`."""
+    weighed: Callable[[Any], bool] = any_system
+    """whether `auto` begins with it and checks others by it on a system that it suits; elsewhere it
+    is mostly dearer, and comes last, if its price says that it may be worth a run."""
+
+
+METHODS: dict[str, MethodEntry] = {
+    "euler": MethodEntry(Euler, None, 1, "semi-implicit Euler: the baseline", "euler", loop=euler),
+    "rk4": MethodEntry(Rk4, None, 4, "classical Runge-Kutta (Kutta 1901)", loop=rk4),
+    "dopri853": MethodEntry(
+        Dopri853,
+        AdaptiveDopri853,
+        8,
+        "Dormand-Prince 8(5,3), fixed or adaptive step",
+        loop=dopri853,
+    ),
+    "gauss6": MethodEntry(
+        Gauss6,
+        None,
+        6,
+        "Gauss collocation: symmetric, symplectic, for long runs",
+        "collocation",
+        loop=gauss6,
+    ),
+    "radau5": MethodEntry(
+        Radau5,
+        AdaptiveRadau5,
+        5,
+        "Radau IIA, L-stable: stiff springs, strong damping, extreme mass ratios",
+        "radau",
+        traceable,
+        "scenes without contacts",
+        radau5,
+        4,
+    ),
+    "taylor": MethodEntry(
+        None,
+        AdaptiveTaylor,
+        20,
+        "Taylor series of the motion itself: the fewest steps at high accuracy",
+        "taylor",
+        expandable,
+        "scenes without contacts; along splines one body that keeps its attitude",
+        taylor,
+        weighed=reduced,
+    ),
+    "time_stepping": MethodEntry(
+        TimeStepping,
+        None,
+        1,
+        "velocities and impulses over a step: many contacts, any step, no events",
+        "time-stepping",
+        in_contact,
+        "bodies in contact",
+    ),
+}
+
+
+def tried(system: Any) -> dict[str, MethodEntry]:
+    """The methods with which `auto` begins, and by which it checks others."""
+    return {n: e for n, e in METHODS.items() if e.suits(system) and e.weighed(system)}
+
+
+def name_of(kind: type) -> str:
+    """The name under which a method's class is listed; "" if it is not."""
+    for name, entry in METHODS.items():
+        if kind in (entry.fixed, entry.adaptive):
+            return name
+    return ""
+
+
+def loop_of(kind: type) -> tuple[Step, float] | None:
+    """The step of a method's class on traced laws, and the order of its error estimate."""
+    for entry in METHODS.values():
+        if entry.loop is not None and kind in (entry.fixed, entry.adaptive):
+            return entry.loop, float(entry.error_order or entry.order)
+    return None
+
+
+def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:
+    """The method `name` with a fixed step [s], or adaptive with a local tolerance.
+
+    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step.
+    Raises ValueError if the method does not come in that form.
+    """
+    entry = METHODS[name]
+    if step is not None and entry.fixed is not None:
+        return entry.fixed(float(step))
+    if tolerance is not None and entry.adaptive is not None:
+        return entry.adaptive(float(tolerance), float(largest_step))
+    form = "fixed step" if step is not None else "tolerance"
+    raise ValueError(f"method {name} takes no {form}")

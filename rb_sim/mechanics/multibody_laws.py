@@ -1,0 +1,415 @@
+"""The laws of N bodies in maximal coordinates, traced with the whole elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
+from rb_sim.graph.jacobian_columns import compile_columns
+from rb_sim.graph.machine import compile_law
+from rb_sim.graph.symbols import Graph
+from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.mechanics.independent import INDEPENDENT, Dependent
+from rb_sim.mechanics.inputs import Inputs, Place
+from rb_sim.mechanics.laws import CompiledLaws, domain_law
+from rb_sim.mechanics.systems.elimination import (
+    Factors,
+    Matrix,
+    chosen_lines,
+    constraint_matrix,
+    hasten,
+    lines_in_order,
+    switch_off,
+    take_least_norm,
+    with_object_tables,
+)
+from rb_sim.mechanics.systems.free import settle_spins
+from rb_sim.mechanics.systems.guides import GuidedLaws, on_guides, ways
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    INERTIA,
+    MASS,
+    MULTIPLIERS,
+    PARENT,
+    WIDTH,
+    MultiBody,
+    apply_effects,
+    fill_all,
+    six,
+)
+from rb_sim.mechanics.systems.multibody import (
+    power_of_reactions,
+    put_balances,
+    put_rates,
+    put_reactions,
+    worst_gap,
+)
+from rb_sim.mechanics.systems.multipliers import (
+    add_multipliers,
+    clear_loads,
+    clear_push,
+    free_accelerations,
+    move_by_push,
+    row_times_push,
+    row_velocity,
+    write_rows,
+)
+from rb_sim.mechanics.tables.blocks import Plan, constraint_nodes, hubs_of, planned
+from rb_sim.numerics.kernels import Step
+
+# The factors of A = G M^-1 G^T where many constraints act on one body.
+#
+# All of these would be neighbours of each other.  The body, a hub, stays instead: what the
+# multipliers change its accelerations by are six more unknowns,
+#
+#     [ A    G_h ] [lambda]   [right]
+#     [G_h^T -M_h] [ a_h  ] = [  0  ],   A = G M^-1 G^T over all other bodies.
+
+
+def plan_of(system: MultiBody) -> Plan | None:
+    """The order in which the lines of a system go, and its hubs; None where it has none."""
+    first = [int(k) for k in system.first_row]
+    sizes = [after - before for before, after in zip(first, first[1:], strict=False)]
+    pairs = [(c.body, c.parent) for c in system.constraints]
+    nodes = constraint_nodes(pairs, sizes, range(len(sizes)))
+    hubs = hubs_of(nodes)
+    return planned(nodes, hubs) if hubs else None
+
+
+def factors_of(system: MultiBody, lines: Sequence[int], plan: Plan | None) -> Factors:
+    """The factors of these lines as written; what is solved with them gives their multipliers.
+
+    Without a plan they go in turn; with one its hubs stay, and a_h is found as well.  Right sides
+    of lines that are not chosen must be zero.
+    """
+    if plan is None:
+        matrix = constraint_matrix(system, lines)
+        if system.chosen:
+            switch_off(matrix, system.chosen)
+        return Factors(matrix, lines)
+    matrix = constraint_matrix(system, lines, besides=plan.hubs)
+    # nothing can move lines on hubs alone before the hubs are there; with these, it is this much
+    alone = [k for k in lines if k not in matrix[k]]
+    scales = {k: constraint_matrix(system, [k])[k][k] for k in alone}
+    for k in alone:
+        matrix[k][k] = 0.0
+    first = int(system.first_row[-1])
+    places = {body: first + 6 * i for i, body in enumerate(sorted(plan.hubs))}
+    for body, at in places.items():
+        _put_hub(system, matrix, body, at)
+    order = [k for k in _unknowns(system, plan, places) if k in matrix]
+    sure = frozenset(range(first, first + 6 * len(places)))
+    return Factors(matrix, order, sure=sure, scales=scales)
+
+
+def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int]:
+    """All lines, and accelerations of hubs, in the order in which they go."""
+    first, order = system.first_row, []
+    for node in plan.nodes:
+        if node.parts:
+            order += [k for part in node.parts for k in range(first[part], first[part + 1])]
+        else:
+            order += range(places[node.body], places[node.body] + 6)
+    return order
+
+
+def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
+    """The rows of a hub, whose unknowns lie from `at` on: less its mass, and the lines on it."""
+    xx, yy, zz, xy, xz, yz = six(system.bodies, body, INERTIA)
+    inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    lines = list(matrix)
+    for j in range(3):
+        matrix[at + j] = {at + j: -system.bodies[body, MASS]}
+        matrix[at + 3 + j] = {at + 3 + i: -inertia[j][i] for i in range(3)}
+    for k in lines:
+        for end, column in ((BODY, 0), (PARENT, 6)):
+            if k < system.lines.shape[0] and system.lines[k, end] == body:
+                for j in range(6):
+                    value = matrix[k].get(at + j, 0.0) + system.rows[k, column + j]
+                    matrix[k][at + j] = matrix[at + j][k] = value
+
+
+# The constraint lines of N bodies in traced laws: in which order they are eliminated, which get a
+# multiplier, and what it is.
+#
+# The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
+
+
+class SolvedLines(GuidedLaws):
+    """How kernels are traced, and the multipliers of constraint lines found in them.
+
+    varied: places of constants that are inputs. changing: lines of which the inputs tell whether
+    they get a multiplier; those of them that are `dependent` have none at the start.
+    """
+
+    def __init__(
+        self,
+        system: MultiBody,
+        width: int,
+        redundant: bool,
+        varied: Sequence[Place] = (),
+        dependent: Dependent = INDEPENDENT,
+        changing: Sequence[int] = (),
+    ) -> None:
+        self.system, self.width, self.redundant = system, width, redundant
+        self.dependent, self.changing = dependent, tuple(changing)
+        self.inputs = Inputs(varied, [float(k not in dependent.lines) for k in self.changing])
+        self.n = WIDTH * system.bodies.shape[0]
+        self.lines = system.lines.shape[0]
+
+    def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> CompiledLaws:
+        """The law kernel(system, t, y); y is a list and may be written."""
+        return compile_law(self.outputs(kernel), often=often)
+
+    def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
+        """The kernel is run on symbols of a new graph; returns its outputs."""
+        graph = Graph()
+        system = with_object_tables(self.inputs.symbolic(self.system, graph))
+        if self.changing:
+            first = len(self.inputs.values(self.system, 0.0)) - len(self.changing)
+            symbols = graph.vector("p", len(self.changing), first)
+            system = system._replace(chosen=dict(zip(self.changing, symbols, strict=True)))
+        return kernel(system, graph.input("t"), list(graph.vector("y", self.n)))
+
+    @cached_property
+    def holonomic(self) -> list[bool]:
+        """For each line whether it is holonomic, which its kind alone decides.
+
+        Rows are written on symbols: at any numbers some scene has a point or an axis there, and a
+        division by zero.
+        """
+        graph = Graph()
+        system = with_object_tables(self.system)
+        y = list(graph.vector("y", self.n))
+        fill_all(system.constraints, graph.input("t"), system, y, 0)
+        return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
+
+    @cached_property
+    def whole_order(self) -> list[int]:
+        """All lines in the order of elimination."""
+        first = self.system.first_row
+        parts = [range(first[i], first[i + 1]) for i in range(len(first) - 1)]
+        bodies = [{c.body, c.parent} - {-1} for c in self.system.constraints]
+        return lines_in_order(parts, bodies)
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Lines that get a multiplier, or may get one, in the order of elimination."""
+        left_out = self.dependent.lines - set(self.changing)
+        return [k for k in self.whole_order if k not in left_out]
+
+    @cached_property
+    def position_order(self) -> list[int]:
+        """Holonomic lines in the order of elimination, those left out that depend on others."""
+        left_out = self.dependent.positions - set(self.changing)
+        return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
+
+    def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
+        """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
+        factors = factors_of(system, order, self.plan)
+        self._put(system, factors.solve(self._chosen(system, right)))
+        return factors.rank - self.inputs.chosen.count(0.0)
+
+    def _chosen(self, system: MultiBody, right: dict[int, Any]) -> dict[int, Any]:
+        """The right sides, zero for lines that are not chosen."""
+        chosen = dict(system.chosen)
+        return {k: value * chosen.get(k, 1.0) for k, value in right.items()}
+
+    @cached_property
+    def plan(self) -> Plan | None:
+        """The order of elimination where there are hubs; lines that depend on others have none."""
+        return None if self.redundant or self.dependent.lines else plan_of(self.system)
+
+    def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
+        """Write the multipliers of all lines, zero where none was found."""
+        for k in range(self.lines):
+            system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
+
+    @cached_property
+    def choice(self) -> CompiledLaws | None:
+        """Which of the `changing` lines get a multiplier in a step from here, 1 or 0 each.
+
+        Then their least pivot, scaled to a diagonal of ones, and the number of its line among them.
+        """
+        if not self.changing:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            matrix, lines = constraint_matrix(system, self.changing), self.changing
+            entries = [matrix[i].get(j, 0.0) for i in lines for j in lines]
+            rank = len(lines) - self.inputs.chosen.count(0.0)
+            return list(chosen_lines(len(lines), rank, entries))
+
+        return self.traced(kernel)
+
+
+class MultiBodyLaws(SolvedLines):
+    """The laws of N bodies; reactions are of least norm where `redundant`."""
+
+    @property
+    def velocities(self) -> list[float]:
+        """1 for each coordinate that is a velocity, else 0."""
+        return ([0.0] * 7 + [1.0] * 6) * (self.n // WIDTH)
+
+    def whole(self, step: Step, estimated: bool = True) -> None:
+        """No step is one law: the way back to the manifold iterates."""
+        return None
+
+    def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
+        """Fill the multipliers and push = accelerations; returns the rank of G."""
+        clear_loads(system)
+        apply_effects(system.effects, t, system, y)
+        free_accelerations(system, y)
+        if not self.lines:
+            return 0.0
+        write_rows(system, t, y)
+        rows = system.rows
+        right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in self.order}
+        rank = self.multipliers(system, right, self.order)
+        add_multipliers(system)
+        return rank
+
+    def slopes(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+        """dy/dt; overwrites the tables of the system."""
+        dy: list[Any] = [0.0] * self.n
+        self.accelerations(system, t, y)
+        put_rates(system, y, dy)
+        return dy
+
+    @cached_property
+    def rate(self) -> CompiledLaws:
+        """dy/dt."""
+        return self.traced(self.slopes)
+
+    @cached_property
+    def jacobian(self) -> CompiledLaws:
+        """d(dy/dt)/dy by rows, n n numbers."""
+        return compile_columns(self.outputs(self.slopes), self.n)
+
+    @cached_property
+    def series(self) -> SeriesLaws:
+        """The Taylor series of y; of the whole graph, however many bodies there are."""
+        return SeriesLaws(self.outputs(lambda *at: MultiBodyLaws.slopes(self, *at)))
+
+    @cached_property
+    def settle(self) -> CompiledLaws:
+        """Unit quaternions, and free spins on their polhodes."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            clear_push(system)
+            move_by_push(system, y)
+            settle_spins(system, y)
+            return y
+
+        return self.traced(kernel)
+
+    @cached_property
+    def gap(self) -> CompiledLaws | None:
+        """The largest position error [m]."""
+        if not self.lines:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            return [worst_gap(system, self.holonomic)]
+
+        return self.traced(kernel)
+
+    @cached_property
+    def position(self) -> CompiledLaws | None:
+        """y after one step of Newton's iteration on the position errors."""
+        if not self.lines:
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            errors = {k: -system.rows[k, ERROR] for k in self.position_order}
+            self.multipliers(system, errors, self.position_order)
+            clear_push(system)
+            add_multipliers(system)
+            move_by_push(system, y)
+            return y
+
+        return self.traced(kernel)
+
+    @cached_property
+    def velocity(self) -> CompiledLaws | None:
+        """y with the nearest admissible velocities in the metric of M."""
+        return self.traced(self.hastened) if self.lines else None
+
+    def hastened(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+        """As `velocity`; the multipliers are the impulses that give the velocities [N s]."""
+        write_rows(system, t, y)
+        slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
+        self.multipliers(system, slips, self.order)
+        clear_push(system)
+        add_multipliers(system)
+        hasten(system, y)
+        return y
+
+    @cached_property
+    def back(self) -> CompiledLaws | None:
+        """y from near the manifold back on it, then the position error before.
+
+        One step of Newton's iteration for the positions; the slips that are left go out with the
+        same factors, which differ from those of the new position by the size of that step.
+        """
+        if not self.lines or not all(self.holonomic):
+            return None
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            clear_push(system)
+            move_by_push(system, y)
+            settle_spins(system, y)
+            write_rows(system, t, y)
+            worst = worst_gap(system, self.holonomic)
+            factors = factors_of(system, self.order, self.plan)
+            self._push(system, factors, {k: -system.rows[k, ERROR] for k in self.order})
+            move_by_push(system, y)
+            before = system.rows.copy()
+            write_rows(system, t, y)
+            slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
+            system.rows[:] = before
+            self._push(system, factors, slips)
+            hasten(system, y)
+            return [*y, worst]
+
+        return self.traced(kernel)
+
+    def _push(self, system: MultiBody, factors: Factors, right: dict[int, Any]) -> None:
+        """push = M^-1 G^T lambda for the multipliers of these right sides."""
+        self._put(system, factors.solve(self._chosen(system, right)))
+        clear_push(system)
+        add_multipliers(system)
+
+    @cached_property
+    def inside(self) -> CompiledLaws | None:
+        """One number, 0 once a body has left the end of its guide."""
+        (output,) = self.outputs(lambda system, t, y: [on_guides(system, y)])
+        return domain_law(output)
+
+    @cached_property
+    def along(self) -> CompiledLaws | None:
+        """The parameter of each spline and its rate."""
+        return self.traced(lambda system, t, y: ways(system, y)) if self.splines else None
+
+    @cached_property
+    def sample(self) -> CompiledLaws:
+        """Everything that is reported at one instant."""
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            out: list[Any] = [0.0] * self.width
+            out[: self.n] = y
+            rank = self.accelerations(system, t, y)
+            if self.redundant:
+                take_least_norm(system, rank)
+            at = self.n
+            if self.lines:
+                at = put_reactions(system, y, out, at)
+            put_balances(system, t, y, out, at, power_of_reactions(system))
+            return out
+
+        return self.traced(kernel, often=False)

@@ -1,0 +1,55 @@
+"""A system: the coordinates y in which a scene is integrated, and its constants.
+
+Every kind of system is a NamedTuple class that registers three kernels.  y is a tuple of floats
+(one body: the compiler keeps it in registers and unrolls every sum) or an array (N bodies);
+configuration first, then velocities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rb_sim.numerics.kernels import dispatch
+
+CONFIGURATION: dict[type, int] = {}
+"""How many leading coordinates of y are configuration, for each class of one-body system."""
+
+EVENT_DRIVEN: set[type] = set()
+"""Classes of systems whose motion events cut into pieces; they have laws of their own."""
+
+STARTS: dict[type, Callable[[Any, Any], Any]] = {}
+"""For classes whose constants depend on the initial coordinates: (system, y) -> system."""
+
+
+def started(system: Any, y: Any) -> Any:
+    """The system, for a motion that starts at y."""
+    start = STARTS.get(type(system))
+    return start(system, y) if start else system
+
+
+def _rate(system, t, y):
+    """dy/dt as a tuple (one-body systems)."""
+
+
+rate = dispatch(_rate)
+
+
+@dispatch
+def rate_into(system, t, y, dy):
+    """dy/dt written into the array dy (systems of N bodies)."""
+
+
+@dispatch
+def settle(system, t, y):
+    """y brought back to the constraint manifold to round-off; arrays in place."""
+
+
+@dispatch
+def sample(system, t, y, out):
+    """Write everything that is reported at one instant into out, in the order of SampleFields."""
+
+
+@dispatch
+def inside(system, y):
+    """False once the state has left the system's domain (the end of a guide)."""

@@ -1,0 +1,1 @@
+"""Systems: one body in reduced coordinates, or many bodies in maximal ones with multipliers."""

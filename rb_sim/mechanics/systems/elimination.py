@@ -1,0 +1,387 @@
+"""Elimination of the constraint rows: A lambda = b for the sparse A = G M^-1 G^T."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from rb_sim.compiler.lapack import WORK, eigenvectors
+from rb_sim.graph.functions import call, divide, rarely
+from rb_sim.graph.symbols import External
+from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
+from rb_sim.mechanics.systems.multipliers import coupling, inverse_mass_times
+from rb_sim.numerics.kernels import part, pointer, routine
+from rb_sim.numerics.rank import RANK_TOLERANCE
+
+# A lambda = b for the sparse A = G M^-1 G^T, written once for numbers and for symbols.
+#
+# L D L^T without pivoting, in an order that fills little in.  A pivot that is round-off of its
+# diagonal element belongs to a line that depends on those before it: it gets no multiplier, which
+# for a consistent right side leaves G^T lambda what it is.
+
+
+Matrix = dict[int, dict[int, Any]]
+"""Rows of a symmetric matrix: both triangles, structural zeros left out."""
+
+
+def elimination_order(neighbours: Sequence[set[int]], last: Sequence[int] = ()) -> list[int]:
+    """Minimum degree: the node with the fewest neighbours goes next and makes them neighbours.
+
+    neighbours: of each node, itself left out. last: ranks of the nodes, lower ones go first.
+    """
+    graph = {i: set(near) for i, near in enumerate(neighbours)}
+    ranks = last or [0] * len(graph)
+    order = []
+    while graph:
+        k = min(graph, key=lambda i: (ranks[i], len(graph[i]), i))
+        near = graph.pop(k)
+        for i in near:
+            graph[i] |= near
+            graph[i] -= {i, k}
+        order.append(k)
+    return order
+
+
+def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -> list[int]:
+    """The lines of the parts (their indices each) in the order of elimination.
+
+    bodies: those on which a part acts; parts that share one are neighbours.
+    """
+    on: dict[int, set[int]] = {}
+    for i, names in enumerate(bodies):
+        for body in names:
+            on.setdefault(body, set()).add(i)
+    near = [set().union(*(on[b] for b in names)) - {i} for i, names in enumerate(bodies)]
+    return [line for i in elimination_order(near) for line in parts[i]]
+
+
+class Factors:
+    """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept.
+
+    smallest: share of its diagonal element up to which a pivot is not kept. sure: unknowns that
+    are no lines; their pivots are kept, whatever their sign, and not counted. scales: of lines
+    whose pivots are compared with another number than their diagonal element.
+    """
+
+    def __init__(
+        self,
+        matrix: Matrix,
+        order: Sequence[int],
+        smallest: float = RANK_TOLERANCE,
+        sure: frozenset[int] = frozenset(),
+        scales: Mapping[int, Any] = MappingProxyType({}),
+    ) -> None:
+        self.order, self.smallest, self.sure = tuple(order), smallest, sure
+        self.inverse: dict[int, Any] = {}
+        self.rows: dict[int, dict[int, Any]] = {}
+        self.shares: dict[int, Any] = {}
+        """each pivot relative to its diagonal element: round-off where a line depends on others."""
+        diagonal = {k: scales[k] if k in scales else matrix[k][k] for k in order}
+        self.rank: Any = 0.0
+        for k in order:
+            row = matrix.pop(k)
+            pivot = row.pop(k)
+            if k in sure:
+                self.inverse[k] = divide(1.0, pivot)
+            else:
+                lost = pivot <= smallest * diagonal[k]
+                self.shares[k] = divide(pivot, diagonal[k])
+                self.inverse[k] = rarely(lost, 0.0, divide(1.0, pivot))
+                self.rank = self.rank + rarely(lost, 0.0, 1.0)
+            self.rows[k] = {i: value * self.inverse[k] for i, value in row.items()}
+            left = list(row.items())
+            for at, (i, _) in enumerate(left):
+                del matrix[i][k]
+                factor = self.rows[k][i]
+                for j, value in left[: at + 1]:
+                    changed = matrix[i].get(j, 0.0) - factor * value
+                    matrix[i][j] = matrix[j][i] = changed
+
+    @property
+    def kept(self) -> dict[int, Any]:
+        """The shares of the pivots that are kept, which are numbers, by line."""
+        return {k: share for k, share in self.shares.items() if share > self.smallest}
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """x with A x = b; of `sure`, b may be left out where it is zero."""
+        z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
+        for k in self.order:
+            for i, factor in self.rows[k].items():
+                z[i] = z[i] - factor * z[k]
+        for k in reversed(self.order):
+            s = z[k] * self.inverse[k]
+            for i, factor in self.rows[k].items():
+                s = s - factor * x[i]
+            x[k] = s
+        return x
+
+
+# Tables of bodies and lines that may hold symbols, and what is done with them.
+
+
+def hasten(system: MultiBody, y: list[Any]) -> None:
+    """Add push to the velocities."""
+    for i in range(len(y) // WIDTH):
+        for j in range(6):
+            k = WIDTH * i + 7 + j
+            y[k] = y[k] + system.bodies[i, PUSH + j]
+
+
+def with_object_tables(system: MultiBody) -> MultiBody:
+    """The system with tables of its own that may hold symbols."""
+    names = ("bodies", "rows", "vectors", "anchors")
+    return system._replace(**{name: getattr(system, name).astype(object) for name in names})
+
+
+def constraint_matrix(
+    system: MultiBody, lines: Any, besides: frozenset[int] = frozenset()
+) -> Matrix:
+    """A = G M^-1 G^T of these lines; entries only where two share a body.
+
+    besides: bodies that are left out, as if nothing could move them.
+    """
+    matrix: Matrix = {i: {} for i in lines}
+    on: dict[int, list[tuple[int, int]]] = {}
+    for i in lines:
+        for body, column in ((system.lines[i, BODY], 0), (system.lines[i, PARENT], 6)):
+            if body >= 0 and body not in besides:
+                on.setdefault(int(body), []).append((i, column))
+    for body, members in on.items():
+        for at, (i, column) in enumerate(members):
+            force, turn = inverse_mass_times(system, body, i, column)
+            for j, other in members[: at + 1]:
+                share = coupling(system.rows, j, other, force, turn)
+                matrix[i][j] = matrix[j][i] = matrix[i].get(j, 0.0) + share
+    return matrix
+
+
+def take_least_norm(system: MultiBody, rank: Any) -> None:
+    """Replace the multipliers by those of least norm with the same G^T lambda."""
+
+    lines = range(system.lines.shape[0])
+    matrix = constraint_matrix(system, lines)
+    entries = [matrix[i].get(j, 0.0) for i in lines for j in lines]
+    system.vectors[MULTIPLIERS] = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
+
+
+# Which of lines that hold a motion more often than needed get a multiplier, as one function.
+#
+# In loops of bodies a choice that serves at one place loses digits at another: lines are left out
+# that are needed there.  So it is made anew after every step.  Pivots by value: compiled once and
+# called by address, as the least-norm multipliers are.
+
+
+TIE = 1e-6
+"""Share by which a pivot must be larger to go before one with a lower number: which of equal ones
+comes first is not left to round-off."""
+
+
+def largest_pivots(n, rank, matrix, chosen, left, factors):
+    """(least pivot, its line) of `rank` lines, each in its turn the one with the largest pivot.
+
+    Pivots of A = G M^-1 G^T scaled to a diagonal of ones, as L L^T with rows of L as they are
+    found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: becomes 1 for these lines,
+    0 for the others. left (n) and factors (rank n) are room.
+    """
+    for i in range(n):
+        chosen[i], left[i] = 0.0, 1.0
+    least, line = 1.0, 0
+    for k in range(rank):
+        least = 0.0
+        for i in range(n):
+            if chosen[i] == 0.0 and left[i] > (1.0 + TIE) * least:
+                line, least = i, left[i]
+        if not least > 0.0:
+            return 0.0, line
+        chosen[line] = 1.0
+        next_row(n, k, line, matrix, left, factors)
+    return least, line
+
+
+def next_row(n, k, line, matrix, left, factors):
+    """Write row k of L, of the line, and take it from what is left of the diagonal."""
+    row, diagonal = part(factors, k * n), matrix[line * n + line]
+    for i in range(n):
+        row[i] = matrix[line * n + i] / math.sqrt(diagonal * matrix[i * n + i])
+    for j in range(k):
+        before = part(factors, j * n)
+        factor = before[line]
+        for i in range(n):
+            row[i] -= factor * before[i]
+    scale = 1.0 / math.sqrt(left[line])
+    for i in range(n):
+        row[i] *= scale
+        left[i] -= row[i] * row[i]
+
+
+@routine
+def choice_routine(arguments, results):
+    """arguments: n, rank, A (n n); results: the choice (n), least pivot, its line."""
+    n, rank = int(arguments[0]), int(arguments[1])
+    room = np.empty(n * (rank + 1))
+    left, factors = pointer(room), part(pointer(room), n)
+    least, line = largest_pivots(n, rank, part(arguments, 2), results, left, factors)
+    results[n], results[n + 1] = least, float(line)
+
+
+@cache
+def choice_external(n: int) -> External:
+    """The function for n lines: arguments n, rank and A by rows."""
+
+    def plain(*arguments: float) -> tuple[float, ...]:
+        results = np.zeros(n + 2)
+        choice_routine.function(np.array(arguments, dtype=float), results)
+        return tuple(results.tolist())
+
+    return External("rb_sim_choice", n + 2, plain, lambda: choice_routine.address)
+
+
+def chosen_lines(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
+    """For n lines 1 if they are chosen and 0 if not; the least pivot, and the number of its line.
+
+    entries: A row by row, of this rank.
+    """
+    return call(choice_external(n), float(n), float(rank), *entries)
+
+
+def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
+    """Part lines that are not chosen, those with 0, from all others; they keep their own pivots."""
+    for i, row in matrix.items():
+        for j, value in row.items():
+            if i != j:
+                row[j] = value * chosen.get(i, 1.0) * chosen.get(j, 1.0)
+
+
+# Least-norm multipliers where constraints depend on each other, as one function for all scenes.
+#
+# The only part of a law that pivots by value: it is compiled once and called by address.
+
+
+def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
+    """The part of x in the span of the eigenvectors of the `rank` largest eigenvalues."""
+    _, vectors = np.linalg.eigh(matrix)
+    kept = vectors[:, matrix.shape[0] - rank :]
+    return kept @ (kept.T @ x)
+
+
+@routine
+def least_norm_routine(arguments, results):
+    """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
+    n, rank = int(arguments[0]), int(arguments[1])
+    x, room = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
+    vectors, values = pointer(room), part(pointer(room), n * n)
+    for i in range(n * n):
+        vectors[i] = arguments[2 + i]
+    eigenvectors(n, vectors, values, part(pointer(room), n * (n + 1)))
+    for i in range(n):
+        results[i] = 0.0
+    for k in range(n - rank, n):
+        share = 0.0
+        for i in range(n):
+            share += vectors[k * n + i] * x[i]
+        for i in range(n):
+            results[i] += share * vectors[k * n + i]
+
+
+def changed(
+    matrix: np.ndarray, x: np.ndarray, rank: int, d_matrix: np.ndarray, d_x: np.ndarray
+) -> np.ndarray:
+    """The change of P x, P = A A+ the projector of `projected`, as A changes and keeps its rank.
+
+    dP = (1 - P) dA A+ + A+ dA (1 - P)  (Golub & Pereyra 1973).
+    """
+    values, vectors = np.linalg.eigh(matrix)
+    first = matrix.shape[0] - rank
+    kept, values = vectors[:, first:], values[first:]
+    shares = kept.T @ x
+    outward = d_matrix @ (kept @ (shares / values))
+    inward = d_matrix @ (x - kept @ shares)
+    return outward + kept @ (kept.T @ (d_x - outward) + (kept.T @ inward) / values)
+
+
+@routine
+def changed_routine(arguments, results):
+    """As `changed`; arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers."""
+    n, rank = int(arguments[0]), int(arguments[1])
+    x, room = part(arguments, 2 + n * n), np.empty(n * (n + 5 + WORK))
+    d_matrix, d_x = part(arguments, 2 + n * n + n), part(arguments, 2 + 2 * n * n + n)
+    vectors, values = pointer(room), part(pointer(room), n * n)
+    solved, rest = part(pointer(room), n * (n + 1)), part(pointer(room), n * (n + 2))
+    outward, inward = part(pointer(room), n * (n + 3)), part(pointer(room), n * (n + 4))
+    for i in range(n * n):
+        vectors[i] = arguments[2 + i]
+    eigenvectors(n, vectors, values, part(pointer(room), n * (n + 5)))
+    for i in range(n):
+        solved[i], rest[i] = 0.0, x[i]
+    for k in range(n - rank, n):
+        share = 0.0
+        for i in range(n):
+            share += vectors[k * n + i] * x[i]
+        for i in range(n):
+            solved[i] += share / values[k] * vectors[k * n + i]
+            rest[i] -= share * vectors[k * n + i]
+    for i in range(n):
+        outward[i], inward[i] = 0.0, 0.0
+        for j in range(n):
+            outward[i] += d_matrix[i * n + j] * solved[j]
+            inward[i] += d_matrix[i * n + j] * rest[j]
+        results[i] = outward[i]
+    for k in range(n - rank, n):
+        share, other = 0.0, 0.0
+        for i in range(n):
+            share += vectors[k * n + i] * (d_x[i] - outward[i])
+            other += vectors[k * n + i] * inward[i]
+        for i in range(n):
+            results[i] += (share + other / values[k]) * vectors[k * n + i]
+
+
+@cache
+def changed_external(n: int) -> External:
+    """The function for n multipliers: arguments n, rank, A by rows, x, dA by rows and dx."""
+
+    def plain(*arguments: float) -> tuple[float, ...]:
+        numbers = np.array(arguments[2:], dtype=float)
+        if not np.isfinite(numbers).all():
+            return (float("nan"),) * n
+        matrix, x, d_matrix, d_x = np.split(numbers, np.cumsum([n * n, n, n * n]))
+        square = matrix.reshape(n, n), x, int(arguments[1]), d_matrix.reshape(n, n), d_x
+        return tuple(changed(*square).tolist())
+
+    return External("rb_sim_least_norm_changed", n, plain, lambda: changed_routine.address)
+
+
+def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
+    """The changes of `least_norm`; its arguments, n and the rank first, then their changes."""
+    given = len(arguments) // 2
+    n, rank, *numbers = arguments[:given]
+    return call(changed_external(int(n)), n, rank, *numbers, *arguments[given + 2 :])
+
+
+@cache
+def least_norm_external(n: int) -> External:
+    """The function for n multipliers: arguments n, rank, A by rows and x."""
+
+    def plain(*arguments: float) -> tuple[float, ...]:
+        matrix = np.array(arguments[2 : 2 + n * n], dtype=float).reshape(n, n)
+        x = np.array(arguments[2 + n * n :], dtype=float)
+        if not (np.isfinite(matrix).all() and np.isfinite(x).all()):
+            return (float("nan"),) * n
+        return tuple(projected(matrix, x, int(arguments[1])).tolist())
+
+    return External(
+        "rb_sim_least_norm",
+        n,
+        plain,
+        lambda: least_norm_routine.address,
+        along=changes_of_least_norm,
+    )
+
+
+def least_norm(entries: list[Any], x: list[Any], rank: Any) -> tuple[Any, ...]:
+    """x of least norm among those with the same A x; entries: A row by row, of this rank."""
+    return call(least_norm_external(len(x)), float(len(x)), rank, *entries, *x)

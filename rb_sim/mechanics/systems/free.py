@@ -1,0 +1,310 @@
+"""Free body: m dV/dt = F, I dw/dt + w x I w = K about the centre of mass (LL 34, 36)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from rb_sim.catalogue.types import (
+    CENTRAL,
+    CHANGING,
+    BodyState,
+    Changing,
+    Inertial,
+    Quaternion,
+    Symmetric,
+    Vec3,
+)
+from rb_sim.mechanics.system import CONFIGURATION, STARTS, inside, rate, sample, settle
+from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
+from rb_sim.mechanics.systems.one_body import (
+    put_balance,
+    put_state,
+    quaternion_defect,
+    total_wrench,
+)
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
+    ZERO,
+    conjugate,
+    dot,
+    gyroscopic,
+    maximum,
+    quaternion_product,
+    quaternion_rate,
+    rarely,
+    rotate,
+    scale,
+    sqrt,
+    sub,
+    symmetric_times,
+)
+
+SMALL_DEFECT = 1e-13
+"""|q|^2 - 1 below which the quaternion is left alone: rescaling would only add rounding."""
+
+
+class FreeBody(NamedTuple):
+    """y = p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
+
+    body: Inertial
+    inverse_inertia: Symmetric
+    effects: tuple
+
+
+CONFIGURATION[FreeBody] = 7
+
+
+@inline
+def free_state(y):
+    return BodyState(
+        (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
+    )
+
+
+@rate.register(FreeBody)
+def free_rate(system, t, y):
+    B = free_state(y)
+    f, k = total_wrench(system.effects, t, system.body, B)
+    a = scale(1.0 / system.body.mass, f)
+    moment = sub(k, gyroscopic(system.body.inertia, B.w_WB_B))
+    alpha = symmetric_times(system.inverse_inertia, moment)
+    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + a + alpha
+
+
+@inline
+def unit_if_needed(q):
+    square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    s = rarely(abs(square - 1.0) > SMALL_DEFECT, 1.0 / sqrt(square), 1.0)
+    return (s * q[0], s * q[1], s * q[2], s * q[3])
+
+
+@settle.register(FreeBody)
+def free_settle(system, t, y):
+    return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
+
+
+@sample.register(FreeBody)
+def free_sample(system, t, y, out):
+    B = free_state(y)
+    residual = quaternion_defect(B.q_WB)
+    put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
+
+
+@inside.register(FreeBody)
+def free_inside(system, y):
+    return True
+
+
+# Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37).
+#
+# I1 dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves as m dV/dt = F tells.
+#
+# The spin stays on its polhode, where two ellipsoids meet.  Near the middle axis a deviation across
+# the polhode of relative size e grows to e (w2/w1)^2 in a flip, and with it the time of the next
+# one: after some flips rounding alone decides the phase.  So after every step the spin is put back
+# on the polhode on which it started.  What is left is rounding along the polhode, which does not
+# grow.
+
+
+LARGEST_TURN = 0.05
+"""Relative change of a component of the spin above which it is no rounding: it is left alone."""
+
+
+class FreeRotor(NamedTuple):
+    """y = p_WC (3), q_WP (4), v_WC (3), w_WP_P (3), P the principal axes."""
+
+    body: Inertial
+    q_BP: Quaternion
+    """principal axes to body axes."""
+    moments: Vec3
+    """principal moments, in the order of P's axes [kg m^2]."""
+    coupling: Vec3
+    """(I2 - I3) / I1 and cyclically."""
+    weights: Vec3
+    """I / 2E of the initial spin [s^2/rad^2]; zero where it is at rest."""
+    contrast: Vec3
+    """1 - I / Ik, k the principal axis next to which the polhode comes."""
+    polhode: tuple[float, float]
+    """sum weights w^2 = 1 and sum weights contrast w^2 = 1 - M^2 / (2 E Ik) at the start."""
+    effects: tuple
+
+
+CONFIGURATION[FreeRotor] = 7
+
+
+def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
+    """The system with the polhode through the spin in y.
+
+    The second invariant is a difference that vanishes where the spin is along the axis k; with k
+    the axis of the least such difference it keeps its digits next to a separatrix too.
+    """
+    moments, w = system.moments, y[10:13]
+    twice_energy = dot(moments, (w[0] * w[0], w[1] * w[1], w[2] * w[2]))
+    if not 1e-250 < twice_energy < 1e250:
+        return system._replace(weights=ZERO, contrast=ZERO, polhode=(0.0, 0.0))
+    weights = scale(1.0 / twice_energy, moments)
+    contrasts = [tuple((own - i) / own for i in moments) for own in moments]
+    contrast = min(contrasts, key=lambda c: abs(polhode_of(weights, c, w)[1]))
+    level, excess, _ = polhode_of(weights, contrast, w)
+    return system._replace(weights=weights, contrast=contrast, polhode=(level, excess))
+
+
+STARTS[FreeRotor] = start_rotor
+
+
+def polhode_inputs(system: FreeRotor, t: float, onwards: bool) -> tuple[float, ...]:
+    """The inputs of the law that depend on the initial spin."""
+    return (*system.weights, *system.contrast, *system.polhode)
+
+
+def with_polhode(system: FreeRotor, inputs: tuple) -> FreeRotor:
+    """The system on inputs of a traced law."""
+    return system._replace(weights=inputs[0:3], contrast=inputs[3:6], polhode=inputs[6:8])
+
+
+CHANGING[FreeRotor] = Changing(8, polhode_inputs, with_polhode)
+
+
+@inline
+def polhode_of(weights, contrast, w):
+    """sum weights contrast^n w^2 for n = 0, 1, 2."""
+    a, b, c = weights[0] * w[0] * w[0], weights[1] * w[1] * w[1], weights[2] * w[2] * w[2]
+    u, v, x = contrast[0] * a, contrast[1] * b, contrast[2] * c
+    return a + b + c, u + v + x, contrast[0] * u + contrast[1] * v + contrast[2] * x
+
+
+@inline
+def on_polhode(system, w):
+    """The spin after one Newton step to the polhode, every component by a factor of its own.
+
+    The step w_i (1 + alpha contrast_i + beta) is the shortest in the metric of the energy; small
+    components keep their relative precision.
+    """
+    s0, s1, s2 = polhode_of(system.weights, system.contrast, w)
+    spread = s0 * s2 - s1 * s1
+    none = spread <= 1e-290
+    level, excess = system.polhode[0] - s0, system.polhode[1] - s1
+    half = 0.5 / rarely(none, 1.0, spread)
+    alpha, beta = half * (s0 * excess - s1 * level), half * (s2 * level - s1 * excess)
+    e = system.contrast
+    a, b, c = alpha * e[0] + beta, alpha * e[1] + beta, alpha * e[2] + beta
+    large = maximum(maximum(abs(a), abs(b)), abs(c)) >= LARGEST_TURN
+    left_alone = none | large
+    return (
+        rarely(left_alone, w[0], w[0] + a * w[0]),
+        rarely(left_alone, w[1], w[1] + b * w[1]),
+        rarely(left_alone, w[2], w[2] + c * w[2]),
+    )
+
+
+@inline
+def rotor_state(y):
+    """The state with P in the place of the body axes."""
+    return BodyState(
+        (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
+    )
+
+
+@rate.register(FreeRotor)
+def rotor_rate(system, t, y):
+    P, k = rotor_state(y), system.coupling
+    f, _ = total_wrench(system.effects, t, system.body, P)
+    a, w = scale(1.0 / system.body.mass, f), P.w_WB_B
+    alpha = (k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
+    return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
+
+
+@settle.register(FreeRotor)
+def rotor_settle(system, t, y):
+    return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
+
+
+@sample.register(FreeRotor)
+def rotor_sample(system, t, y, out):
+    P = rotor_state(y)
+    q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
+    B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
+    residual = quaternion_defect(P.q_WB)
+    put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
+
+
+@inside.register(FreeRotor)
+def rotor_inside(system, y):
+    return True
+
+
+def free_rotor(
+    body: Inertial, moments: Vec3, q_BP: Quaternion, B: BodyState, effects: tuple[Any, ...]
+) -> tuple[FreeRotor, tuple[float, ...]]:
+    """The system and its coordinates from the body's principal axes and its initial state."""
+    one, two, three = moments
+    coupling = ((two - three) / one, (three - one) / two, (one - two) / three)
+    system = FreeRotor(body, q_BP, moments, coupling, ZERO, ZERO, (0.0, 0.0), effects)
+    w_P = rotate(conjugate(q_BP), B.w_WB_B)
+    y = B.p_WC + quaternion_product(B.q_WB, q_BP) + B.v_WC + w_P
+    return start_rotor(system, y), y
+
+
+# The spin of a body without torque among others: put back on the polhode on which it started.
+#
+# In maximal coordinates, too, a body that nothing turns keeps its energy and angular momentum as
+# exactly as alone (see free_rotor, which tells why that matters near the middle axis).
+
+
+class FreeSpin(NamedTuple):
+    """The polhode of one of many bodies; fields as those of FreeRotor."""
+
+    body: int
+    """its index."""
+    q_BP: Quaternion
+    moments: Vec3
+    weights: Vec3 = ZERO
+    contrast: Vec3 = ZERO
+    polhode: tuple[float, float] = (0.0, 0.0)
+
+
+CHANGING[FreeSpin] = Changing(8, polhode_inputs, with_polhode)
+
+
+def untouched(system: MultiBody) -> list[int]:
+    """The bodies that no joint holds and no torque turns."""
+    held = {i for c in system.constraints for i in (c.body, c.parent)}
+    for effect in system.effects:
+        if type(effect.row) not in CENTRAL or effect.parent >= 0:
+            held |= {effect.body, effect.parent}
+    return [i for i in range(system.bodies.shape[0]) if i not in held]
+
+
+def with_spins(system: MultiBody, bodies: list[Inertial], principal: Any, y: Any) -> MultiBody:
+    """The system that keeps the spins of its untouched bodies on the polhodes through those in y.
+
+    principal: gives the principal moments of an inertia and the quaternion from their axes.
+    """
+    spins = []
+    for i in untouched(system):
+        moments, q_BP = principal(bodies[i].inertia)
+        spins.append(FreeSpin(i, q_BP, moments))
+    return start_spins(system._replace(spins=tuple(spins)), y)
+
+
+def start_spins(system: MultiBody, y: Any) -> MultiBody:
+    """The system for a motion that starts at y."""
+    started = []
+    for spin in system.spins:
+        own = [float(x) for x in y[WIDTH * spin.body : WIDTH * (spin.body + 1)]]
+        own[10:13] = rotate(conjugate(spin.q_BP), tuple(own[10:13]))
+        started.append(start_rotor(spin, tuple(own)))  # type: ignore[arg-type]
+    return system._replace(spins=tuple(started))
+
+
+STARTS[MultiBody] = start_spins
+
+
+def settle_spins(system: MultiBody, y: list[Any]) -> None:
+    """The spins put back, in place; the change is turned into body axes, not the spin itself."""
+    for spin in system.spins:
+        first = WIDTH * spin.body + 10
+        w_P = rotate(conjugate(spin.q_BP), tuple(y[first : first + 3]))
+        change = rotate(spin.q_BP, sub(on_polhode(spin, w_P), w_P))
+        for j in range(3):
+            y[first + j] = y[first + j] + change[j]

@@ -1,0 +1,205 @@
+"""The state of N bodies in maximal coordinates, and the walks over their effects and constraints.
+
+Each walk is unrolled over the kinds that the scene names while it is compiled; what is not named
+is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.catalogue.constraints.rows import ANGLES, COUNT, anchor, fill
+from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
+from rb_sim.mechanics.inputs import CLEARED
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import add, cross, dot, rotate, scale, sub, unrotate
+
+WIDTH = 13
+"""Coordinates of one body: p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
+MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
+"""Columns of MultiBody.bodies."""
+BODY, PARENT, ORDER, ANGLE, LINE_COLUMNS = 0, 1, 2, 3, 4
+"""Columns of MultiBody.lines; ANGLE is 1 where a line's error is an angle, else 0."""
+RIGHT, MULTIPLIERS = 0, 1
+"""Rows of MultiBody.vectors."""
+
+
+class MultiBody(NamedTuple):
+    """N bodies with n constraint lines; y has WIDTH coordinates per body.
+
+    Few, wide arrays: every array that a kernel passes on costs compile time.
+    """
+
+    bodies: np.ndarray
+    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then work space: push =
+    M^-1 (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
+    lines: np.ndarray
+    """body and parent (-1: world) of each line, work space, and whether its error is an angle;
+    integers, shape (n, LINE_COLUMNS)."""
+    rows: np.ndarray
+    """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
+    square: np.ndarray
+    """A = G M^-1 G^T and work space, shape (2, n, n)."""
+    vectors: np.ndarray
+    """right side and multipliers, shape (2, n)."""
+    first_row: np.ndarray
+    """first line of each part of a constraint, the total at the end; integers (parts + 1,)."""
+    members: np.ndarray
+    """per reaction: the part it is about, then 1 for each part that counts; (K, 1 + parts)."""
+    anchors: np.ndarray
+    """work space: anchor of each part, world, shape (parts, 3)."""
+    length: float
+    """characteristic length of the scene [m]."""
+    speed: float
+    """characteristic speed of the scene [m/s]."""
+    effects: tuple
+    constraints: tuple
+    spins: tuple = ()
+    """what keeps the spins of bodies without torque where they belong (see free_spin)."""
+    chosen: Any = ()
+    """in laws, of lines in loops that hold more than they need: {line: 1, or 0 for one that gets no
+    multiplier now}."""
+
+
+def without_work_space(system):
+    """The system with zeros in its work space."""
+    bodies, lines = system.bodies.copy(), system.lines.copy()
+    bodies[:, PUSH:] = 0.0
+    lines[:, ORDER] = 0
+    room = {name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")}
+    square = np.zeros_like(system.square)
+    return system._replace(bodies=bodies, lines=lines, square=square, **room)
+
+
+CLEARED[MultiBody] = without_work_space
+
+
+@inline
+def state_of(y, i):
+    """State of body i; the world for -1."""
+    if i < 0:
+        return WORLD
+    k = WIDTH * i
+    return BodyState(
+        (y[k], y[k + 1], y[k + 2]),
+        (y[k + 3], y[k + 4], y[k + 5], y[k + 6]),
+        (y[k + 7], y[k + 8], y[k + 9]),
+        (y[k + 10], y[k + 11], y[k + 12]),
+    )
+
+
+@inline
+def vec(a, i, k):
+    return (a[i, k], a[i, k + 1], a[i, k + 2])
+
+
+@inline
+def six(a, i, k):
+    return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
+
+
+@inline
+def inertial_of(system, i):
+    return Inertial(system.bodies[i, MASS], six(system.bodies, i, INERTIA), (0.0, 0.0, 0.0))
+
+
+@inline
+def add_load(bodies, i, force, torque):
+    for j in range(3):
+        bodies[i, LOAD + j] += force[j]
+        bodies[i, LOAD + 3 + j] += torque[j]
+
+
+@inline
+def apply_one(placed, t, system, y):
+    """Add the wrench of one effect to its body, and the opposite to its parent."""
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
+    add_load(system.bodies, placed.body, f, k)
+    if placed.parent >= 0:
+        moment = add(rotate(B.q_WB, k), cross(sub(B.p_WC, A.p_WC), f))
+        back = scale(-1.0, unrotate(A.q_WB, moment))
+        add_load(system.bodies, placed.parent, scale(-1.0, f), back)
+
+
+def apply_effects(effects, t, system, y):
+    """Add the wrenches of all effects to the loads."""
+    for placed in effects:
+        apply_one(placed, t, system, y)
+
+
+@inline
+def fill_one(placed, t, system, y, part):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    fill(placed.row, t, B, A, system.rows, system.first_row[part])
+
+
+def fill_all(constraints, t, system, y, part):
+    """Write the lines of all constraints, the first of which is this part."""
+    for i, placed in enumerate(constraints):
+        fill_one(placed, t, system, y, part + i)
+
+
+@inline
+def anchor_one(placed, system, y, part):
+    point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
+    for j in range(3):
+        system.anchors[part, j] = point[j]
+
+
+def anchor_all(constraints, system, y, part):
+    """Write the anchors of all parts, the first of which is this one."""
+    for i, placed in enumerate(constraints):
+        anchor_one(placed, system, y, part + i)
+
+
+@inline
+def power_one(placed, t, system, y):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
+    power = dot(f, B.v_WC) + dot(k, B.w_WB_B)
+    if placed.parent >= 0:
+        moment = add(rotate(B.q_WB, k), cross(sub(B.p_WC, A.p_WC), f))
+        power -= dot(f, A.v_WC) + dot(moment, rotate(A.q_WB, A.w_WB_B))
+    return power
+
+
+@inline
+def potential_one(placed, t, system, y):
+    B, A = state_of(y, placed.body), state_of(y, placed.parent)
+    return potential(placed.row, t, inertial_of(system, placed.body), B, A)
+
+
+def energetics(effects, t, system, y):
+    """(potential energy, power of the effects that have none)."""
+    u, p = 0.0, 0.0
+    for placed in effects:
+        if type(placed.row) in potential.kernels:
+            u += potential_one(placed, t, system, y)
+        else:
+            p += power_one(placed, t, system, y)
+    return u, p
+
+
+def arms(rows: Sequence[Any], length: Any) -> list[Any]:
+    """For each line of the rows that of its violation makes a length [m]: 1, but of an angle the
+    arm `length` [m] at whose end it is looked at."""
+    return [length if angle else 1.0 for angle in angles(rows)]
+
+
+def angles(rows: Sequence[Any]) -> list[int]:
+    """For each line of the rows 1 if its error is an angle, else 0."""
+    return [int(type(row) in ANGLES) for row in rows for _ in range(COUNT[type(row)])]
+
+
+@inline
+def arm_of(system, k):
+    """As `arms`, of line k alone."""
+    if system.lines[k, ANGLE] != 0:
+        arm = system.length
+    else:
+        arm = 1.0
+    return arm

@@ -1,0 +1,102 @@
+"""What the systems of one body share: the active wrench and the sample."""
+
+from __future__ import annotations
+
+from rb_sim.catalogue.types import WORLD, potential, wrench
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    gyroscopic,
+    rotate,
+    scale,
+    sub,
+    symmetric_times,
+    unrotate,
+)
+
+
+def total_wrench(effects, t, body, B):
+    """Sum of the wrenches of all effects: force at C (world), torque about C (body)."""
+    f, k = ZERO, ZERO
+    for row in effects:
+        df, dk = wrench(row, t, body, B, WORLD)
+        f, k = add(f, df), add(k, dk)
+    return f, k
+
+
+def energetics(effects, t, body, B):
+    """(potential energy, power of the effects that have none)."""
+    u, p = 0.0, 0.0
+    for row in effects:
+        if type(row) in potential.kernels:
+            u += potential(row, t, body, B, WORLD)
+        else:
+            f, k = wrench(row, t, body, B, WORLD)
+            p += dot(f, B.v_WC) + dot(k, B.w_WB_B)
+    return u, p
+
+
+@inline
+def reaction_at_com(body, B, a_W, alpha_B, f_W, k_B):
+    """Reaction force (world) and torque about C (world) from Newton-Euler (LL 38.6)."""
+    force = sub(scale(body.mass, a_W), f_W)
+    torque = sub(
+        add(symmetric_times(body.inertia, alpha_B), gyroscopic(body.inertia, B.w_WB_B)), k_B
+    )
+    return force, rotate(B.q_WB, torque)
+
+
+@inline
+def put3(out, i, a):
+    out[i], out[i + 1], out[i + 2] = a[0], a[1], a[2]
+    return i + 3
+
+
+@inline
+def put_state(out, B):
+    """Position, orientation, velocities of the one body; returns the next index."""
+    i = put3(out, 0, B.p_WC)
+    q = B.q_WB
+    out[i], out[i + 1], out[i + 2], out[i + 3] = q[0], q[1], q[2], q[3]
+    return put3(out, put3(out, i + 4, B.v_WC), B.w_WB_B)
+
+
+@inline
+def put_wrench(out, i, force, torque, point):
+    """Force, torque about `point` and the point; all world."""
+    return put3(out, put3(out, put3(out, i, force), torque), point)
+
+
+@inline
+def put_reaction(out, i, B, force, torque_C, point):
+    """The wrench about `point` of a force and a torque about C."""
+    return put_wrench(out, i, force, add(torque_C, cross(sub(B.p_WC, point), force)), point)
+
+
+@inline
+def put_balance(out, i, effects, t, body, B, residual):
+    """Energies, power, momenta and the residual."""
+    spin = symmetric_times(body.inertia, B.w_WB_B)
+    u, power = energetics(effects, t, body, B)
+    momentum = scale(body.mass, B.v_WC)
+    out[i] = 0.5 * (body.mass * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+    out[i + 1] = u
+    out[i + 2] = power
+    i = put3(out, i + 3, momentum)
+    i = put3(out, i, add(cross(B.p_WC, momentum), rotate(B.q_WB, spin)))
+    out[i] = residual
+
+
+@inline
+def torque_about(effects, t, body, B, rho):
+    """Active torque about the point at C - rho, body axes: K + rho x R^T F."""
+    f, k = total_wrench(effects, t, body, B)
+    return add(k, cross(rho, unrotate(B.q_WB, f)))
+
+
+@inline
+def quaternion_defect(q):
+    return abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0)

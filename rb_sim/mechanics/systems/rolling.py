@@ -1,0 +1,182 @@
+"""One body rolling on a fixed plane: Euler's equations about the moving contact point.
+
+With rho from the contact point P to C (body axes), V = w x rho and
+(I + m (rho.rho 1 - rho rho^T)) dw/dt = K + rho x F - w x I w - m rho x (w x rho' + w x (w x rho)),
+rho' the change of rho in the body as the contact wanders (LL 38; Newton-Euler with the reaction
+eliminated).  A cylinder keeps its axis along the plane and has one degree of freedom.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
+from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
+from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.mechanics.systems.free import unit_if_needed
+from rb_sim.mechanics.systems.one_body import (
+    put_balance,
+    put_reaction,
+    put_state,
+    quaternion_defect,
+    reaction_at_com,
+    torque_about,
+    total_wrench,
+)
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import (
+    add,
+    cos,
+    cross,
+    dot,
+    gyroscopic,
+    maximum,
+    neg,
+    quaternion_product,
+    quaternion_rate,
+    rotate,
+    scale,
+    shifted_inertia,
+    sin,
+    sub,
+    symmetric_solve,
+    symmetric_times,
+    unrotate,
+)
+
+
+class RollingBody(NamedTuple):
+    """y = p_WC (3), q_WB (4), w_WB_B (3)."""
+
+    body: Inertial
+    surface: tuple
+    normal: Vec3
+    """of the plane towards the body, world."""
+    offset: float
+    """normal . x of the plane's points [m]."""
+    effects: tuple
+
+
+class LineRollingBody(NamedTuple):
+    """A cylinder on its line: y = phi [rad], dphi/dt; phi counts from the initial pose."""
+
+    body: Inertial
+    surface: tuple
+    normal: Vec3
+    offset: float
+    q_0: Quaternion
+    centre_0: Vec3
+    """centre of the cylinder at phi = 0, world [m]."""
+    forward: Vec3
+    """direction in which the centre moves for phi > 0, world; the axis crossed with the normal."""
+    effects: tuple
+
+
+CONFIGURATION[RollingBody] = 7
+CONFIGURATION[LineRollingBody] = 1
+
+
+@inline
+def contact_arm(system, q, w):
+    """rho = r_PC and its rate in the body frame."""
+    gamma = unrotate(q, system.normal)
+    rho = neg(support(system.surface, gamma))
+    return rho, neg(support_rate(system.surface, gamma, cross(gamma, w)))
+
+
+@inline
+def right_side(system, t, B, rho, rho_dot):
+    """K + rho x F - w x I w - m rho x (w x rho' + w x (w x rho)), body axes."""
+    w = B.w_WB_B
+    moment = torque_about(system.effects, t, system.body, B, rho)
+    carried = cross(w, add(rho_dot, cross(w, rho)))
+    return sub(
+        sub(moment, gyroscopic(system.body.inertia, w)),
+        scale(system.body.mass, cross(rho, carried)),
+    )
+
+
+@inline
+def rolling_motion(system, t, y):
+    """(state, rho, rho', dw/dt)."""
+    q, w = (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9])
+    rho, rho_dot = contact_arm(system, q, w)
+    B = BodyState((y[0], y[1], y[2]), q, rotate(q, cross(w, rho)), w)
+    inertia_P = shifted_inertia(system.body.inertia, system.body.mass, rho)
+    return B, rho, rho_dot, symmetric_solve(inertia_P, right_side(system, t, B, rho, rho_dot))
+
+
+@rate.register(RollingBody)
+def rolling_rate(system, t, y):
+    B, _, _, alpha = rolling_motion(system, t, y)
+    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + alpha
+
+
+@settle.register(RollingBody)
+def rolling_settle(system, t, y):
+    """Unit quaternion, and the height at which the surface touches the plane."""
+    q = unit_if_needed(y[3:7])
+    gamma = unrotate(q, system.normal)
+    lowest = dot(gamma, support(system.surface, gamma))
+    p = (y[0], y[1], y[2])
+    rise = system.offset - lowest - dot(system.normal, p)
+    return add(p, scale(rise, system.normal)) + q + y[7:10]
+
+
+@inline
+def put_contact(system, t, out, B, rho, rho_dot, alpha):
+    w = B.w_WB_B
+    a_B = add(cross(alpha, rho), cross(w, add(rho_dot, cross(w, rho))))
+    f, k = total_wrench(system.effects, t, system.body, B)
+    force, torque_C = reaction_at_com(system.body, B, rotate(B.q_WB, a_B), alpha, f, k)
+    point = sub(B.p_WC, rotate(B.q_WB, rho))
+    i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
+    height = abs(dot(system.normal, point) - system.offset) / (
+        abs(system.offset) + dot(rho, rho) ** 0.5
+    )
+    residual = maximum(height, quaternion_defect(B.q_WB))
+    put_balance(out, i, system.effects, t, system.body, B, residual)
+
+
+@sample.register(RollingBody)
+def rolling_sample(system, t, y, out):
+    B, rho, rho_dot, alpha = rolling_motion(system, t, y)
+    put_contact(system, t, out, B, rho, rho_dot, alpha)
+
+
+@inline
+def line_motion(system, t, y):
+    """(state, rho, rho', dw/dt) of the cylinder."""
+    half = 0.5 * y[0]
+    s, n = sin(half), system.surface.axis_B
+    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
+    w = scale(y[1], n)
+    rho, rho_dot = contact_arm(system, q, w)
+    centre = add(system.centre_0, scale(system.surface.radius * y[0], system.forward))
+    p = sub(centre, rotate(q, system.surface.centre_C))
+    B = BodyState(p, q, rotate(q, cross(w, rho)), w)
+    inertia_P = shifted_inertia(system.body.inertia, system.body.mass, rho)
+    moment = dot(n, right_side(system, t, B, rho, rho_dot))
+    return B, rho, rho_dot, scale(moment / dot(n, symmetric_times(inertia_P, n)), n)
+
+
+@rate.register(LineRollingBody)
+def line_rate(system, t, y):
+    _, _, _, alpha = line_motion(system, t, y)
+    return (y[1], dot(system.surface.axis_B, alpha))
+
+
+@settle.register(LineRollingBody)
+def line_settle(system, t, y):
+    return y
+
+
+@sample.register(LineRollingBody)
+def line_sample(system, t, y, out):
+    B, rho, rho_dot, alpha = line_motion(system, t, y)
+    put_contact(system, t, out, B, rho, rho_dot, alpha)
+
+
+@inside.register(RollingBody, LineRollingBody)
+def rolling_inside(system, y):
+    return True

@@ -1,0 +1,136 @@
+"""Translation: the body does not turn; free, or with a point led along a guide c(s).
+
+m dv/dt = F . tau gives s'' |c'|^2 + s'^2 c' . c'' = c' . F / m; the reaction is the force that
+Newton's law lacks and the torque that keeps the body from turning.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rb_sim.catalogue.curves import CircleCurve, LineCurve, SplineCurve, curve_point
+from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
+from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.mechanics.systems.one_body import (
+    put_balance,
+    put_reaction,
+    put_state,
+    reaction_at_com,
+    total_wrench,
+)
+from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.vectors import ZERO, add, dot, rotate, scale, sub
+
+
+class TranslatingBody(NamedTuple):
+    """y = p_WC (3), v_WC (3)."""
+
+    body: Inertial
+    q_0: Quaternion
+    r_B: Vec3
+    """point about which the reaction torque is taken, from C, body axes [m]."""
+    effects: tuple
+
+
+class GuidedBody(NamedTuple):
+    """y = s, ds/dt along the guide."""
+
+    body: Inertial
+    q_0: Quaternion
+    r_B: Vec3
+    """guided point, from C, body axes [m]."""
+    curve: tuple
+    effects: tuple
+
+
+CONFIGURATION[TranslatingBody] = 3
+CONFIGURATION[GuidedBody] = 1
+
+
+@inline
+def translating_state(system, y):
+    return BodyState((y[0], y[1], y[2]), system.q_0, (y[3], y[4], y[5]), ZERO)
+
+
+@rate.register(TranslatingBody)
+def translating_rate(system, t, y):
+    B = translating_state(system, y)
+    f, _ = total_wrench(system.effects, t, system.body, B)
+    return B.v_WC + scale(1.0 / system.body.mass, f)
+
+
+@inline
+def guided_state(system, y):
+    c, slope, _ = curve_point(system.curve, y[0])
+    p = sub(c, rotate(system.q_0, system.r_B))
+    return BodyState(p, system.q_0, scale(y[1], slope), ZERO)
+
+
+@inline
+def guided_acceleration(system, t, y, f):
+    """(s'', acceleration of C in the world)."""
+    _, slope, bend = curve_point(system.curve, y[0])
+    along = dot(slope, f) / system.body.mass - y[1] * y[1] * dot(slope, bend)
+    s_dd = along / dot(slope, slope)
+    return s_dd, add(scale(s_dd, slope), scale(y[1] * y[1], bend))
+
+
+@rate.register(GuidedBody)
+def guided_rate(system, t, y):
+    f, _ = total_wrench(system.effects, t, system.body, guided_state(system, y))
+    s_dd, _ = guided_acceleration(system, t, y, f)
+    return (y[1], s_dd)
+
+
+@settle.register(TranslatingBody, GuidedBody)
+def translation_settle(system, t, y):
+    return y
+
+
+@inline
+def put_translation(system, t, out, B, a, f, k):
+    force, torque_C = reaction_at_com(system.body, B, a, ZERO, f, k)
+    point = add(B.p_WC, rotate(B.q_WB, system.r_B))
+    i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
+    put_balance(out, i, system.effects, t, system.body, B, 0.0)
+
+
+@sample.register(TranslatingBody)
+def translating_sample(system, t, y, out):
+    B = translating_state(system, y)
+    f, k = total_wrench(system.effects, t, system.body, B)
+    put_translation(system, t, out, B, scale(1.0 / system.body.mass, f), f, k)
+
+
+@sample.register(GuidedBody)
+def guided_sample(system, t, y, out):
+    B = guided_state(system, y)
+    f, k = total_wrench(system.effects, t, system.body, B)
+    _, a = guided_acceleration(system, t, y, f)
+    put_translation(system, t, out, B, a, f, k)
+
+
+@inside.register(TranslatingBody)
+def translating_inside(system, y):
+    return True
+
+
+@inside.register(GuidedBody)
+def guided_inside(system, y):
+    return on_curve(system.curve, y[0])
+
+
+@dispatch
+def on_curve(curve, s):
+    """False beyond the ends of an open curve."""
+
+
+@on_curve.register(LineCurve, CircleCurve)
+def endless(curve, s):
+    return True
+
+
+@on_curve.register(SplineCurve)
+def between_ends(curve, s):
+    first, last = float(curve.pieces.breaks[0]), float(curve.pieces.breaks[-1])
+    return curve.pieces.period > 0.0 or ((s >= first) & (s <= last))

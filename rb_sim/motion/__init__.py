@@ -1,0 +1,1 @@
+"""A compiled scene under one method, carried from instant to instant."""

@@ -1,0 +1,374 @@
+"""A motion on traced laws: the state that loops carry from instant to instant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.base.errors import SimulationError
+from rb_sim.graph.machine import evaluate_rows, interpreted
+from rb_sim.integrate import layout as place
+from rb_sim.integrate import loop as loops
+from rb_sim.integrate.layout import (
+    FLOOR,
+    IS_VELOCITY,
+    PIECE_STEPS,
+    SHARE_OF_WAY,
+    START,
+    UNFINISHED,
+    WORK_ROWS,
+)
+from rb_sim.integrate.taylor_steps import SERIES_SIZES
+from rb_sim.mechanics.error_scales import Small, small_motions
+from rb_sim.mechanics.laws import reference
+from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.system import started
+from rb_sim.motion.motion import Motion
+from rb_sim.numerics.kernels import Step
+from rb_sim.scene.compiled import Compiled
+
+Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
+"""Clock, counts, state, inputs and series of a grid of steps at an instant."""
+Reached = tuple[int, int]
+"""(status, number of times reached)."""
+
+
+class TracedStepper:
+    """The grid of steps of a system, on laws that are called by address.
+
+    laws: rate, settle, sample ... of the system (engine.laws). method: with `loop`, its step and
+    its settings. small: bodies that move by little. Everything compiled is made when it is first
+    needed.
+    """
+
+    def __init__(self, laws: Any, length: float = 1.0, small: Small | None = None) -> None:
+        self.laws, self.length = laws, length
+        n = laws.n
+        self._clock = np.zeros(place.CLOCKS)
+        self._count = np.zeros(place.COUNTS, dtype=np.int64)
+        self._state = np.zeros((place.STATES, 2 * n + place.EXTRA))
+        self._work = np.zeros((WORK_ROWS, n))
+        self._work[IS_VELOCITY] = laws.velocities
+        self._work[FLOOR] = self._work[SHARE_OF_WAY] = 1.0
+        self.small = small
+        self._chosen = len(getattr(laws, "changing", ()))
+        self._inputs = np.zeros(1)
+        self._rooms: dict[int, Array] = {}
+        self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
+
+    def start(self, t: float, y: Any, system: Any, h: float = 0.0) -> None:
+        """A new grid of steps at (t, y); h: step to try first, 0 for none [s]."""
+        y = np.array(y, dtype=float)
+        self._state[:] = 0.0
+        self._state[:, : self.laws.n] = y
+        for room in self._rooms.values():
+            room[1:] = 0.0  # a series that was not finite must not get into the sums of another
+        self._clock[:] = (t, t, t, h)
+        self._count[:] = 0
+        self.change(system, t)
+        if self._chosen:
+            self._inputs[-1 - self._chosen : -1] = self.laws.inputs.chosen
+            self._choose(t, y)
+
+    def _choose(self, t: float, y: Array) -> None:
+        """Choose lines for the first step as the loop does for those that follow."""
+        found = np.zeros((1, self._chosen + 2))
+        evaluate_rows(self.laws.choice, np.array([t]), y[None], self._inputs, found)
+        self._inputs[-1 - self._chosen : -1] = found[0, : self._chosen]
+
+    def change(self, system: Any, t: float, onwards: bool = True) -> None:
+        """Take the inputs of the laws from the system at t; lines stay chosen as they are."""
+        values = [*self.laws.inputs.values(system, t, onwards), 0.0]
+        if len(values) != len(self._inputs):
+            self._inputs = np.zeros(len(values))
+            self._calls.clear()  # they have the address
+        if self._chosen:
+            values[-1 - self._chosen : -1] = self._inputs[-1 - self._chosen : -1]
+        self._inputs[:] = values
+
+    def keep(self) -> Kept:
+        """A record from which `back_to` carries on from here again, to the last bit."""
+        rooms = {order: room.copy() for order, room in self._rooms.items()}
+        grid = self._clock.copy(), self._count.copy(), self._state.copy()
+        return (*grid, self._inputs.copy(), rooms)
+
+    def back_to(self, kept: Kept) -> None:
+        """The grid of steps as it was then; `kept` serves again."""
+        self._clock[:], self._count[:], self._state[:] = kept[:3]
+        self._inputs[:] = kept[3]
+        for order, room in kept[4].items():
+            self._rooms[order][:] = room
+
+    @property
+    def steps(self) -> int:
+        return int(self._count[place.TAKEN])
+
+    @property
+    def rejected(self) -> int:
+        return int(self._count[place.REJECTED])
+
+    @property
+    def cut(self) -> int:
+        """Of the rejected attempts those that only went beyond the end of a piece."""
+        return int(self._count[place.CUT])
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Its two ends [s]."""
+        return float(self._clock[place.T0]), float(self._clock[place.T1])
+
+    @property
+    def next_length(self) -> float:
+        return float(self._clock[place.NEXT])
+
+    @property
+    def y(self) -> Array:
+        """The state at the time last asked for."""
+        return self._state[place.NOW, : self.laws.n].copy()
+
+    def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
+        """Carry the state to the times, and sample into the rows of out."""
+        known = self._calls.get((id(method), out is not None))
+        places, setting = (known or self._called_by(method, out is not None))[:2]
+        if self.small is not None:
+            self._size(self.small, setting[place.TOLERANCE])
+        return loops.record(places, times, stop, out)
+
+    def take_worst(self) -> float:
+        """The worst residual of the samples recorded since this was last asked for."""
+        found = [call[0].take_worst() for (_, sampling), call in self._calls.items() if sampling]
+        return found[0] if len(found) == 1 else float(np.max(found, initial=0.0))
+
+    def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
+        """Places and settings of a call of the loop, and what must live as long; made once."""
+        laws, (step, setting) = self.laws, settings_of(method)
+        small = self.small is not None and setting[place.TOLERANCE] > 0.0
+        if small and step.series is not None and getattr(laws, "variables", None) is not None:
+            setting = self._of_variables(setting)
+        used = (
+            laws.rate,
+            laws.settle,
+            getattr(laws, "gap", None),
+            getattr(laws, "position", None),
+            getattr(laws, "velocity", None),
+            laws.inside,
+            laws.sample if sampling else None,
+            # a step that is one law has its errors relative to max(1, |y|)
+            None if small else laws.whole(step, estimated=setting[place.TOLERANCE] > 0.0),
+            laws.jacobian if laws.n <= step.implicit else None,
+            getattr(laws, "back", None),
+            laws.along,
+            laws.share,
+            getattr(laws, "choice", None),
+        )
+        series, sizes, table = self._series(step, setting[place.ORDER])
+        if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
+            self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
+            self._calls.clear()  # they have the address
+        called: Any = [*map(reference, (*used, *series)), step.reference]
+        if not interpreted():
+            called = np.array(called, dtype=np.int64)
+        settings = np.array([*setting, self.length, float(laws.splines), float(self._chosen)])
+        state = self._clock, self._count, self._state, self._inputs, self._work
+        arrays = called, settings, sizes, *state, table
+        width = laws.width if sampling else 0
+        places = loops.Places(arrays, laws.n, len(self._inputs), width)
+        # the method lives on with its number, and what an address leads to
+        call = places, settings, method, arrays
+        self._calls[id(method), sampling] = call
+        return call
+
+    def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
+        """The setting for variables other than coordinates, whose sizes nobody knows."""
+        assert self.small is not None
+        scaled = setting[place.TOLERANCE] * float(self.small.floors.min())
+        return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
+
+    def _series(self, step: Step, order: float) -> tuple[Any, ...]:
+        """The laws of the series, their sizes, and room for one; nothing for other methods."""
+        if step.series is None:
+            return (None,) * 5, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
+        laws, own = self.laws.series, getattr(self.laws, "variables", None)
+        key = int(order)
+        if key not in self._rooms:
+            beside = 0 if own is None else self.laws.n + 2 * laws.n
+            self._rooms[key] = np.zeros(laws.size(key) + beside)
+            self._rooms[key][0] = order
+        sizes = [key, laws.first, laws.width, laws.events, laws.events_at, laws.n, laws.size(key)]
+        used = (self.laws.rate, None, None) if own is None else (own.rate, own.begin, own.end)
+        return (laws.expand, laws.add, *used), np.array(sizes), self._rooms[key]
+
+    def _size(self, small: Small, tolerance: float) -> None:
+        """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
+        self._work[FLOOR], self._work[START] = small.within(tolerance), small.starts
+        self._work[SHARE_OF_WAY] = small.shares(tolerance)
+
+
+def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
+    """The step that loops call, and STEP_LENGTH, TOLERANCE, LARGEST, ORDER."""
+    from rb_sim.mechanics.methods import loop_of
+
+    found = loop_of(type(method))
+    if found is None:
+        raise TypeError(f"{type(method).__name__} has no step on traced laws")
+    step, order = found
+    if hasattr(method, "step"):
+        return step, (method.step, 0.0, 0.0, 1.0)
+    if step.series is not None:
+        order = float(step.series(method.tolerance))
+    return step, (0.0, method.tolerance, method.largest_step, order)
+
+
+# Motion on traced laws: what every scene takes whose system can be traced and has loops.
+
+
+MOST_ROUNDS = 512
+"""Calls of the loop, of PIECE_STEPS pieces of a guide each, that one step of fixed length may take:
+a motion that blows up on a guide passes them without end."""
+
+
+class TracedMotion(Motion):
+    """As Motion; the laws are compiled in milliseconds, the loops once for all scenes."""
+
+    def __init__(self, compiled: Compiled, method: Any) -> None:
+        length = getattr(compiled.system, "length", 1.0)
+        self._stepper = TracedStepper(compiled.laws, length, small_of(compiled, method))
+        small = self._stepper.small
+        self.held = (
+            frozenset()
+            if small is None
+            else frozenset(compiled.layout.bodies[body] for body in small.bodies)
+        )
+        super().__init__(compiled, method)
+
+    def take(self, method: Any) -> Any:
+        """As of Motion; bodies that are not held keep the tolerance that they had."""
+        before, after = (getattr(m, "tolerance", 1.0) for m in (self.method, method))
+        if self._stepper.small is not None:
+            self._stepper.small.hold_others(before / after)
+        return super().take(method)
+
+    def reset(self, y: Any = None, time: float = 0.0) -> None:
+        compiled = self.compiled
+        self.system = compiled.system if y is None else started(compiled.system, y)
+        self.time, self.as_compiled = time, y is None
+        self._stepper.start(time, compiled.y if y is None else y, self.system)
+        self._steps_before = self._rejected_before = self._cut_before = 0
+
+    @property
+    def steps(self) -> int:
+        return self._steps_before + self._stepper.steps
+
+    @property
+    def rejected_steps(self) -> int:
+        return self._rejected_before + self._stepper.rejected
+
+    @property
+    def cut_steps(self) -> int:
+        return self._cut_before + self._stepper.cut
+
+    @property
+    def frontier(self) -> tuple[float, float]:
+        begin, end = self._stepper.last_step
+        return end, end - begin
+
+    @property
+    def coordinates(self) -> Any:
+        y = self._stepper.y
+        return tuple(y.tolist()) if self.compiled.reduced else y
+
+    def keep(self) -> tuple[Any, ...]:
+        before = self._steps_before, self._rejected_before, self._cut_before
+        return (self.time, self.system, before, self._stepper.keep())
+
+    def back_to(self, kept: tuple[Any, ...]) -> None:
+        self.time, self.system, before, grid = kept
+        self._steps_before, self._rejected_before, self._cut_before = before
+        self._stepper.back_to(grid)
+
+    def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        times = np.asarray(times, dtype=float)
+        if not self.compiled.breakpoints:  # a loop that asks for one instant at a time is quick
+            self._record(times, math.inf, out)
+            return len(times)
+        done = 0
+        while done < len(times):
+            stop = next((b for b in self.compiled.breakpoints if b > self.time), math.inf)
+            before = int(np.searchsorted(times, stop, side="left"))
+            if before > done:
+                self._record(times[done:before], stop, None if out is None else out[done:before])
+            if before < len(times):
+                self._record(np.array([stop]), stop, None)
+                self._restart_grid()
+            done = int(np.searchsorted(times, stop, side="right"))
+            if out is not None and done > before:
+                self._sample_now(out[before:done])
+        return done
+
+    def take_worst(self) -> float:
+        return self._stepper.take_worst()
+
+    def sample(self) -> Array:
+        out = np.zeros((1, self.width))
+        self._sample_now(out)
+        return out
+
+    def _sample_now(self, out: Array) -> None:
+        """Rows of the present instant; where a table ends, it still counts."""
+        self._stepper.change(self.system, self.time, onwards=False)
+        try:
+            self._record(np.full(len(out), self.time), math.inf, out)
+        finally:
+            self._stepper.change(self.system, self.time)
+
+    def _restart_grid(self) -> None:
+        stepper = self._stepper
+        h = stepper.next_length
+        self._steps_before += stepper.steps
+        self._rejected_before += stepper.rejected
+        self._cut_before += stepper.cut
+        stepper.start(self.time, stepper.y, self.system, h)
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        record, method, done = self._stepper.record, self.method, 0
+        status, reached = record(method, times, stop, out)
+        steps, rounds = self._stepper.steps, 0
+        while status == UNFINISHED:
+            done = self._reached(times, done + reached)
+            self.watch()
+            rounds = rounds + 1 if self._stepper.steps == steps else 0
+            if rounds >= MOST_ROUNDS:
+                raise SimulationError(self._without_end())
+            steps = self._stepper.steps
+            rest = None if out is None else out[done:]
+            status, reached = record(method, times[done:], stop, rest)
+        self._reached(times, done + reached)
+        if status:
+            raise self._failure(status)
+
+    def _without_end(self) -> str:
+        """What has happened where one step has passed pieces of a guide over and over."""
+        t, passed = self.frontier[1], MOST_ROUNDS * PIECE_STEPS
+        return (
+            f"one step has passed {passed} pieces of a guide by t = {t:.9g} s: step "
+            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()} on this "
+            "scene, or the body is that fast"
+        )
+
+    def _reached(self, times: Array, count: int) -> int:
+        """So many of the times have been reached."""
+        if count:
+            self.time = float(times[count - 1])
+        return count
+
+
+def small_of(compiled: Compiled, method: Any) -> Small | None:
+    """The bodies that move by little from the scene's start; a fixed step needs none of it."""
+    if not getattr(method, "tolerance", 0.0) or compiled.layout.commanded or compiled.breakpoints:
+        return None
+    laws: Any = compiled.laws
+    inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
+    return small_motions(compiled.system, laws, np.array(compiled.y, dtype=float), inputs)

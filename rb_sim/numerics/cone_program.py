@@ -1,0 +1,383 @@
+"""Small convex programs over half-spaces and friction cones, solved to round-off.
+
+    minimise  1/2 |root y|^2 + c.y   over  y with  a_i(y) >= 0  and  |tail_j(y)| <= head_j(y),
+
+where a = lin_h + lin_G y and (head, tail) = soc_h + soc_G y (second-order cones of dimension 3).
+
+Method: the primal barrier  t (objective) - sum log a_i - sum log(head_j^2 - |tail_j|^2)  is
+minimised by Newton steps for growing t (Nesterov & Nemirovskii 1994; Boyd & Vandenberghe 2004,
+section 11.3), which needs a strictly feasible start but no further assumption; then the boundary
+pieces that are active are read off and the optimality conditions on them are solved by Newton's
+method, which takes the error from the barrier's 1e-12 to round-off. A ball |y| <= radius keeps
+every problem bounded; it is widened until it no longer matters or the answer is called unbounded.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Planes and second-order cones on a vector y, and what is minimised over them.
+
+
+Array = NDArray[np.float64]
+
+MIRROR = np.array([1.0, -1.0, -1.0])
+"""the quadratic form head^2 - |tail|^2."""
+ROUNDING = 1e-13
+"""Slack below zero, relative to 1 (the largest of the given loads) and to the size of y, that is
+rounding: up to it y keeps within its bounds, beyond it does not."""
+
+
+class Cones(NamedTuple):
+    """The admissible set. p half-spaces, q cones, k unknowns."""
+
+    lin_h: Array
+    """(p,)."""
+    lin_G: Array
+    """(p, k)."""
+    soc_h: Array
+    """(q, 3), [head, tail, tail]."""
+    soc_G: Array
+    """(q, 3, k)."""
+
+    @property
+    def soc_rows(self) -> Array:
+        """soc_G as one matrix, (3 q, k)."""
+        return self.soc_G.reshape(-1, self.soc_G.shape[2])
+
+    def at(self, y: Array) -> tuple[Array, Array]:
+        """Values (p,) of the half-spaces and (q, 3) of the cones."""
+        return self.lin_h + self.lin_G @ y, self.soc_h + self.soc_G @ y
+
+    def slack(self, y: Array) -> Array:
+        """a_i and head_j - |tail_j|, shape (p + q,): all >= 0 is admissible."""
+        lin, soc = self.at(y)
+        return np.concatenate([lin, soc[:, 0] - np.hypot(soc[:, 1], soc[:, 2])])
+
+    def admits(self, y: Array) -> bool:
+        """Whether y keeps within all bounds, but for rounding."""
+        least = -ROUNDING * (1.0 + float(np.linalg.norm(y)))
+        return bool(self.slack(y).min(initial=np.inf) >= least)
+
+
+class Objective(NamedTuple):
+    """1/2 |root y|^2 + c.y."""
+
+    root: Array
+    """(m, k); (0, k) for a linear objective."""
+    c: Array
+    """(k,)."""
+
+    def slope(self, y: Array) -> Array:
+        """Gradient, (k,)."""
+        return self.root.T @ (self.root @ y) + self.c
+
+
+def linear(c: Array) -> Objective:
+    """The objective c.y."""
+    return Objective(np.zeros((0, len(c))), c)
+
+
+def lorentz_form(soc: Array) -> Array:
+    """head^2 - |tail|^2 without cancellation, (q,)."""
+    tail = np.hypot(soc[:, 1], soc[:, 2])
+    return (soc[:, 0] - tail) * (soc[:, 0] + tail)
+
+
+# The last digits of a cone program: Newton's method on the pieces that are active.
+
+
+STEP_RANK = 1e-13
+"""Singular value of the optimality conditions, relative to the largest, at or below which a step of
+Newton's method leaves its direction out. Finer than the rank rule: the next step mends."""
+
+
+class Active(NamedTuple):
+    """Boundary pieces that carry a multiplier: planes (half-spaces, cone tips), round cones."""
+
+    plane_h: Array
+    plane_G: Array
+    round_h: Array
+    round_G: Array
+    multipliers: Array
+
+
+def read_active(cones: Cones, y: Array, weight: float) -> Active:
+    """At the end of the path either the slack or the multiplier is large (complementarity)."""
+    threshold = 1.0 / np.sqrt(weight)
+    lin, soc = cones.at(y)
+    lin_force = 1.0 / (weight * lin)
+    soc_force = 2.0 * MIRROR * soc / (weight * lorentz_form(soc))[:, None]
+    on = lin_force > threshold
+    pressed = soc_force[:, 0] > threshold
+    tip = pressed & (soc[:, 0] < threshold)
+    rim = pressed & ~tip
+    k = len(y)
+    return Active(
+        np.concatenate([cones.lin_h[on], cones.soc_h[tip].ravel()]),
+        np.concatenate([cones.lin_G[on], cones.soc_G[tip].reshape(-1, k)]),
+        cones.soc_h[rim],
+        cones.soc_G[rim],
+        np.concatenate(
+            [lin_force[on], soc_force[tip].ravel(), 2.0 / (weight * lorentz_form(soc[rim]))]
+        ),
+    )
+
+
+class Optimality(NamedTuple):
+    """The conditions  grad objective = sum multiplier grad g,  g = 0  on the active pieces."""
+
+    error: Array
+    """(k + p,): what is missing from each."""
+    normals: Array
+    """(p, k): grad g."""
+
+    @property
+    def worst(self) -> float:
+        """The largest error."""
+        return float(np.abs(self.error).max(initial=0.0))
+
+
+def optimality(objective: Objective, active: Active, point: Array, forces: Array) -> Optimality:
+    """What point (k,) and multipliers (p,) leave of them."""
+    soc = active.round_h + active.round_G @ point
+    curved = np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)
+    normals = np.concatenate([active.plane_G, curved])
+    values = np.concatenate([active.plane_h + active.plane_G @ point, 0.5 * lorentz_form(soc)])
+    return Optimality(
+        np.concatenate([objective.slope(point) - normals.T @ forces, values]), normals
+    )
+
+
+def newton_step(objective: Objective, active: Active, forces: Array, now: Optimality) -> np.ndarray:
+    """(k + p,): what Newton's method adds to the point and the multipliers."""
+    bent = forces[len(active.plane_h) :]
+    curve = np.einsum("jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, bent)
+    blank = np.zeros((len(forces), len(forces)))
+    jacobian = np.block(
+        [[objective.root.T @ objective.root - curve, -now.normals.T], [now.normals, blank]]
+    )
+    return np.linalg.lstsq(jacobian, -now.error, rcond=STEP_RANK)[0]
+
+
+def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
+    """The optimum near y by Newton's method on the pieces that are active there.
+
+    None when the result is not admissible or has moved further than the path's own error allows
+    (no strict complementarity: the barrier's answer is then the better one).
+    """
+    active = read_active(cones, y, weight)
+    point, forces = y, active.multipliers
+    best, best_error = y, np.inf
+    for _ in range(12):
+        now = optimality(objective, active, point, forces)
+        if now.worst >= best_error:
+            break
+        best, best_error = point, now.worst
+        step = newton_step(objective, active, forces, now)
+        point, forces = point + step[: len(y)], forces + step[len(y) :]
+    near = np.linalg.norm(best - y) <= 1e-5 * (1.0 + np.linalg.norm(y))
+    admissible = cones.admits(best)
+    return best if near and admissible and best_error < 1e-9 else None
+
+
+GROWTH = 30.0
+"""factor between weights."""
+SHARPEST = GROWTH**8
+"""last weight of the objective (7e11); the duality gap is (number of barriers) / weight."""
+CENTRED = 1e-2
+"""squared Newton decrement below which a point is on the path: rounding allows no better."""
+BALLS = (1e3, 1e6, 1e8)
+"""radii of the ball, in turn; what still presses on the last one is unbounded."""
+PRESSING = 1e-9
+"""share of the objective's slope that the ball may carry before it counts as pressing."""
+EARLY, CLEARLY = 1e4, 1e-3
+"""from this weight on a share this large is the ball's for good: go on to the next ball."""
+
+
+class Optimum(NamedTuple):
+    """Answer of `minimise`."""
+
+    y: Array
+    """(k,)."""
+    bounded: bool
+    """False: the objective falls beyond every ball; y is then no answer."""
+    gap: float
+    """bound of the objective's error; 0 where the optimality conditions hold to round-off."""
+
+
+FAR = 10.0
+"""Size of a y of widest margin, over the unit of force, that counts as far out."""
+
+
+def widest(cones: Cones) -> Optimum:
+    """The y of the largest margin, at most one unit: the largest s such that y stays admissible
+    after s has been taken off every half-space and head."""
+    freedom = cones.lin_G.shape[1]
+    start = np.zeros(freedom)
+    if freedom == 0 or len(cones.lin_h) + len(cones.soc_h) == 0:
+        return Optimum(start, True, 0.0)
+    head = np.zeros((len(cones.soc_h), 3, 1))
+    head[:, 0] = -1.0
+    cap = np.zeros((1, freedom + 1))
+    cap[0, -1] = -1.0
+    lifted = Cones(
+        np.append(cones.lin_h, 1.0),
+        np.vstack([np.hstack([cones.lin_G, -np.ones((len(cones.lin_h), 1))]), cap]),
+        cones.soc_h,
+        np.concatenate([cones.soc_G, head], axis=2),
+    )
+    down = np.zeros(freedom + 1)
+    down[-1] = -1.0
+    worst = min(float(cones.slack(start).min()), 0.0) - 1.0
+    best = minimise(linear(down), lifted, np.append(start, worst))
+    return best._replace(y=best.y[:-1])
+
+
+def moderate(cones: Cones, y: Array) -> Optimum:
+    """A strictly admissible y of moderate size: the shortest with half the margin of the given one.
+
+    Where something jams there are admissible states of any size, and `widest` may be far out.
+    """
+    if np.linalg.norm(y) <= FAR:
+        return Optimum(y, True, 0.0)
+    half = 0.5 * float(cones.slack(y).min(initial=2.0))
+    soc_h = cones.soc_h.copy()
+    soc_h[:, 0] -= half
+    short = Objective(np.eye(len(y)), np.zeros(len(y)))
+    return minimise(short, Cones(cones.lin_h - half, cones.lin_G, soc_h, cones.soc_G), y)
+
+
+def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
+    """The minimiser; `start` must be strictly inside the cones.
+
+    Give the objective with a slope of order one and unknowns of order one to 1e6.
+    """
+    barriers = len(cones.lin_h) + 2 * len(cones.soc_h) + 1
+    for radius in BALLS:
+        reach = radius * (1.0 + float(np.linalg.norm(start)))
+        y, weight, pressed = _follow(objective, cones, start, reach)
+        if not pressed:
+            polished = polish(objective, cones, y, weight)
+            if polished is None:
+                return Optimum(y, True, barriers / weight)
+            return Optimum(polished, True, 0.0)
+    return Optimum(start, False, 0.0)
+
+
+def _follow(
+    objective: Objective, cones: Cones, start: Array, reach: float
+) -> tuple[Array, float, bool]:
+    """Follow the central path to the weight SHARPEST, or as far as rounding lets it be found.
+
+    Returns the point, its weight, and whether the ball presses on it.
+    """
+    y, weight, pressed = start, 1.0, False
+    while True:
+        ahead, found = _centre(objective, cones, y, weight, reach)
+        if not found and weight > 1.0:
+            return y, weight / GROWTH, pressed
+        y = ahead
+        pressure = 2.0 * float(np.linalg.norm(y)) / (weight * (reach**2 - float(y @ y)))
+        pressed = pressure > max(PRESSING, 1.0 / weight)
+        if weight >= SHARPEST or (weight >= EARLY and pressure > CLEARLY):
+            return y, weight, pressed
+        weight *= GROWTH
+
+
+def _centre(
+    objective: Objective, cones: Cones, y: Array, weight: float, reach: float
+) -> tuple[Array, bool]:
+    """Newton's method on the barrier function, with a line search on its directional slope.
+
+    Returns the point and whether it is the minimiser, as far as it matters to the gap.
+    """
+    descent = np.inf
+    for _ in range(40):
+        if cones.slack(y).min(initial=np.inf) <= 0.0:
+            return y, False
+        gradient = _slope(objective, cones, y, weight, reach)
+        step = -_solve_normal(_root(objective, cones, y, weight, reach), gradient)
+        before, descent = descent, -float(gradient @ step)
+        if descent < 1e-8 or (before < CENTRED and descent > 0.25 * before):
+            return y, True
+        length = _longest(cones, y, step, reach)
+        for _ in range(40):
+            ahead = _slope(objective, cones, y + length * step, weight, reach) @ step
+            if ahead <= 0.5 * descent:
+                break
+            length *= 0.5
+        y = y + length * step
+    return y, descent < CENTRED
+
+
+@cache
+def _triangular_solver() -> Any:
+    """LAPACK's dtrtrs; SciPy is slow to import, and few runs need it."""
+    from scipy.linalg import get_lapack_funcs
+
+    (trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
+    return trtrs
+
+
+def _solve_normal(root: Array, rhs: Array) -> Array:
+    """(root^T root)^-1 rhs by a QR factorisation, which halves the digits that are lost."""
+    scale = 1.0 / np.linalg.norm(root, axis=0)
+    upper = np.linalg.qr(root * scale, mode="r")
+    trtrs = _triangular_solver()
+    half, _ = trtrs(upper, scale * rhs, trans=1)
+    return scale * trtrs(upper, half)[0]
+
+
+def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:
+    """The longest step up to 1 that stays strictly inside."""
+    length = 1.0
+    for _ in range(200):
+        ahead = y + length * step
+        if cones.slack(ahead).min(initial=np.inf) > 0.0 and ahead @ ahead < reach**2:
+            return length
+        length *= 0.7
+    return 0.0
+
+
+def _slope(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
+    """Gradient (k,) of the barrier function."""
+    lin, soc = cones.at(y)
+    pull = 2.0 * MIRROR * soc / lorentz_form(soc)[:, None]
+    return (
+        weight * objective.slope(y)
+        - cones.lin_G.T @ (1.0 / lin)
+        - cones.soc_rows.T @ pull.ravel()
+        + 2.0 * y / (reach**2 - y @ y)
+    )
+
+
+def _root(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
+    """A matrix whose square root^T root is the Hessian of the barrier function, (m, k).
+
+    Cone: the Hessian of -log(head^2 - |tail|^2) is (2 / form) V^2 with V = [[a, b], [b, 1 + b b /
+    (1 + a)]], (a, b) = (head, -tail) / sqrt(form) (Nesterov & Todd 1997). Ball: likewise a square.
+    """
+    lin, soc = cones.at(y)
+    form = lorentz_form(soc)
+    unit = MIRROR * soc / np.sqrt(form)[:, None]
+    head, tail = unit[:, 0], unit[:, 1:]
+    block = np.empty((len(soc), 3, 3))
+    block[:, 0, 0] = head
+    block[:, 0, 1:] = block[:, 1:, 0] = tail
+    block[:, 1:, 1:] = np.eye(2) + tail[:, :, None] * tail[:, None] / (1.0 + head)[:, None, None]
+    round_ = np.sqrt(2.0 / form)[:, None, None] * np.matmul(block, cones.soc_G)
+    ball = np.sqrt(2.0 / (reach**2 - y @ y))
+    return np.vstack(
+        [
+            np.sqrt(weight) * objective.root,
+            cones.lin_G / lin[:, None],
+            round_.reshape(-1, len(y)),
+            ball * np.eye(len(y)),
+            ball**2 * y,
+        ]
+    )

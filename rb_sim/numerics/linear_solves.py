@@ -1,0 +1,301 @@
+"""Small linear systems: symmetric semidefinite, unsymmetric, least squares of any rank."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rb_sim.compiler.lapack import singular_vectors, work_of_singular_vectors
+from rb_sim.numerics.kernels import inline, part, pointer
+from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
+
+# The x of least norm among those with the least |A x - b|, for small square matrices of any rank.
+#
+# A complete orthogonal decomposition A P = Q (T 0; 0 0) Z^T (Golub and Van Loan, Matrix
+# Computations, section 5.5) by Householder's reflections I - 2 v v^T / |v|^2; it costs a tenth of
+# one into singular values.  Matrices are vectors of their rows, one after the other.
+
+
+@inline
+def column_size(R, n, k, j):
+    """Size of column j from row k on."""
+    s = 0.0
+    for i in range(k, n):
+        s += R[i * n + j] * R[i * n + j]
+    return s**0.5
+
+
+@inline
+def reflect_columns(R, n, k, c):
+    """Take column k of R, from row k on, to its first element, and with it the columns behind it
+    and c; what is below it does not count any more."""
+    if column_size(R, n, k + 1, k) == 0.0:
+        return
+    size = column_size(R, n, k, k)
+    if R[k * n + k] > 0.0:
+        size = -size
+    head = R[k * n + k] - size
+    R[k * n + k] = head  # now the column is v, |v|^2 = -2 size head
+    for j in range(k + 1, n):
+        s = 0.0
+        for i in range(k, n):
+            s += R[i * n + k] * R[i * n + j]
+        s /= size * head
+        for i in range(k, n):
+            R[i * n + j] += s * R[i * n + k]
+    s = 0.0
+    for i in range(k, n):
+        s += R[i * n + k] * c[i]
+    s /= size * head
+    for i in range(k, n):
+        c[i] += s * R[i * n + k]
+    R[k * n + k] = size
+
+
+@inline
+def triangular(R, n, c, order):
+    """R becomes the triangle of A P = Q R, c becomes Q^T c, order tells P; returns the rank."""
+    largest = 0.0
+    for j in range(n):
+        order[j] = j
+    for k in range(n):
+        best, most = k, -1.0
+        for j in range(k, n):
+            size = column_size(R, n, k, j)
+            if size > most:
+                best, most = j, size
+        largest = max(largest, most)
+        if not most > LEAST_SINGULAR * largest:
+            return k
+        if best != k:
+            order[k], order[best] = order[best], order[k]
+            for i in range(n):
+                R[i * n + k], R[i * n + best] = R[i * n + best], R[i * n + k]
+        reflect_columns(R, n, k, c)
+    return n
+
+
+@inline
+def reflect_row(R, n, rank, k, v):
+    """Take row k of R, behind its element k and from column `rank` on, into that element, and with
+    it the rows above; v: the first element of the reflection's direction, the rest is in the row;
+    returns |v|^2 / 2."""
+    size = 0.0
+    for j in range(rank, n):
+        size += R[k * n + j] * R[k * n + j]
+    if size == 0.0:
+        v[k] = 0.0
+        return 1.0
+    size += R[k * n + k] * R[k * n + k]
+    size = -(size**0.5) if R[k * n + k] > 0.0 else size**0.5
+    head = R[k * n + k] - size
+    for i in range(k):
+        s = head * R[i * n + k]
+        for j in range(rank, n):
+            s += R[k * n + j] * R[i * n + j]
+        s /= size * head
+        R[i * n + k] += s * head
+        for j in range(rank, n):
+            R[i * n + j] += s * R[k * n + j]
+    R[k * n + k] = size
+    v[k] = head
+    return -size * head
+
+
+@inline
+def least_squares(A, b, n, x, work):
+    """Into x the solution; A and b are finite; work: n (n + 4) numbers."""
+    for i in range(n * n):
+        work[i] = A[i]
+    first = n * n
+    for i in range(n):
+        work[first + i] = b[i]
+    decomposed(work, part(work, first), n, part(work, first + n), x)
+
+
+@inline
+def decomposed(R, c, n, work, x):
+    """As `least_squares`, in place of A = R and b = c."""
+    order, v, halves = work, part(work, n), part(work, 2 * n)
+    rank = triangular(R, n, c, order)
+    for k in range(rank - 1, -1, -1):
+        halves[k] = reflect_row(R, n, rank, k, v) if rank < n else 0.0
+    for i in range(rank - 1, -1, -1):
+        for j in range(i + 1, rank):
+            c[i] -= R[i * n + j] * c[j]
+        c[i] /= R[i * n + i]
+    for i in range(rank, n):
+        c[i] = 0.0
+    if rank < n:
+        for k in range(rank):
+            s = v[k] * c[k]
+            for j in range(rank, n):
+                s += R[k * n + j] * c[j]
+            s /= halves[k]
+            c[k] -= s * v[k]
+            for j in range(rank, n):
+                c[j] -= s * R[k * n + j]
+    for j in range(n):
+        x[int(order[j])] = c[j]
+
+
+# Linear systems A x = b with a symmetric positive semidefinite A, as constraints make them.
+
+
+@inline
+def solve_semidefinite(A, b, x, L, order, n):
+    """Some solution x of A x = b and the rank of A, by pivoted Cholesky on the scaled matrix.
+
+    A: (n, n), b, x: (n,); L: (n, n) and order: (n,) are work space.  Rows that depend on others
+    get x = 0; for a consistent b the product A x is unique all the same.  Nothing is allocated.
+    """
+    for i in range(n):
+        order[i] = i
+        for j in range(n):
+            d = A[i, i] * A[j, j]
+            L[i, j] = A[i, j] / d**0.5 if d > 0.0 else 0.0
+    rank = n
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if L[i, i] > L[best, best]:
+                best = i
+        if not L[best, best] > RANK_TOLERANCE:
+            rank = k
+            break
+        if best != k:
+            order[k], order[best] = order[best], order[k]
+            for j in range(n):
+                L[k, j], L[best, j] = L[best, j], L[k, j]
+            for j in range(n):
+                L[j, k], L[j, best] = L[j, best], L[j, k]
+        root = L[k, k] ** 0.5
+        L[k, k] = root
+        for i in range(k + 1, n):
+            L[i, k] /= root
+        for j in range(k + 1, n):
+            for i in range(j, n):
+                L[i, j] -= L[i, k] * L[j, k]
+                L[j, i] = L[i, j]
+    for i in range(rank):
+        s = b[order[i]] / A[order[i], order[i]] ** 0.5
+        for j in range(i):
+            s -= L[i, j] * x[order[j]]
+        x[order[i]] = s / L[i, i]
+    for i in range(rank - 1, -1, -1):
+        s = x[order[i]]
+        for j in range(i + 1, rank):
+            s -= L[j, i] * x[order[j]]
+        x[order[i]] = s / L[i, i]
+    for i in range(rank):
+        x[order[i]] /= A[order[i], order[i]] ** 0.5
+    for i in range(rank, n):
+        x[order[i]] = 0.0
+    return rank
+
+
+@inline
+def minimum_norm(A, x, rank):
+    """The solution of least |x| among those with the same A x, for A of the given rank."""
+    values, vectors = np.linalg.eigh(A)
+    n = x.shape[0]
+    kept = np.zeros(n)
+    for k in range(n - rank, n):
+        v = vectors[:, k]
+        share = 0.0
+        for i in range(n):
+            share += v[i] * x[i]
+        for i in range(n):
+            kept[i] += share * v[i]
+    for i in range(n):
+        x[i] = kept[i]
+
+
+# Small linear systems A x = b whose matrix is neither symmetric nor of full rank.
+#
+# Friction makes them: the reaction of a slipping contact is not along the line that it enforces.
+
+
+@inline
+def solve_unsymmetric(A, b, x, L, order, columns, n):
+    """Some solution of A x = b and the rank of A, by elimination with complete pivoting.
+
+    A: (n, n), b, x: (n,); L: (n, n), order, columns: (n,) are work space.  Rows and columns that
+    vanish are left out (x = 0 there).
+    """
+    for i in range(n):
+        order[i], columns[i] = i, i
+        size = 0.0
+        for j in range(n):
+            size = max(size, abs(A[i, j]))
+        for j in range(n):
+            L[i, j] = A[i, j] / size if size > 0.0 else 0.0
+        x[i] = b[i] / size if size > 0.0 else 0.0
+    rank = n
+    for k in range(n):
+        row, column, best = k, k, 0.0
+        for i in range(k, n):
+            for j in range(k, n):
+                if abs(L[i, j]) > best:
+                    row, column, best = i, j, abs(L[i, j])
+        if not best > RANK_TOLERANCE:
+            rank = k
+            break
+        if row != k:
+            order[k], order[row] = order[row], order[k]
+            x[k], x[row] = x[row], x[k]
+            for j in range(n):
+                L[k, j], L[row, j] = L[row, j], L[k, j]
+        if column != k:
+            columns[k], columns[column] = columns[column], columns[k]
+            for i in range(n):
+                L[i, k], L[i, column] = L[i, column], L[i, k]
+        for i in range(k + 1, n):
+            factor = L[i, k] / L[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    L[i, j] -= factor * L[k, j]
+                x[i] -= factor * x[k]
+    for i in range(rank - 1, -1, -1):
+        s = x[i]
+        for j in range(i + 1, rank):
+            s -= L[i, j] * x[j]
+        x[i] = s / L[i, i]
+    for i in range(rank, n):
+        x[i] = 0.0
+    for i in range(n):
+        L[0, columns[i]] = x[i]
+    for i in range(n):
+        x[i] = L[0, i]
+    return rank
+
+
+@inline
+def least_norm(A, b, x, rank, n):
+    """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite.
+
+    Only the first n rows and columns count.
+    """
+    total = 0.0
+    for i in range(n):
+        total += b[i]
+        for j in range(n):
+            total += A[i, j]
+    if not total - total == 0.0:
+        for i in range(n):
+            x[i] = total - total
+        return
+    room = np.empty(n * (3 * n + 1) + work_of_singular_vectors(n))
+    a, right, left = pointer(room), part(pointer(room), n * n), part(pointer(room), 2 * n * n)
+    s, work = part(pointer(room), 3 * n * n), part(pointer(room), n * (3 * n + 1))
+    for i in range(n):
+        for j in range(n):
+            a[i * n + j] = A[i, j]
+    singular_vectors(n, a, right, s, left, work)
+    for i in range(n):
+        x[i] = 0.0
+    for k in range(rank):
+        share = 0.0
+        for i in range(n):
+            share += left[k * n + i] * b[i]
+        for i in range(n):
+            x[i] += right[k * n + i] * share / s[k]

@@ -1,0 +1,187 @@
+"""The process that writes the logs of a node: `python -m rb_sim.ros.logs.writer`, by LogProcess.
+
+Frames (`log_frames.py`) come in on standard input and answers go out on standard output. Where the
+input ends, for whatever reason, the logs are finished: also when the node was killed. Signals are
+the node's to answer, so this process hears none.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import MissingExtraError, RbSimError
+from rb_sim.ros.logs.folder import claim
+from rb_sim.ros.logs.protocol import (
+    Begin,
+    Block,
+    Count,
+    End,
+    Finished,
+    Opened,
+    Plan,
+    Rows,
+    Said,
+    frame,
+    take_frame,
+)
+
+if TYPE_CHECKING:
+    from rb_sim.simulation.outputs import Output
+
+IDLE = 0.25
+"""[s] without samples after which what waits in the bag is looked after."""
+NICENESS = 5
+"""The simulation goes first where both want the processor."""
+RECORDING = "--recording"
+"""Argument of the process that is to record for Rerun."""
+
+
+class Writer:
+    """Takes frames until the end, and answers."""
+
+    def __init__(self, source: int, answers: int) -> None:
+        self._source, self._answers = source, answers
+        self._outputs: dict[str, Output] = {}
+        self._written = 0
+        self._told: Count | None = None
+
+    def run(self) -> None:
+        """Write what comes; finish the logs."""
+        import numpy as np
+
+        # a run that blows up has samples near the largest number before it ends with an error
+        with np.errstate(all="ignore"):
+            self._run()
+
+    def _run(self) -> None:
+        summary = None
+        try:
+            for message in self._messages():
+                if isinstance(message, Begin):
+                    self._open(message)
+                elif isinstance(message, (Rows, Block)):
+                    block = message.block(self._layout)
+                    for output in self._outputs.values():
+                        output.write(block)
+                    self._written += len(block)
+                    self._count()
+                elif isinstance(message, End):
+                    summary = message.summary
+                    break
+        finally:
+            for name, output in self._outputs.items():
+                output.close(summary)
+                self._count()
+                self._answer(Finished(name))
+
+    def _messages(self) -> Iterator[Any]:
+        buffer = bytearray()
+        while True:
+            message = take_frame(buffer)
+            if message is not None:
+                yield message
+                continue
+            if not select.select([self._source], [], [], IDLE)[0]:
+                self._keep()
+                continue
+            data = os.read(self._source, 1 << 20)
+            if not data:
+                return
+            buffer += data
+
+    def _open(self, begin: Begin) -> None:
+        self._layout = begin.layout
+        error = ""
+        try:
+            claim(begin.plan.folder, overwrite=begin.plan.overwrite)
+            self._outputs = self._chosen(begin.plan)
+            for output in self._outputs.values():
+                output.open(begin.scene, begin.layout)
+        except (OSError, RbSimError) as failed:
+            error = str(failed)
+        self._answer(Opened(error))
+        os.nice(NICENESS)  # not before: the node waits for that answer
+
+    def _chosen(self, plan: Plan) -> dict[str, Output]:
+        """Bag, recording and plots, the slowest to finish last."""
+        from rb_sim.io.bag.sink import BagSink
+        from rb_sim.io.plots.plots import PlotSink
+        from rb_sim.io.rerun.sink import RerunSink
+        from rb_sim.simulation.outputs import Output
+        from rb_sim.trajectory.wrenches import accelerating
+
+        def bag(path: Path) -> BagSink:
+            asked = accelerating if plan.accelerations else None
+            own: dict[str, Any] = {"start_ns": plan.start_ns, "run": plan.run, **plan.split}
+            return BagSink(path, namespace=plan.namespace, accelerations=asked, **own)
+
+        chosen: dict[str, Output] = {}
+        for wanted, name, sink in (
+            (plan.bag, "bag", bag),
+            (plan.recording, "recording.rrd", RerunSink),
+            (plan.plots, "plots.png", PlotSink),
+        ):
+            path = plan.folder / name
+            try:
+                if wanted:
+                    chosen[name] = Output(sink(path), path, self._say)
+            except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
+                self._say(f"no {path}: {error}")
+        return chosen
+
+    def _keep(self) -> None:
+        """While nothing comes: see that what came is safe."""
+        from rb_sim.mechanics.samples import empty_block
+
+        bag = self._outputs.get("bag")
+        if bag is not None:
+            bag.write(empty_block(0, self._layout))
+            self._count()
+
+    def _count(self) -> None:
+        lost = {name: output.lost for name, output in self._outputs.items()}
+        failures = {name: output.failure for name, output in self._outputs.items()}
+        now = Count(self._written, lost, failures)
+        if now != self._told:
+            self._told = now
+            self._answer(now)
+
+    def _say(self, line: str) -> None:
+        self._answer(Said(line))
+
+    def _answer(self, message: Any) -> None:
+        try:
+            os.write(self._answers, frame(message))  # short enough to go in one piece
+        except OSError:  # the node is gone; the logs are finished all the same
+            if isinstance(message, Said):  # of plots that nobody waits for, say
+                print(message.line, file=sys.stderr, flush=True)
+
+
+def load_rerun() -> None:
+    """Import what a recording takes while the node still compiles; pyarrow takes pandas, too."""
+    for name in ("rb_sim.io.rerun.view", "pandas"):
+        with suppress(ImportError):  # told where the recording is begun
+            import_module(name)
+
+
+def main() -> None:
+    """Entry point of the process."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_IGN)
+    answers = os.dup(sys.stdout.fileno())
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody prints into the answers
+    if RECORDING in sys.argv:
+        load_rerun()
+    Writer(sys.stdin.fileno(), answers).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,309 @@
+"""Topics that other ROS programs expect, published where a parameter asks for them.
+
+They repeat numbers that the bag has under the names of `rb_sim.io.messages.topics`, so no log has
+them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.effects.gravity import Gravity
+from rb_sim.io.frames import centers_of_mass, conjugate, cross, origins, rotate
+from rb_sim.io.messages import cdr
+from rb_sim.io.messages.cdr import stamp_of
+from rb_sim.io.messages.topic_names import WORLD
+from rb_sim.io.messages.topics import AccelTable
+from rb_sim.numerics.vectors import dot, quaternion_product
+from rb_sim.ros.offers import offer
+from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.trajectory.wrenches import accelerating, accelerations
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.ros.parameters import Settings
+    from rb_sim.scene.schema import Scene
+
+
+# ~/BODY/accel (geometry_msgs/AccelStamped): published where parameter `accelerations` asks.
+
+
+class Accel:
+    """Publishes the accelerations of every body."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._publishers: list[Publisher] = []
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publishers. RbSimError: the method has no accelerations."""
+        if scene.simulation.method == "time_stepping":
+            raise RbSimError(
+                "parameter accelerations: method time_stepping has none; must be another method"
+            )
+        self._table = AccelTable(scene, layout, accelerating, self._settings.frame_prefix)
+        kind = import_module("geometry_msgs.msg").AccelStamped
+        for name, _ in self._table.topics:
+            publisher = offer(self._node, kind, f"~/{name}", self._settings.publish_depth)
+            self._publishers.append(publisher)
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        for messages in self._table.messages(block):
+            for publisher, data in zip(self._publishers, messages, strict=True):
+                publisher.publish(data)
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publishers."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
+        self._publishers = []
+
+
+# ~/BODY/imu (sensor_msgs/Imu): what an inertial sensor at a point of the body would measure.
+#
+#     f = R^T (a_P - g)        a_P = a_C + R (dw/dt x r + w x (w x r)),   r = P - C in body axes
+#
+# f is the specific force in body axes (at rest it points up, by 9.81 m/s^2), g the sum of the
+# scene's uniform gravity on the body. Accelerations are those of Newton's and Euler's equations
+# with the reactions of the sample (rb_sim.trajectory.wrenches); an impact shows in none.
+
+
+COVARIANCE_3X3 = 9
+"""Numbers of a 3 x 3 covariance; all zero, which says that none is told."""
+
+
+class Sensor(NamedTuple):
+    """An inertial sensor."""
+
+    body: str
+    point_B: tuple[float, float, float]
+    """from the body origin, body axes [m]."""
+
+
+def read_sensors(text: str) -> list[Sensor]:
+    """'BODY' or 'BODY X Y Z', several of them with ';' in between. RbSimError: it is neither."""
+    sensors = []
+    for part in text.split(";"):
+        name, *numbers = part.split() or [""]
+        try:
+            point = tuple(float(number) for number in numbers) or (0.0, 0.0, 0.0)
+        except ValueError:
+            point = ()
+        if not name or len(point) != 3 or not np.isfinite(point).all():
+            raise RbSimError(
+                f"parameter imu: got {part.strip()!r}; must be BODY, or BODY X Y Z with a point"
+                " in body axes [m]; several with ';' in between"
+            )
+        sensors.append(Sensor(name, point))
+    names = [sensor.body for sensor in sensors]
+    if len(set(names)) < len(names):
+        raise RbSimError(f"parameter imu: got {text!r}; a body has one sensor at most")
+    return sensors
+
+
+class Imu:
+    """Publishes what the sensors measure. RbSimError: one of them is on no body of the scene."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._sensors = read_sensors(settings.imu)
+        self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publishers."""
+        self._scene, self._layout = scene, layout
+        if scene.simulation.method == "time_stepping":
+            raise RbSimError(
+                "parameter imu: method time_stepping has no accelerations; must be another method"
+            )
+        kind = import_module("sensor_msgs.msg").Imu
+        for body, _ in self._sensors:
+            if body not in layout.bodies:
+                known = ", ".join(layout.bodies)
+                raise RbSimError(f"parameter imu: got body {body!r}; must be one of {known}")
+            name, frame = f"~/{body}/imu", self._settings.frame_prefix + body
+            publisher = offer(self._node, kind, name, self._settings.publish_depth)
+            self._publishers.append((publisher, imu_codec(frame)))
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        found = accelerations(Trajectory(block, self._layout, self._scene))
+        for sensor, (publisher, codec) in zip(self._sensors, self._publishers, strict=True):
+            i = self._layout.bodies.index(sensor.body)
+            arm = np.array(sensor.point_B) - self._scene.bodies[sensor.body].center_of_mass
+            turn, spin = block.orientation[:, i], block.angular_velocity[:, i]
+            free = found.linear[:, i] - self._gravity(sensor.body)
+            force = rotate(conjugate(turn), free)
+            force += cross(found.angular[:, i], arm[None]) + cross(spin, cross(spin, arm[None]))
+            none = np.zeros((len(block), COVARIANCE_3X3))
+            rows = np.concatenate([turn, none, spin, none, force, none], axis=1)
+            for t, row in zip(block.t, rows, strict=True):
+                publisher.publish(codec.pack(stamp_of(t), row))
+
+    def _gravity(self, body: str) -> Array:
+        """Of all uniform fields on the body, world axes [m/s^2]."""
+        total = np.zeros(3)
+        for effect in self._scene.effects.values():
+            if isinstance(effect, Gravity) and (effect.bodies is None or body in effect.bodies):
+                total += effect.acceleration
+        return total
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publishers."""
+        for publisher, _ in self._publishers:
+            self._node.destroy_publisher(publisher)
+        self._publishers = []
+
+
+def imu_codec(frame_id: str) -> cdr.Codec:
+    """sensor_msgs/Imu: orientation, angular velocity, linear acceleration, each with covariance."""
+    layout = cdr.Layout().stamp().text(frame_id)
+    return layout.doubles(4 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3).codec()
+
+
+COVARIANCE_6X6 = 36
+"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
+
+
+class Odometry:
+    """Publishes BODY/odometry: the pose in the world, the twist of the body origin in BODY axes."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publishers."""
+        kind = import_module("nav_msgs.msg").Odometry
+        prefix, depth = self._settings.frame_prefix, self._settings.publish_depth
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        for body in layout.bodies:
+            publisher = offer(self._node, kind, f"~/{body}/odometry", depth)
+            self._publishers.append((publisher, odometry_codec(prefix + WORLD, prefix + body)))
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        motion = origins(block, self._center_of_mass)
+        velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
+        none = np.zeros((*block.position.shape[:2], COVARIANCE_6X6))
+        pose = (motion.position, block.orientation, none)
+        values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
+        for t, row in zip(block.t, values, strict=True):
+            for (publisher, codec), numbers in zip(self._publishers, row, strict=True):
+                publisher.publish(codec.pack(stamp_of(t), numbers))
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publishers."""
+        for publisher, _ in self._publishers:
+            self._node.destroy_publisher(publisher)
+        self._publishers = []
+
+
+class JointStates:
+    """Publishes joint_states: angle [rad] and rate [rad/s] of each fixed axis, by its name.
+
+    The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
+    initial state and goes on beyond a full turn. How many turns lie between two samples is told by
+    the mean of their rates: it may be wrong only where that is off by half a turn, as an impact can
+    make it.
+    """
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._settings = node, settings
+        self._publisher: Publisher | None = None
+        self._last: tuple[float, Array, Array] | None = None
+        """time [s], angles [rad] and rates [rad/s] of the last sample, shape (J,)."""
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publisher, also where no axis is there: then the message is empty."""
+        axes = {n: c for n, c in scene.constraints.items() if isinstance(c, FixedAxis)}
+        self._axis_B = np.array([c.axis_B for c in axes.values()]).reshape(-1, 3)
+        index = {name: i for i, name in enumerate(layout.bodies)}
+        self._body = [index[c.body] for c in axes.values()]
+        self._parent = [-1 if c.parent is None else index[c.parent] for c in axes.values()]
+        self._codec = joint_codec(list(axes))
+        kind = import_module("sensor_msgs.msg").JointState
+        depth = self._settings.publish_depth
+        self._publisher = offer(self._node, kind, "~/joint_states", depth)
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block."""
+        assert self._publisher is not None
+        restarts = {given.index for given in block.inputs if not given.body}
+        placed = {given.index for given in block.inputs if given.state}
+        orientation, spin = block.orientation, block.angular_velocity
+        for k, t in enumerate(block.t):
+            parent, relative = self._relative(orientation[k])
+            own = np.sum(spin[k, self._body] * self._axis_B, axis=1)
+            axis_W = rotate(orientation[k, self._body], self._axis_B)
+            carried = rotate(parent, _of_parents(spin[k], self._parent, (0.0, 0.0, 0.0)))
+            rate = own - np.sum(carried * axis_W, axis=1)
+            if self._last is None or k in restarts:
+                self._initial, self._last = relative, (t, np.zeros(len(self._body)), rate)
+            before, angle, rate_before = self._last
+            if k not in placed:
+                angle = angle + 0.5 * (t - before) * (rate_before + rate)
+            # the turn from the initial pose in the axes of the body: about axis_B alone
+            x, y, z, w = quaternion_product(conjugate(self._initial).T, relative.T)
+            turn = 2.0 * np.arctan2(dot((x, y, z), self._axis_B.T), w)
+            angle = turn + 2.0 * np.pi * np.round((angle - turn) / (2.0 * np.pi))
+            self._last = t, angle, rate
+            self._publisher.publish(self._codec.pack(stamp_of(t), (*angle, *rate)))
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publisher."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+        self._publisher = None
+
+    def _relative(self, orientation: Array) -> tuple[Array, Array]:
+        """Orientation of the parents in the world, and of the bodies in their parents' axes."""
+        parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
+        relative = quaternion_product(conjugate(parent).T, orientation[self._body].T)
+        return parent, np.transpose(relative)
+
+
+def asked_for(node: Node, settings: Settings) -> list[Any]:
+    """A sink for each convention that a parameter asks for."""
+    from rb_sim.ros.topics.latched import Markers, RobotDescription
+
+    wanted = {
+        Odometry: settings.odometry,
+        JointStates: settings.joint_states,
+        Accel: settings.accelerations,
+        Imu: bool(settings.imu),
+        Markers: settings.markers,
+        RobotDescription: settings.robot_description,
+    }
+    return [make(node, settings) for make, there in wanted.items() if there]
+
+
+def odometry_codec(frame_id: str, child_frame_id: str) -> cdr.Codec:
+    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
+    layout = cdr.Layout().stamp().text(frame_id).text(child_frame_id)
+    return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
+
+
+def joint_codec(names: list[str]) -> cdr.Codec:
+    """sensor_msgs/JointState: positions, then velocities; efforts are left out."""
+    layout = cdr.Layout().stamp().text("").count(len(names))
+    for name in names:
+        layout.text(name)
+    for _ in range(2):
+        layout.count(len(names)).doubles(len(names))
+    return layout.count(0).codec()
+
+
+def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...]) -> Array:
+    """Rows by body, for each parent; -1: the world."""
+    rows = [of_world if i < 0 else of_bodies[i] for i in parents]
+    return np.array(rows, dtype=float).reshape(-1, len(of_world))

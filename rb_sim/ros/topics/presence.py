@@ -1,0 +1,112 @@
+"""What a late joiner sees: the state of the node and what it simulates, latched, and the time.
+
+`~/state` is a std_msgs/String: compiling, paused, running, error. `~/description` is one with JSON:
+scene, bodies, constraints, effects, rate, version. Both are there from the first second, also while
+the engine compiles; parameters answer then, and /clock shows zero.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from rb_sim import __version__
+from rb_sim.io.messages.topic_names import CLOCK
+from rb_sim.ros.offers import offer
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
+
+CLOCK_PERIOD = 0.5
+"""[s] of wall time between two messages of a clock that stands still."""
+STARTING = 0.1
+"""[s] between two of them while the node starts: nobody has found it yet."""
+
+
+class Presence:
+    """Publishes state and description of the node."""
+
+    def __init__(self, node: Node, *, publish_clock: bool) -> None:
+        self._node, self._publish_clock = node, publish_clock
+        self._state_topic = offer(node, String, "~/state", 1, latched=True)
+        self._description_topic = offer(node, String, "~/description", 1, latched=True)
+        self._state = ""
+
+    def tell(self, state: str) -> None:
+        """Publish the state if it is a new one."""
+        if state != self._state:
+            self._state = state
+            self._state_topic.publish(String(data=state))
+
+    def describe(self, scene: Scene) -> None:
+        """Publish what is simulated."""
+        bodies = {name: {"mass": body.mass} for name, body in scene.bodies.items()}
+        document = {
+            "rb_sim": __version__,
+            "scene": scene.name,
+            "description": scene.description,
+            "bodies": bodies,
+            "constraints": _kinds(scene.constraints),
+            "effects": _kinds(scene.effects),
+            "rate": scene.simulation.rate,
+            "method": scene.simulation.method,
+        }
+        self._description_topic.publish(String(data=json.dumps(document)))
+
+    @contextmanager
+    def telling_time(
+        self, do: Callable[[Callable[[], object]], object] = lambda act: act()
+    ) -> Iterator[None]:
+        """Inside the block a thread shows a clock at zero, while this one prepares a run.
+
+        do: carries out what destroys the publisher.
+        """
+        if not self._publish_clock:
+            yield
+            return
+        clock, over = offer(self._node, Clock, CLOCK, 1), threading.Event()
+
+        def show_clock() -> None:
+            clock.publish(Clock())
+            while not over.wait(STARTING):
+                clock.publish(Clock())
+
+        telling = threading.Thread(target=show_clock, daemon=True)
+        telling.start()
+        try:
+            yield
+        finally:
+            over.set()
+            telling.join()
+            do(lambda: self._node.destroy_publisher(clock))
+
+
+def twins(node: Node) -> int:
+    """How many other nodes on the graph have this node's full name."""
+    own = (node.get_name(), node.get_namespace())
+    return max(0, node.get_node_names_and_namespaces().count(own) - 1)
+
+
+def is_alone(
+    node: Node, since: float, discovery: float, over: Callable[[], bool] = lambda: False
+) -> bool:
+    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic), or
+    until it is over.
+    """
+    while twins(node) == 0:
+        if over() or time.monotonic() >= since + discovery:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def _kinds(parts: object) -> dict[str, str]:
+    return {name: part.type for name, part in parts.items()}  # type: ignore[attr-defined]

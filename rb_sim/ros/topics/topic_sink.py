@@ -1,0 +1,156 @@
+"""Samples to topics: the messages of the one topic table, as the bytes that the bag records too."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSDurabilityPolicy
+
+from rb_sim.io.messages.topic_names import CLOCK, CONTACT_EVENTS, TF
+from rb_sim.io.messages.topics import SampleMessages, TopicTable
+from rb_sim.ros.offers import message_class, offer
+from rb_sim.ros.topics.presence import CLOCK_PERIOD
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout, SampleRow
+    from rb_sim.scene.schema import Scene
+
+EVENT_DEPTH = 10_000
+"""Events of contacts that are kept for a slow subscriber: a cascade of impacts is not cut short."""
+ASK = 1000
+"""Messages that somebody listened to, after which a topic is asked again whether anybody does."""
+
+Send = Callable[[bytes], None]
+
+
+class TopicSink:
+    """Publishes each sample once.
+
+    depth: messages kept for a slow subscriber (/clock: 1, events: EVENT_DEPTH at least).
+    skip: topics that are not wanted. prefix: of all frames.
+    """
+
+    def __init__(
+        self, node: Node, depth: int, skip: Collection[str] = (), prefix: str = ""
+    ) -> None:
+        self._prefix = prefix
+        self._skip = (*skip, *_unavailable())
+        self._node = node
+        self._depth = depth
+        self._publishers: list[Publisher] = []
+        self._send: list[Send] = []
+        """for each topic of the table."""
+        self._held = ExitStack()
+        self._events: Publisher | None = None
+        self._clock: tuple[Send, bytes] | None = None
+        self._clock_sent = 0.0
+        self._prepared: deque[tuple[SampleRow, SampleMessages]] = deque()
+
+    def wait_until_received(self, seconds: float) -> None:
+        """Until the reliable subscribers have all that was sent, but at most so long for each."""
+        for publisher in filter(None, (*self._publishers, self._events)):
+            publisher.wait_for_all_acked(Duration(seconds=seconds))
+
+    def repeat_clock(self) -> None:
+        """Publish the last time again, for who has come since, twice a second."""
+        now = time.monotonic()
+        if self._clock is not None and now - self._clock_sent >= CLOCK_PERIOD:
+            self._clock_sent = now
+            send, data = self._clock
+            send(data)
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publishers."""
+        self._table = TopicTable(scene, layout, skip=self._skip, prefix=self._prefix)
+        topics = self._table.topics
+        self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
+        self._send = [sender(publisher, self._held) for publisher in self._publishers]
+        if self._table.event_topic is not None:
+            self._events = self._publisher(*self._table.event_topic)
+        self._table.warm(layout)
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish every sample of the block, and the events before it."""
+        for instant in self._table.messages(block):
+            self._publish(instant)
+
+    def prepare(self, rows: Sequence[SampleRow]) -> None:
+        """Pack the messages of samples that may come next, together."""
+        self._prepared = deque(zip(rows, self._table.messages_of_rows(rows), strict=True))
+
+    def write_row(self, row: SampleRow) -> None:
+        """Publish one sample: the same bytes, without arrays by name in between."""
+        while self._prepared:
+            one, instant = self._prepared.popleft()
+            if one is row:
+                self._publish(instant)
+                return
+        self._publish(self._table.messages_of_rows([row])[0])
+
+    def _publish(self, instant: SampleMessages) -> None:
+        for data in instant.events:
+            self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
+        for send, data in zip(self._send, instant.messages, strict=True):
+            send(data)
+        if CLOCK not in self._skip:
+            # the table ends with the clock
+            self._clock = self._send[-1], instant.messages[-1]
+            self._clock_sent = time.monotonic()
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publishers."""
+        self._held.close()
+        for publisher in (*self._publishers, self._events):
+            if publisher is not None:
+                self._node.destroy_publisher(publisher)
+        self._publishers, self._send, self._events, self._clock = [], [], None, None
+
+    def _publisher(self, topic: str, ros_type: str) -> Publisher:
+        name = topic if topic.startswith("/") else f"~/{topic}"
+        depth = {CLOCK: 1, CONTACT_EVENTS: max(EVENT_DEPTH, self._depth)}.get(topic, self._depth)
+        return offer(self._node, message_class(ros_type), name, depth)
+
+
+def sender(publisher: Publisher, held: ExitStack) -> Send:
+    """Sends serialized messages, in half the time of Publisher.publish; nothing to nobody.
+
+    That takes hold of the publisher's handle and looks at the message's type each time. Here `held`
+    keeps the handle until it is closed, which must be before the publisher is destroyed.
+    """
+    handle = publisher.handle
+    held.enter_context(handle)
+    # these two are what the publisher's own methods call, but not documented
+    send = getattr(handle, "publish_raw", publisher.publish)
+    listeners = getattr(handle, "get_subscription_count", publisher.get_subscription_count)
+    if publisher.qos_profile.durability != QoSDurabilityPolicy.VOLATILE:
+        return send  # who comes late gets what was sent to nobody
+    unasked = 0
+
+    def send_to_listeners(data: bytes) -> None:
+        nonlocal unasked
+        if unasked:
+            unasked -= 1
+        elif listeners():
+            unasked = ASK
+        else:
+            return
+        send(data)
+
+    return send_to_listeners
+
+
+def _unavailable() -> tuple[str, ...]:
+    """/tf where tf2_msgs is not installed (it is with ROS, but not on PyPI)."""
+    try:
+        import_module("tf2_msgs.msg")
+    except ImportError:
+        return (TF,)
+    return ()

@@ -1,0 +1,428 @@
+"""Scenes with contacts, compiled: joints first, then every point of contact."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.errors import SceneError
+from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
+from rb_sim.catalogue.contacts.touching import ContactLaw, Sides, Touching, contact_lines, sides_of
+from rb_sim.catalogue.geometry.corners_and_rims import (
+    ABSENT,
+    PointOnSolid,
+    RimOnCylinder,
+    RimOnPlane,
+)
+from rb_sim.catalogue.types import Placed
+from rb_sim.mechanics.contact.constraint_tables import write_contact
+from rb_sim.mechanics.contact.contact_bodies import (
+    AMONG_LINES,
+    AMONG_POSITIONS,
+    CHANGING,
+    DEPENDENT,
+    LINE_WIDTH,
+    MOST_RANK,
+    STOPPED,
+    ContactBodies,
+)
+from rb_sim.mechanics.contact.contact_projection import bring_positions, bring_to_manifold
+from rb_sim.mechanics.contact.contact_table import (
+    BILATERAL,
+    CLOSED,
+    COMPLIANT,
+    DRAGS,
+    GAP,
+    KINETIC,
+    LEAN_BEFORE,
+    PER_SLIP,
+    RESTITUTION,
+    RIM,
+    ROLLING_ARM,
+    ROUNDED,
+    SENSE,
+    SIDE,
+    SLIP,
+    SPINNING_ARM,
+    STATIC,
+    TOUCH_WIDTH,
+)
+from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
+from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
+from rb_sim.mechanics.systems.multibody import body_table
+from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.numerics.kernels import python_of
+from rb_sim.numerics.vectors import norm
+from rb_sim.scene.compiled import BoxPair, Compiled
+from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial, undetermined
+from rb_sim.scene.pairs_of_bodies import Between, box_sizes
+from rb_sim.scene.place import InitialPlace, along_parents, along_parents_if_close
+from rb_sim.scene.scales import scene_scales, start_scales
+from rb_sim.scene.schema import Scene
+
+# The points of contact of a scene, those of one kind side by side, and the table of them.
+
+
+def kind_of(row: Any) -> str:
+    """What decides the compiled code of a point of contact."""
+    classes = (row.pair, getattr(row.pair, "surface", None), row.friction, row.resistance)
+    names = [type(field).__name__ for field in (*classes, row.carrier)]
+    return " ".join([*names, str(len(row.spring))])
+
+
+def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Touching, Any, str]]:
+    """(constraint, spec, part, name of the point), those of one kind one after the other."""
+    found = []
+    for name, spec in scene.constraints.items():
+        if isinstance(spec, Touching):
+            parts = spec.parts(place)
+            for i, part in enumerate(parts):
+                found.append((name, spec, part, name if len(parts) == 1 else f"{name}/{i + 1}"))
+    kinds = list(dict.fromkeys(kind_of(part.row) for _, _, part, _ in found))
+    return sorted(found, key=lambda item: kinds.index(kind_of(item[2].row)))
+
+
+def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
+    """Neighbours of one kind together."""
+    return tuple(tuple(group) for _, group in groupby(contacts, key=lambda c: kind_of(c.row)))
+
+
+def rims_of_points(contacts: list[Placed]) -> list[float]:
+    """For each contact the first that is a point of the same rim on a plane or a cylinder, or
+    itself where a face holds it; -1 for others."""
+    rims: dict[Any, float] = {}
+    found = []
+    for c, placed in enumerate(contacts):
+        pair: Any = placed.row.pair  # type: ignore[attr-defined]
+        if isinstance(pair, RimOnPlane):
+            rim = (placed.body, placed.parent, pair.centre_C, pair.r_A, pair.n_A)
+        elif isinstance(pair, RimOnCylinder):
+            rim = (placed.body, placed.parent, *pair[:-1])
+        elif isinstance(pair, PointOnSolid):
+            rim = c
+        else:
+            rim = None
+        if rim is not None:
+            found.append(rims.setdefault(rim, float(c)))
+        else:
+            found.append(-1.0)
+    return found
+
+
+def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
+    """The table of contacts at the start: all open."""
+    touch = np.zeros((len(laws), TOUCH_WIDTH))
+    touch[:, RIM] = rims_of_points(contacts)
+    for c, law in enumerate(laws):
+        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = (
+            law.static,
+            law.rolling_arm,
+            law.spinning_arm,
+        )
+        touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
+        touch[c, [PER_SLIP, ROUNDED]] = law.per_slip, law.rounded
+        touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
+        touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
+    return touch
+
+
+# The initial state against the laws of contact: checked, moved apart where the scene asks for a
+# projection, or refused.
+
+
+TOUCHES = 1e-12
+"""Overlap, relative to the scene's length, that is rounding once bodies have been moved apart."""
+
+
+def check_contacts(
+    scene: Scene,
+    system: ContactBodies,
+    y: np.ndarray,
+    names: list[str],
+    laws: list[ContactLaw],
+    t: float,
+) -> None:
+    """Refuse a start in which bodies overlap or a perfectly rough contact slips; with
+    `project_initial` move the bodies apart, in place."""
+    try:
+        write_rows(system, t, y)
+    except ZeroDivisionError:
+        refuse_middle(scene, system, y, names, t)
+        raise
+    if scene.simulation.project_initial:
+        if not move_apart(system, y, laws, t):
+            raise SceneError(
+                "contacts contradict each other or the constraints: no state near the initial one "
+                f"is without overlap ({deepest_name(system, names, laws)})",
+                key="constraints",
+                file=scene.file,
+            )
+        return
+    for c, name in enumerate(names):
+        gap = system.touch[c, GAP] / system.length
+        if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
+            refuse_initial(scene, name, "the initial position", abs(float(gap)))
+        slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
+        if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
+            refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
+
+
+def refuse_middle(
+    scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], t: float
+) -> None:
+    """Raise SceneError where a body that is not round is in the very middle of a hollow support:
+    no direction tells where its nearest point has to be sought."""
+    for c, placed in enumerate(one for group in system.contacts for one in group):
+        try:
+            write_contact(placed, t, system, y, c)
+        except ZeroDivisionError:
+            name = names[c].split("/")[0]
+            body = scene.constraints[name].body
+            raise SceneError(
+                f"the center of mass of {body} is in the very middle of the round surface, where "
+                f"no point is the nearest; move bodies.{body}.position by a little",
+                key=f"constraints.{name}",
+                file=scene.file,
+            ) from None
+
+
+def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: float) -> bool:
+    """Move bodies that overlap, by the least mass-weighted way and with the joints holding, until
+    they touch; y changes in place.  False if there is no such way.
+
+    The deepest contact is held at its gap of zero, then the one that is deepest after that as
+    well, until none is left; what the contacts' velocities are is not touched.
+    """
+    held: list[int] = []
+    for _ in range(len(laws) + 1):
+        gaps = overlaps(system, laws)
+        c = int(gaps.argmin()) if len(gaps) else 0
+        if not len(gaps) or gaps[c] >= -TOUCHES * system.length:
+            break
+        if c in held:
+            return bool(gaps[c] >= -MISFIT * system.length)
+        held.append(c)
+        system.touch[held, CLOSED] = 1.0
+        python_of(bring_positions)(system, t, y)
+        system.touch[held, CLOSED] = 0.0
+        write_rows(system, t, y)
+    if held:  # velocities that the joints do not allow where the bodies are now
+        python_of(bring_to_manifold)(system, t, y)
+        write_rows(system, t, y)
+    return bool(np.isfinite(y).all())
+
+
+def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
+    """The gap of each rigid contact that can touch [m], 0 of others, (contacts,)."""
+    compliant = np.array([law.compliant for law in laws], dtype=bool)
+    counts = ~compliant & (system.touch[:, SENSE] != ABSENT)
+    return np.where(counts, system.touch[:, GAP], 0.0)
+
+
+def deepest_name(system: ContactBodies, names: list[str], laws: list[ContactLaw]) -> str:
+    return names[int(overlaps(system, laws).argmin())]
+
+
+def compile_contacts(
+    scene: Scene,
+    place: InitialPlace,
+    placed: list[Placed],
+    commands: dict[str, tuple[int, ...]],
+    breakpoints: tuple[float, ...],
+    layout: SampleLayout,
+    outputs: list[tuple[str, str, str]],
+) -> Compiled:
+    """The scene in maximal coordinates with contacts; y ends with their work.
+
+    Raises SceneError if bodies overlap, or a perfectly rough contact slips, at the start.
+    """
+    index = {name: i for i, name in enumerate(scene.bodies)}
+    parts = parts_of(scene, place, index)
+    system = system_of(scene, place, parts, placed, members_of(outputs, parts.owned, scene, index))
+    between = Between(scene, place)
+    labels = [name for members in between.groups.values() for name in members.values()]
+    layout = layout._replace(contacts=(*parts.labels, *labels))
+    y = start_of(scene, place)
+    names, joints = [name for name, _ in parts.owned], len(parts.joints)
+    alone = without_contacts(system, joints)
+    scales, indeterminate = start_scales(place, parts.owned[:joints]), ()
+    rank, _ = check_maximal(scene, alone, y, names, place.time, scales)
+    if rank < system.first_row[joints]:
+        indeterminate = undetermined(alone, layout, place.time, y)
+        system = without_dependent(system, alone, y)
+    check_contacts(scene, system, y, names[joints:], parts.laws, place.time)
+    return Compiled(
+        system,
+        y,
+        layout,
+        commands,
+        breakpoints,
+        indeterminate,
+        len(system.lines),
+        6 * len(scene.bodies) - rank,
+        tuple(parts.laws),
+        tuple(parts.boxes.values()),
+        tuple(parts.sides.values()),
+        scene.simulation.impacts == "one_by_one",
+        between if between.groups else None,
+    )
+
+
+def start_of(scene: Scene, place: InitialPlace) -> np.ndarray:
+    """The coordinates at the start; no work is done yet."""
+    fields = [np.array(field) for name in scene.bodies for field in place.start(name)]
+    return np.concatenate([*fields, [0.0]])
+
+
+def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> ContactBodies:
+    """The system with those lines of joints marked that follow from others; alone: the system
+    without its contacts."""
+    found = dependent_lines(along_parents(alone), y)
+    system.lines[changing_in(along_parents(alone), found), DEPENDENT] += CHANGING
+    system.lines[list(found.lines), DEPENDENT] += AMONG_LINES
+    system.lines[list(found.positions), DEPENDENT] += AMONG_POSITIONS
+    return along_parents(system)
+
+
+class Parts(NamedTuple):
+    """What holds the bodies: joints first, then the points of contact, each list in that order."""
+
+    joints: list[Placed]
+    contacts: list[Placed]
+    owned: list[tuple[str, Any]]
+    """(constraint, part of it) of every joint and point."""
+    laws: list[ContactLaw]
+    labels: list[str]
+    """laws and names of the points."""
+    boxes: dict[str, BoxPair]
+    sides: dict[str, Sides]
+    """of the constraints that are a pair of boxes, or have sides that points may sink into."""
+
+
+def parts_of(scene: Scene, place: InitialPlace, index: dict[str, int]) -> Parts:
+    """The joints and contacts of a scene; index: of the bodies."""
+    parts = Parts([], [], [], [], [], {}, {})
+    for name, spec in scene.constraints.items():
+        if not isinstance(spec, Touching):
+            for part in spec.parts(place):  # type: ignore[attr-defined]
+                parts.joints.append(placed_part(spec, part, index))
+                parts.owned.append((name, part))
+    parts.joints[:] = along_parents_if_close(parts.joints)
+    for name, spec, part, label in grouped_contacts(scene, place):
+        if name not in parts.boxes and (sizes := box_sizes(spec, place)) is not None:
+            parts.boxes[name] = BoxPair(len(parts.contacts), sizes)
+        if name not in parts.sides and (found := sides_of(name, spec, part, index, place)):
+            parts.sides[name] = found
+        parts.contacts.append(placed_part(spec, part, index))
+        parts.laws.append(spec.law())
+        parts.owned.append((name, part))
+        parts.labels.append(label)
+    return parts
+
+
+def system_of(
+    scene: Scene, place: InitialPlace, parts: Parts, placed: list[Placed], members: np.ndarray
+) -> ContactBodies:
+    """The tables of the system, all contacts open; placed: effects."""
+    joints, contacts = parts.joints, parts.contacts
+    rows: list[Any] = [c.row for c in contacts]
+    counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(row) for row in rows]
+    length, speed = contact_scales(
+        place, scene, [part for _, part in parts.owned[: len(joints)]], contacts
+    )
+    n = sum(counts)
+    lines = np.zeros((n, LINE_WIDTH), np.int64)
+    ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64).reshape(-1, 2)
+    lines[:1, MOST_RANK] = n
+    lines[:, :2] = np.repeat(ends, counts, axis=0)
+    of_joints = angles([c.row for c in joints])
+    lines[: len(of_joints), ANGLE] = of_joints
+    bodies = [place.inertial(name) for name in scene.bodies]
+    return ContactBodies(
+        bodies=body_table(bodies),
+        lines=lines,
+        rows=np.zeros((n, ROW_WIDTH)),
+        square=np.zeros((2, n, n)),
+        vectors=np.zeros((3, n)),
+        first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        members=members,
+        anchors=np.zeros((len(parts.owned), 3)),
+        length=length,
+        speed=speed,
+        effects=tuple(placed),
+        constraints=tuple(joints),
+        contacts=groups_of(contacts),
+        touch=touch_table(parts.laws, contacts),
+        pushes=np.zeros((n, 12)),
+        mass=float(sum(body.mass for body in bodies)),
+        still=STOPPED * speed,
+        creep=0.0,
+    )
+
+
+def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
+    """The system with its joints alone: before the start all contacts are open and have no say."""
+    n = int(system.first_row[joints])
+    return system._replace(
+        contacts=(),
+        lines=system.lines[:n].copy(),
+        rows=system.rows[:n].copy(),
+        square=np.zeros((2, n, n)),
+        vectors=np.zeros((3, n)),
+        first_row=system.first_row[: joints + 1].copy(),
+        anchors=system.anchors[:joints].copy(),
+        touch=system.touch[:0].copy(),
+        pushes=system.pushes[:n].copy(),
+    )
+
+
+def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
+    parent = getattr(spec, "parent", None)
+    return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
+
+
+def members_of(
+    outputs: list[tuple[str, str, str]],
+    owned: list[tuple[str, Any]],
+    scene: Scene,
+    index: dict[str, int],
+) -> np.ndarray:
+    """Which parts count in each reaction; a total over several points is taken about C."""
+    members = np.zeros((len(outputs), 1 + len(owned)), np.int64)
+    for o, (_, base, suffix) in enumerate(outputs):
+        parts = [
+            i for i, (name, part) in enumerate(owned) if name == base and suffix in part.outputs
+        ]
+        spec = scene.constraints[base]
+        several = isinstance(spec, Touching) and len(parts) != 1  # none: see contact.between
+        members[o, 0] = -1 - index[spec.body] if several else parts[0]  # type: ignore[attr-defined]
+        members[o, [1 + part for part in parts]] = 1
+    return members
+
+
+def contact_scales(
+    place: InitialPlace, scene: Scene, joint_parts: list[Any], contacts: list[Placed]
+) -> tuple[float, float]:
+    """Characteristic length [m] and speed [m/s], from joints, shapes and supports."""
+    length, _ = scene_scales(place, joint_parts)
+    sizes = [length]
+    for body in scene.bodies.values():
+        if body.shape is not None:
+            sizes.append(float(body.shape.reach))
+    for contact in contacts:
+        pair: Any = contact.row.pair  # type: ignore[attr-defined]
+        sizes += [float(getattr(pair, name, 0.0)) for name in ("radius", "curved")]
+        sizes += [norm(pair.r_B)] if hasattr(pair, "r_B") else []
+        sizes += [float(getattr(getattr(pair, "surface", None), "reach", 0.0))]
+    length = max(sizes)
+    states = [place.state(name) for name in scene.bodies]
+    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
+    speed = max([*speeds, (9.81 * length) ** 0.5])
+    if not isfinite(length * length + speed * speed):
+        what = "lengths, speeds or spins are so large that their squares overflow"
+        raise SceneError(what, key="bodies", file=scene.file)
+    return length, speed

@@ -1,0 +1,1 @@
+"""Simulation: a scene in motion, its commands, and what surrounds a run."""

@@ -1,0 +1,127 @@
+"""Ranges of reactions that the equations of motion do not determine, at a sample of a run.
+
+By d'Alembert's principle inertia counts as a load (LL 38.2). The reactions of the sample balance it
+already; so do all others with the same resultant on every body, within the laws of contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.scene.place import InitialPlace, quaternion, vector
+from rb_sim.statics.equilibrium import Equilibrium, poles_of, put_together
+from rb_sim.statics.model import Array, Element
+from rb_sim.statics.of_scene import Standing, joint_elements, still, touching_elements
+from rb_sim.statics.result import ReactionRange
+from rb_sim.statics.solve import solved
+
+if TYPE_CHECKING:
+    from rb_sim.trajectory.trajectory import Trajectory
+
+OPEN, SLIP = 0, 1
+"""Of Trajectory.contact_state."""
+
+BALANCED = 1e-8
+"""Band of the balance of a sample, relative to the largest load: its pose has the error of a run,
+and contacts are found closed within some 1e-9."""
+
+
+def reaction_ranges(run: Trajectory, sample: int = -1) -> dict[str, ReactionRange]:
+    """[min, max] of each component of each reaction at a sample of a run.
+
+    A range of one value is determined by the motion; infinite ends are unbounded. Contacts that
+    stick stay within their friction, those that slip rub against their slip. Torques are about the
+    anchor. Raises RbSimError if the scene is not known, or the sample's reactions are averages
+    (method time_stepping).
+    """
+    if run.scene is None:
+        raise RbSimError("reaction_ranges: the scene of the run is not known")
+    if run.scene.simulation.method == "time_stepping":
+        raise RbSimError("reaction_ranges: method time_stepping reports averages over a step")
+    run.state(sample)  # refuses what is no sample
+    found: dict[str, ReactionRange] = {}
+    for whole in (True, False) if any("/" in name for name in run.layout.reactions) else (False,):
+        result = solved(equilibrium_at(run, sample, whole), tolerance=BALANCED)
+        if result.verdict == "no equilibrium":
+            raise RbSimError(
+                f"reaction_ranges: at t = {run.t[sample]:g} s the contacts found closed do not "
+                f"carry the reactions of the sample: {result.explanation}"
+            )
+        found |= result.ranges
+    return {name: found[name] for name in run.layout.reactions if name in found}
+
+
+def equilibrium_at(run: Trajectory, sample: int, whole: bool) -> Equilibrium:
+    """The supports as they stand at a sample, loaded by the resultant of its reactions.
+
+    whole: a joint with several reactions is one support, by its total.
+    """
+    bodies, states = run.layout.bodies, states_at(run, sample)
+    elements = tuple(elements_at(run, sample, states, whole))
+    points = {name: [np.array(states[name].p_WC)] for name in bodies}
+    for element in elements:
+        points[element.body].append(element.anchor_W)
+        if element.parent is not None:
+            points[element.parent].append(element.parent_anchor_W)
+    poles, loads = poles_of(bodies, points), np.zeros((len(bodies), 6))
+    for element in elements:
+        reaction = run.reaction[element.name]
+        force, torque = reaction.force[sample], reaction.torque[sample]
+        for body, sign in ((element.body, -1.0), (element.parent, 1.0)):
+            if body is not None:
+                row = bodies.index(body)
+                loads[row, :3] += sign * force
+                arm = reaction.anchor[sample] - poles[row]
+                loads[row, 3:] += sign * (torque + np.cross(arm, force))
+    centres = np.array([states[name].p_WC for name in bodies])
+    return put_together(bodies, elements, points, loads, centres)
+
+
+def states_at(run: Trajectory, sample: int) -> dict[str, BodyState]:
+    """The poses of the bodies, at rest."""
+    block, none = run.block, (0.0, 0.0, 0.0)
+    return {
+        name: still(BodyState(
+            vector(block.position[sample, i]), quaternion(block.orientation[sample, i]), none, none
+        ))
+        for i, name in enumerate(run.layout.bodies)
+    }  # fmt: skip
+
+
+def elements_at(
+    run: Trajectory, sample: int, states: dict[str, BodyState], whole: bool
+) -> Iterator[Element]:
+    """Joints, and contacts that are closed."""
+    place, constraints = InitialPlace(run.scene), dict[str, Any](run.scene.constraints)
+    length = float(max(np.abs(run.block.position).max(initial=0.0), 1.0))
+    for name, spec in constraints.items():
+        parent = getattr(spec, "parent", None)
+        B, A = states[spec.body], WORLD if parent is None else states[parent]
+        if not isinstance(spec, Touching):
+            yield from joint_elements(name, spec, place, B, A, whole=whole)
+            continue
+        for element in touching_elements(Standing(place, name, spec, B, A, length)).closed:
+            state = int(run.contact_state[element.name][sample])
+            if state == SLIP and element.rubs:
+                yield sliding(element, run.reaction[element.name].force[sample])
+            elif state != OPEN:
+                yield element
+
+
+def sliding(element: Element, force: Array) -> Element:
+    """A contact whose friction is at its bound: one unknown, along the force that it has."""
+    normal = element.force_W[:, :1] if element.normal_W is None else None
+    push = None if normal is None else float(force @ normal[:, 0])
+    if not push:
+        return replace(element, given_W=force, force_W=np.zeros((3, 0)),
+                       torque_W=np.zeros((3, 0)), bounds=(), law="two-way",
+                       normal_W=element.direction)  # fmt: skip
+    line = np.array(force)[:, None] / push
+    return replace(element, force_W=line, torque_W=np.zeros((3, 1)), bounds=())

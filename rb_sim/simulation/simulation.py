@@ -1,0 +1,336 @@
+"""Simulation: runs of a scene, the outer loop over blocks of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.checks.check_list import Watched
+from rb_sim.checks.continuation import dead_end, rows_again, rows_ahead
+from rb_sim.checks.second_run import SecondRun
+from rb_sim.checks.step_doubling import Coarseness, StepProbe
+from rb_sim.checks.step_search import forecast_for
+from rb_sim.io.sink import Sink
+from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
+from rb_sim.motion.instants import (
+    SAME_INSTANT,
+    instants_at_rate,
+    instants_beside,
+    instants_given,
+    is_finite,
+    samples_at_rate,
+)
+from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, Watcher
+from rb_sim.numerics.kernels import own_time
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import family_of
+from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion
+from rb_sim.simulation.state_override import placement
+from rb_sim.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rb_sim.linear import LinearModel
+
+
+# Commands, resets and states that were given to a simulation, given to another one.
+
+
+def give(simulation: Simulation, inputs: list[Input]) -> None:
+    """What came from outside at one instant, in its order, to a simulation that is there."""
+    k = 0
+    while k < len(inputs):
+        given = inputs[k]
+        k += max(1, given.together)
+        if given.state:
+            group = {one.body: one.state for one in inputs[k - given.together : k]}
+            simulation.set_state(
+                {body: placement(state) for body, state in group.items()}, project=given.project
+            )
+        elif given.body:
+            simulation.apply_wrench(given.body, given.force, given.torque, given.frame)
+        else:
+            simulation.reset()
+
+
+BLOCK = 2048
+"""Samples per block: the sinks' unit of work."""
+
+Progress = Callable[[float, float], None]
+
+
+class Simulation(SceneInMotion):
+    """A scene in motion, and its runs.
+
+    scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
+        step or tolerance.
+    coordinates: "auto", or "maximal" to force the general formulation.
+    announce: told in one line where machine code has to be made, which takes seconds; None: nobody.
+    family: the laws that scenes which differ only in numbers share; None: this one has its own.
+    Raises SceneError if the scene cannot be simulated.
+    """
+
+    _is_trial = False
+    """Whether this was made beside another: nobody watches its runs, and where one fails nobody
+    asks for another step."""
+
+    def _start_anew(self) -> None:
+        super()._start_anew()
+        self._probe: StepProbe | None = None
+
+    @property
+    def coarseness(self) -> Coarseness:
+        """How much of the motion a fixed step misses, from some steps taken beside the run now and
+        then; nothing of an adaptive method."""
+        if self._probe is None or self._probe.run is not self._motion:
+            self._probe = StepProbe(self.scene, self._motion)
+        return self._probe.look()
+
+    def ahead(self, span: float, count: int, faster: float = 0.0) -> SampleBlock | None:
+        """The motion as it will go on for `span` [s], in count + 1 samples (see `rows_ahead`)."""
+        times = self.time + span * np.arange(count + 1) / count
+        rows = rows_ahead(self._motion, times, faster)
+        return None if rows is None else self._block(times, rows)
+
+    def again(self, count: int) -> SampleBlock | None:
+        """The motion after each of its first `count` steps once more (see `rows_again`)."""
+        return self._block(*found) if (found := rows_again(self._motion, count)) else None
+
+    def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
+        """The linear model of small deviations from the motion, about the present state.
+
+        axes: of states, poses, twists and inputs, "world" or "body" (they turn with each body).
+        turning: rate [rad/s] at which the world's axes turn about z, for a motion that is steady
+        as seen from there (a disk that rolls in a circle).
+        Raises RbSimError for other axes and for scenes with contacts, SimulationError where a law
+        has no derivative.
+        """
+        from rb_sim.linear import linearize  # scipy loads when it is used
+
+        if axes not in ("world", "body"):
+            raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")
+        if not is_finite(turning) or (turning and axes == "body"):
+            raise RbSimError(f"turning: got {turning!r}; must be finite, and 0 for axes 'body'")
+        check_smooth(self.layout)
+        compiled = compile_scene(self.scene, coordinates="maximal")
+        system = self._commands.in_law(compiled.system, compiled.commands)
+        block = self.sample().block
+        columns = (
+            block.position,
+            block.orientation,
+            block.linear_velocity,
+            block.angular_velocity,
+        )
+        y = np.concatenate([column[0] for column in columns], axis=1).ravel()
+        return linearize(
+            system, self.layout, self.time, y, compiled.commands, cast(Any, axes), turning
+        )
+
+    def run(
+        self,
+        duration: float | None = None,
+        rate: float | None = None,
+        sinks: Iterable[Sink] = (),
+        progress: Progress | None = None,
+        *,
+        at: Sequence[float] | Array | None = None,
+        events: bool = False,
+        watched: bool = True,
+        check: bool | None = None,
+    ) -> Trajectory:
+        """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
+
+        Defaults come from the scene.  Sinks are opened here and get every block; the caller closes
+        them.
+        at: sample at these instants [s] instead, increasing, from the present time on.
+        events: also sample just before and just after each event of a contact (a few roundings of
+            the time away), so that `Trajectory.at_events` has the states there. They are found by
+            doing everything since the start once more, commands included.
+        watched: what a watch sees of lost accuracy becomes an AccuracyWarning, and is among the
+            trajectory's `findings`. False: nobody looks.
+        check: make a second run at half of the steps or a tenth of the tolerance, whose difference
+            is the trajectory's `global_error`, and a finding above 1e-2. None: where stepping took
+            less than about a second, and the run is watched.
+        A run that will take more than ten minutes is told once, where `announce` says; one that
+        would take more than a year is given up after some time.
+        Raises SimulationError if the integration cannot go on, or is given up; the samples so far
+        are then in the sinks.
+        """
+        times = self._instants(duration, rate, at)
+        if events:
+            times = self._with_events(times)
+        end = float(times[-1])
+        outlets = list(sinks)
+        for sink in outlets:
+            sink.open(self.scene, self.layout)
+        blocks: list[SampleBlock] = []
+        made = self._blocks_at(times)
+        watching = Watched(self, made) if watched and not self._is_trial else None
+        checked = check if watching is not None or check else False
+        second = SecondRun(self) if checked is not False else None
+        error = None
+        try:
+            for block in watching or made:
+                blocks.append(block)
+                for sink in outlets:
+                    sink.write(block)
+                if second is not None:
+                    second.add(block)
+                if progress is not None:
+                    progress(float(block.t[-1]), end)
+            error = None if second is None else second.result(checked)
+            if watching is not None and error is not None:
+                watching.check(error)
+        finally:
+            if watching is not None:
+                watching.warn()
+        findings = watching.findings if watching is not None else ()
+        return self._trajectory(blocks, findings, error)
+
+    def _instants(
+        self, duration: float | None, rate: float | None, at: Sequence[float] | Array | None
+    ) -> Array:
+        """When `run` samples. Raises RbSimError."""
+        if at is None:
+            return instants_at_rate(self.time, *self._span(duration, rate))
+        if duration is None and rate is None:
+            return instants_given(at, self.time)
+        raise RbSimError("at: it gives the instants; must be without duration and rate")
+
+    def _span(self, duration: float | None, rate: float | None) -> tuple[float, float]:
+        """Duration and rate of a run, the scene's where None. Raises RbSimError."""
+        options = self.scene.simulation
+        duration = options.duration if duration is None else duration
+        rate = options.rate if rate is None else rate
+        for name, value in (("duration", duration), ("rate", rate)):
+            if not (is_finite(value) and value > 0.0):
+                raise RbSimError(f"{name}: got {value!r}; must be a finite number > 0")
+        return duration, rate
+
+    def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:
+        start, duration = self.time, float(times[-1]) - self.time
+        forecast = forecast_for(self.scene, duration, self._tell)
+
+        def goes_on(t: float) -> bool:
+            return forecast.goes_on(t - start)
+
+        watcher = Watcher(self._motion, goes_on, duration, in_pieces=False)
+        for first in range(0, len(times), BLOCK):
+            yield from self._sampled(times[first : first + BLOCK], watcher)
+            if not goes_on(self.time):
+                raise SimulationError(forecast.given_up)
+
+    def _with_events(self, times: Array) -> Array:
+        """The instants and those beside events, which a simulation like this one finds."""
+        twin = self._twin()
+        with suppress(SimulationError):  # the run that follows ends there, too, and says so
+            twin._run_to(float(times[-1]))
+        found = [event.t for event in twin.events if event.t > self.time]
+        return np.union1d(times, instants_beside(found, self.time, float(times[-1])))
+
+    def _twin(self) -> Simulation:
+        """A simulation that has come to where this one is by itself: the steps are the same."""
+        if len(self._history) == MOST_INPUTS:
+            raise RbSimError(
+                f"events=True: got {MOST_INPUTS} or more commands since the start; must be fewer "
+                "(reset)"
+            )
+        twin = Simulation(self.scene, announce=None, **self._made_with)
+        for t, inputs in groupby(self._history, lambda given: given.t):
+            twin._run_to(t)
+            give(twin, list(inputs))
+        twin._run_to(self.time)
+        return twin
+
+    def _run_to(self, t: float) -> None:
+        """Integrate up to the time t [s] without sampling; nothing where it is there already.
+
+        Raises SimulationError if the integration cannot go on.
+        """
+        if t > self.time:
+            with self._announced:
+                self._motion.run_to([t])
+
+    def blocks(
+        self,
+        duration: float,
+        rate: float,
+        watch: Watch | None = None,
+        limits: Limits = NO_LIMITS,
+    ) -> Iterator[SampleBlock]:
+        """The samples of a run, block by block; memory does not grow with its length.
+
+        watch: asked every 50 ms or so, inside a block too, whether to go on; where it returns
+        False the run ends with the samples so far.
+        Raises SimulationError as `run` does, after the block with the last samples before it; also
+        where the way to the next sample costs more than `limits`.
+        """
+        start, end = self.time, self.time + duration
+        count = samples_at_rate(duration, rate)
+        watcher = Watcher(self._motion, watch, duration, limits)
+        for first in range(0, count, BLOCK):
+            index = np.arange(first, min(first + BLOCK, count))
+            yield from self._sampled(np.minimum(start + index / rate, end), watcher)
+            if watcher.stopped:
+                return
+        last = start + (count - 1) / rate
+        if end - last > SAME_INSTANT / rate:
+            yield from self._sampled(np.array([end]), watcher)
+
+    def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
+        """Integrate to each of the times and sample there, as far as it goes."""
+        out = np.zeros((len(times), self._motion.width))
+        failure = None
+        self._motion.take_worst()
+        began = own_time()
+        try:
+            with self._announced:
+                watcher.carry(times, out)
+        except SimulationError as error:
+            failure = error
+        self.stepping_time += own_time() - began
+        reached = int(np.searchsorted(times, self.time, side="right"))
+        if reached:
+            block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()
+            told = None if worst is None else (block.residual, worst)
+            events, inputs = self.take_events(), self.take_inputs()
+            yield replace(block, events=events, inputs=inputs, worst=told)
+        if failure is not None:
+            dead = dead_end(self, times[:reached], out[:reached]) if not self._is_trial else None
+            if dead is not None:
+                raise SimulationError(dead.refusal) from failure
+            raise self._advised(failure, float(times[-1]), watcher)
+
+    def _advised(self, error: SimulationError, end: float, watcher: Watcher) -> SimulationError:
+        """The error with a step that would do, where it is one about the step."""
+        if not isinstance(error, StepTooLargeError) or self._commands.any or self._is_trial:
+            return error
+        from rb_sim.checks.step_search import step_that_runs
+
+        advice = step_that_runs(self, self.time, end, watcher.still)
+        return StepTooLargeError(f"{error}; {advice}")
+
+    def with_step(self, step: float) -> Simulation:
+        """The scene from its start in steps of another size [s], to see what comes of it."""
+        how = {"method": self.setting.name, "step": step, "tolerance": None}
+        options = self.scene.simulation.model_copy(update=how)
+        scene = self.scene.model_copy(update={"simulation": options})
+        if self._made_with["family"] is None:  # trials need not trace the same laws again
+            self._made_with["family"] = family_of([self.compiled])
+        trial = Simulation(scene, announce=None, **self._made_with)
+        trial._is_trial = True
+        return trial
+
+
+def check_smooth(layout: SampleLayout) -> None:
+    """Raise RbSimError for a scene that has no linear model about its motion."""
+    if layout.contacts:
+        raise RbSimError(
+            "linearize: the scene has contacts, which open and slip; must have joints only "
+            "(a body that rolls: constraint rolling)"
+        )

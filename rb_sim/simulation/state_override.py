@@ -1,0 +1,100 @@
+"""A state from outside in the middle of a run: read, and checked against the constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.catalogue.spec import STRONGEST
+from rb_sim.catalogue.types import BodyState
+from rb_sim.io.frames import centers_of_mass, origins
+from rb_sim.numerics.vectors import add, cross, rotate
+from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.place import InitialPlace, vector
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.scene.schema import Scene
+
+Placement = Mapping[str, Sequence[float]]
+"""position, orientation, linear_velocity, angular_velocity of a body, as a scene has them."""
+
+FIELDS = {
+    "position": slice(0, 3),
+    "orientation": slice(3, 7),
+    "linear_velocity": slice(7, 10),
+    "angular_velocity": slice(10, 13),
+}
+"""Where each stands among the 13 numbers of Input.state."""
+UNIT = 1e-3
+"""How far from one the length of a quaternion may be; it is made one."""
+
+
+def placement(state: Sequence[float]) -> Placement:
+    """The 13 numbers by name."""
+    return {name: state[part] for name, part in FIELDS.items()}
+
+
+def present_states(
+    scene: Scene, layout: SampleLayout, block: SampleBlock
+) -> dict[str, np.ndarray[Any, Any]]:
+    """The 13 numbers of every body at the last sample."""
+    motion = origins(block, centers_of_mass(scene.bodies, layout.bodies))
+    columns = (motion.position, block.orientation, motion.linear_velocity, block.angular_velocity)
+    rows = np.concatenate([column[-1] for column in columns], axis=1)
+    return dict(zip(layout.bodies, rows, strict=True))
+
+
+def read_placement(body: str, given: Placement, present: Array) -> Array:
+    """The 13 numbers: those given, and the present ones. RbSimError: one of them cannot be."""
+    state = present.copy()
+    if not isinstance(given, Mapping):
+        raise RbSimError(f"{body}: got {given!r:.80}; must be a mapping of {', '.join(FIELDS)}")
+    for name, values in given.items():
+        if name not in FIELDS:
+            raise RbSimError(f"{body}: got {name!r}; must be one of {', '.join(FIELDS)}")
+        vector = np.asarray(values, dtype=float)
+        shape = state[FIELDS[name]].shape
+        if vector.shape != shape or not (np.abs(vector) <= STRONGEST).all():  # nor NaN
+            raise RbSimError(
+                f"{body}.{name}: got {values!r}; must be {shape[0]} finite numbers, none beyond "
+                f"{STRONGEST:g}"
+            )
+        if name == "orientation":
+            length = float(np.linalg.norm(vector))
+            if abs(length - 1.0) > UNIT:
+                raise RbSimError(f"{body}.orientation: got length {length:g}; must be 1")
+            vector = vector / length
+        state[FIELDS[name]] = vector
+    return state
+
+
+def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project: bool) -> Compiled:
+    """The scene in maximal coordinates, started from the states at t [s].
+
+    Raises RbSimError where a state violates a constraint, and `project` does not move it there.
+    """
+    options = scene.simulation.model_copy(update={"project_initial": project})
+    starts = {body: _of_center(scene, body, state) for body, state in states.items()}
+    try:
+        return compile_scene(
+            scene.model_copy(update={"simulation": options}),
+            coordinates="maximal",
+            place=InitialPlace(scene, starts, t),
+        )
+    except SceneError as error:
+        words = error.message.replace("the initial ", "the given ")
+        words = words.replace("set simulation.project_initial: true", "ask to project it")
+        raise RbSimError(f"{error.key}: {words}") from None
+
+
+def _of_center(scene: Scene, body: str, state: Array) -> BodyState:
+    """From the state of the body origin to that of the centre of mass."""
+    r = vector(scene.bodies[body].center_of_mass)
+    numbers: list[Any] = [tuple(map(float, state[part])) for part in FIELDS.values()]
+    p, q, v, w = numbers
+    return BodyState(add(p, rotate(q, r)), q, add(v, rotate(q, cross(w, r))), w)

@@ -1,0 +1,199 @@
+"""Constraints and balances recomputed from poses, against motions whose numbers are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from rb_sim import Simulation, load_scene
+from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.derivatives import Body
+from rb_sim.bags.analysis.report import write_report
+from rb_sim.bags.message_rates import APART, GrowingTime
+from rb_sim.io.bag.sink import BagSink
+from rb_sim.scene.load import scene_from_mapping
+from tests.bags.analysis import foreign
+
+M, G = 2.0, 9.81
+BODY = {"mass": M, "inertia": [0.1, 0.2, 0.3]}
+CUBE = Body(M, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
+WEIGHT = {"weight": {"type": "gravity"}}
+
+
+def thrown(n: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Free fall with a steady spin about z, a principal axis."""
+    t, _, q = foreign.swing(n)
+    position = np.c_[2.0 * t, np.zeros(n), 3.0 * t - 0.5 * G * t**2]
+    return t, position, q
+
+
+def scene(effects=None, constraints=None):
+    parts = {"bodies": {"body": BODY}, "effects": effects or {}, "constraints": constraints or {}}
+    return scene_from_mapping(parts, name="made")
+
+
+def test_a_fall_balances_with_its_weight_only(tmp_path):
+    t, p, q = thrown()
+    bag = foreign.write(tmp_path / "bag", t=t, position=p, q=q)
+    found = analyze(bag, scene=scene(WEIGHT))
+    assert not found.notes
+    (balance,) = found.balances.values()
+    assert abs(balance["energy"]["error"]) < 1e-8
+    assert balance["momentum"]["linear"]["error"] < 1e-9
+    assert balance["momentum"]["angular"]["error"] < 1e-7
+    span = 0.01 * (400 - 1 - 8)  # the filter takes half a window at either end
+    (without,) = analyze(bag, masses={"body": CUBE}).balances.values()
+    assert without["momentum"]["linear"]["error"] == pytest.approx(M * G * span, rel=1e-5)
+    height = p[4, 2] - p[-5, 2]
+    assert without["energy"]["error"] == pytest.approx(M * G * height, rel=1e-4)
+
+
+def with_wrenches(folder: Path, frame: str, topic: str) -> Path:
+    """The swing, and the force M a that it takes beside it, in these axes."""
+    t, p, q = foreign.swing()
+    force = np.zeros((len(t), 3))
+    force[:, 0] = -M * 9.0 * p[:, 0]
+    if frame == "body":
+        c, s = np.cos(0.8 * t), np.sin(0.8 * t)
+        force[:, 0], force[:, 1] = c * force[:, 0], -s * force[:, 0]
+    types = foreign.STORE.types
+    kind = "geometry_msgs/msg/WrenchStamped"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        # the wrench comes first: its body is known only afterwards
+        wrenches = writer.add_connection(topic, kind, typestore=foreign.STORE)
+        poses = writer.add_connection("/body/pose", "geometry_msgs/msg/PoseStamped",
+                                      typestore=foreign.STORE)  # fmt: skip
+        for k in range(len(t)):
+            zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+            acting = types["geometry_msgs/msg/Wrench"](
+                force=types["geometry_msgs/msg/Vector3"](*force[k]), torque=zero
+            )
+            stamped = types[kind](header=foreign.header(t[k], frame), wrench=acting)
+            stamp = round((foreign.EPOCH + t[k]) * 1e9)
+            writer.write(wrenches, stamp, bytes(foreign.STORE.serialize_cdr(stamped, kind)))
+            name, message = foreign.pose_stamped(t[k], p[k], q[k])
+            writer.write(poses, stamp, bytes(foreign.STORE.serialize_cdr(message, name)))
+    return folder
+
+
+@pytest.mark.parametrize(("frame", "topic"), [("map", "/body/push"), ("body", "/push")])
+def test_recorded_wrenches_are_in_the_balance(tmp_path, frame, topic):
+    bag = with_wrenches(tmp_path / "bag", frame, topic)
+    found = analyze(bag, masses={"body": CUBE, "other": CUBE})
+    (balance,) = found.balances.values()
+    assert balance["wrenches"] == [topic]
+    swing = M * 1.5**2 / 2  # largest kinetic energy along x
+    assert abs(balance["energy"]["error"]) < 1e-4 * swing
+    assert balance["momentum"]["linear"]["error"] < 1e-4 * M * 1.5
+
+
+def test_a_wrench_of_no_body_is_left_out_and_told(tmp_path):
+    bag = with_wrenches(tmp_path / "bag", "sensor", "/push")
+    found = analyze(bag, masses={"body": CUBE})
+    line = "/push: not in the balance: neither its frame nor its topic names a body"
+    assert line in found.notes
+    assert not next(iter(found.balances.values()))["wrenches"]
+
+
+def test_a_gap_is_not_bridged(tmp_path):
+    """In the gap the body is thrown anew: what happened there is not held against the rest."""
+    t, p, q = thrown()
+    p[200:] += [5.0, 0.0, 0.0]
+    p[200:, 2] += 10.0 * (t[200:] - t[200])
+    keep = np.r_[0:180, 220:400]
+    bag = foreign.write(tmp_path / "bag", t=t[keep], position=p[keep], q=q[keep])
+    (balance,) = analyze(bag, scene=scene(WEIGHT)).balances.values()
+    assert balance["stretches"] == 2
+    assert abs(balance["energy"]["error"]) < 1e-7
+
+
+@pytest.mark.parametrize("back", [1.5, 0.07])
+def test_a_clock_that_was_set_back_is_not_bridged(tmp_path, back):
+    """At the jump the body is thrown anew; its later stamps reach and pass the earlier ones."""
+    t, p, q = thrown()
+    p[200:] += [5.0, 0.0, 0.0]
+    p[200:, 2] += 10.0 * (t[200:] - t[200])
+    late = t.copy()
+    late[200:] -= back + 0.01
+    bag = foreign.write(tmp_path / "bag", t=late, position=p, q=q)
+    found = analyze(bag, scene=scene(WEIGHT))
+    (balance,) = found.balances.values()
+    assert balance["stretches"] == 2
+    assert abs(balance["energy"]["error"]) < 1e-7
+    assert balance["momentum"]["linear"]["error"] < 1e-8
+    (told,) = (note for note in found.notes if "begins anew" in note)
+    assert f"from 1.99 s to {1.99 - back:g} s" in told
+
+
+def test_wrenches_jump_with_the_poses_and_late_ones_do_not(tmp_path):
+    """Found in the stamps: steps back by more than `late`; other sources take the same jump."""
+    time = GrowingTime()
+    first = time.found("push", np.array([0.0, 1.0, 0.9, 2.0, 0.5, 1.5]), late=0.3)
+    assert np.allclose(first, [0.0, 1.0, 0.9, 2.0, 2.0 + APART, 3.0 + APART])
+    time.jump("poses", 2.1, 0.45)
+    assert time.of("poses", np.array([0.45]))[0] == pytest.approx(1.95 + APART)
+    assert np.allclose(time.stamps(first), [0.0, 1.0, 0.9, 2.0, 0.5, 1.5])
+    assert len(time.notes()) == 1
+
+
+def test_errors_of_constraints_from_poses(tmp_path):
+    """A plane at y = 0.1 holds the swing; one pose is half a millimetre off it."""
+    t, p, q = foreign.swing()
+    p[100, 1] += 5e-4
+    bag = foreign.write(tmp_path / "bag", t=t, position=p, q=q)
+    plane = {"type": "plane", "body": "body", "normal_A": [0, 1, 0], "point_A": [0, 0.1, 0]}
+    made = scene_from_mapping(
+        {"bodies": {"body": BODY | {"position": [0, 0.1, 0]}}, "constraints": {"wall": plane}},
+        name="made",
+    )
+    told = analyze(bag, scene=made).constraints
+    assert told is not None
+    wall = told["position"]["wall"]
+    assert wall["largest"] == pytest.approx(5e-4, rel=1e-9)
+    assert wall["at"] == pytest.approx(t[100], abs=1e-5)
+    assert told["velocity"]["wall"]["largest"] > 0.01  # the filter makes a speed of it
+    pytest.importorskip("plotly")
+    write_report(analyze(bag, scene=made), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "<td>wall</td><td>position [m or rad]</td><td>0.0005</td><td>1</td>" in text
+    assert "<td>made energy [J]</td>" in text
+
+
+def test_residual_of_our_bags_is_recomputed(tmp_path):
+    """Whole as recorded; a shift of the recorded poses by a millimetre shows as that."""
+    simulation = Simulation(load_scene("heavy_top", duration=0.2, rate=200))
+    block = simulation.run().block
+    offset = np.array([0.0, 1e-3, 0.0])
+    for name, samples in (
+        ("whole", block),
+        ("off", replace(block, position=block.position + offset)),
+    ):
+        sink = BagSink(tmp_path / name, run={"by": "run", "options": {"duration": 0.2}})
+        sink.open(simulation.scene, simulation.layout)
+        sink.write(samples)
+        sink.close({"outcome": "finished"})
+    whole, off = (analyze(tmp_path / name).constraints for name in ("whole", "off"))
+    assert whole is not None and off is not None
+    assert whole["relative"] < 1e-11
+    assert off["position"]["tip"]["largest"] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_a_contact_tells_how_deep_it_is(tmp_path):
+    """A ball of 0.1 m whose centre sinks to 0.08 m over a floor."""
+    t = np.arange(300) / 100
+    p = np.c_[np.zeros(300), np.zeros(300), 0.1 - 0.02 * np.sin(t)]
+    q = np.tile([0.0, 0.0, 0.0, 1.0], (300, 1))
+    bag = foreign.write(tmp_path / "bag", t=t, position=p, q=q)
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0, 0, 0.1]}
+    made = scene_from_mapping(
+        {"bodies": {"body": ball}, "constraints": {"floor": {"type": "contact", "body": "body"}}},
+        name="made",
+    )
+    told = analyze(bag, scene=made).constraints
+    assert told is not None
+    assert told["overlap"]["floor"]["largest"] == pytest.approx(0.02, rel=1e-3)
+    assert told["overlap"]["floor"]["at"] == pytest.approx(np.pi / 2, abs=0.02)

@@ -1,0 +1,302 @@
+"""Bags of somebody else that are whole, but not of one body in one frame of one type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagWriter
+
+from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.derivatives import Body
+from rb_sim.base.errors import SinkError
+from rb_sim.scene.load import load_scene
+from tests.bags.analysis import foreign
+
+POSE, TWIST = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped"
+TF = "tf2_msgs/msg/TFMessage"
+T, P, Q = foreign.swing()
+PEAK = 0.5 * 3.0**2
+"""Largest acceleration of the swing along x [m/s^2]."""
+UNIT = {"body": Body(1.0, np.eye(3), np.zeros(3))}
+
+
+class Bag:
+    """Messages of any type in channels of any number; n counts them."""
+
+    def __init__(self, writer: Writer) -> None:
+        self.writer, self.n = writer, 0
+        self._channels: dict[tuple[str, str, int], int] = {}
+
+    def add(self, topic: str, kind: str, message: object, t: float, channel: int = 0) -> None:
+        key = topic, kind, channel
+        if key not in self._channels:
+            schema = self.writer.register_schema(kind, "ros2msg", b"")
+            self._channels[key] = self.writer.register_channel(topic, "cdr", schema)
+        data = message if isinstance(message, bytes) else foreign.STORE.serialize_cdr(message, kind)
+        stamp = round((foreign.EPOCH + t) * 1e9)
+        self.writer.add_message(self._channels[key], stamp, bytes(data), stamp, self.n)
+        self.n += 1
+
+
+@contextmanager
+def writing(path: Path, **options: object) -> Iterator[Bag]:
+    with path.open("wb") as file:
+        writer = Writer(file, **options)  # type: ignore[arg-type]
+        writer.start(profile="ros2", library="somebody")
+        yield Bag(writer)
+        writer.finish()
+
+
+def pose(t: float, p: np.ndarray, q: np.ndarray, frame: str = "map"):
+    return foreign.STORE.types[POSE](header=foreign.header(t, frame), pose=foreign.pose_of(p, q))
+
+
+def twist(t: float):
+    types = foreign.STORE.types
+    vector = types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0)
+    both = types["geometry_msgs/msg/Twist"](linear=vector, angular=vector)
+    return types[TWIST](header=foreign.header(t, "map"), twist=both)
+
+
+def transforms(t: float, *entries: tuple[str, str, np.ndarray, np.ndarray]):
+    """Of each: parent, child, position, quaternion."""
+    types = foreign.STORE.types
+    made = []
+    for parent, child, p, q in entries:
+        one = types["geometry_msgs/msg/Transform"](
+            translation=types["geometry_msgs/msg/Vector3"](*map(float, p)),
+            rotation=types["geometry_msgs/msg/Quaternion"](*map(float, q)),
+        )
+        made.append(
+            types["geometry_msgs/msg/TransformStamped"](
+                header=foreign.header(t, parent), child_frame_id=child, transform=one
+            )
+        )
+    return types[TF](transforms=made)
+
+
+def peak(found: dict, source: str) -> float:
+    """Largest acceleration along x, from the poses of a source, per unit of mass."""
+    return found["bodies"][source]["wrench"]["Fx"]["largest"]
+
+
+def test_two_types_under_one_name(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for t, p, q in zip(T, P, Q, strict=True):
+            bag.add("/body", POSE, pose(t, p, q), t)
+            bag.add("/body", TWIST, twist(t), t)
+    found = analyze(tmp_path / "x.mcap")
+    assert found.kinds == {"/body": "pose", "/body (TwistStamped)": "twist"}
+    assert all(figures.rates.count == len(T) for figures in found.figures.values())
+    assert "/body: not all of one type and frame: /body (TwistStamped) for itself" in found.notes
+
+
+def test_one_topic_in_two_frames_is_not_one_motion(tmp_path):
+    """The jump of the frame is none of the body."""
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            late = k >= len(T) // 2
+            bag.add("/body", POSE, pose(t, p + 50.0 * late, q, "odom" if late else "map"), t)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    told = found.as_dict()
+    assert peak(told, "/body") == pytest.approx(PEAK, rel=1e-3)
+    assert told["sources"]["/body (in odom)"]["count"] == len(T) // 2
+    assert any("/body (in odom) for itself" in note for note in found.notes)
+
+
+def test_two_parents_of_one_child(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for t, p, q in zip(T, P, Q, strict=True):
+            both = transforms(t, ("map", "body", p, q), ("odom", "body", p + 5.0, q))
+            bag.add("/tf", TF, both, t)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    told = found.as_dict()
+    assert told["sources"]["/tf:body"]["count"] == len(T)
+    assert told["sources"]["/tf:body"]["backwards"] == 0
+    assert told["sources"]["/tf:body (in odom)"]["values"]["y"]["least"] == pytest.approx(5.1)
+    assert peak(told, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
+
+
+def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            more = [("map", "post", np.zeros(3), Q[0])] * (k % 2)
+            bag.add("/tf", TF, transforms(t, *more, ("map", "body", p, q)), t)
+    told = analyze(tmp_path / "x.mcap", masses=UNIT).as_dict()
+    assert told["sources"]["/tf:body"]["backwards"] == 0
+    assert peak(told, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
+
+
+def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            bag.add("/body", POSE, pose(t, p, q), t, channel=k % 2)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
+    assert found.figures["/body"].rates.backwards == 0
+    assert "/body: comes in 2 channels, which are taken as of one thing" in found.notes
+
+
+@pytest.mark.parametrize("slash", ["", "/"])
+def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path, slash):
+    """Odometry gives no tree: what is relative to a moving parent is not the whole motion. ROS 1
+    wrote a slash before the names of frames."""
+    with writing(tmp_path / "x.mcap") as bag:
+        for t, p, q in zip(T, P, Q, strict=True):
+            kind, odometry = foreign.odometry(t, p, q)
+            bag.add("/odom", kind, odometry, t)
+            arm = transforms(t, (f"{slash}base_link", "arm", np.array([0, 0, 0.3]), q))
+            bag.add("/tf", TF, arm, t)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    (line,) = [note for note in found.notes if "which moves" in note]
+    assert line.startswith(
+        f"/tf:arm: its poses are in the frame {slash}base_link, which moves (/odom)"
+    )
+
+
+@pytest.mark.parametrize("joined", [False, True])
+def test_bodies_of_one_scene_in_frames_that_nothing_connects(tmp_path, joined):
+    """Their distance follows from no transform: told; with a transform between it is right."""
+    offset = np.array([5.0, 0.0, 0.0])
+    masses = {name: Body(1.0, np.eye(3), np.zeros(3)) for name in ("a", "b")}
+    rod = {"type": "distance", "body": "a", "parent": "b", "point_A": [0, 0, 0], "length": 1.0}
+    bodies = {"a": {"position": [1, 0, 0]}, "b": {"position": [0, 0, 0]}}
+    scene = load_scene({
+        "bodies": {n: {"mass": 1, "inertia": [1, 1, 1], **b} for n, b in bodies.items()},
+        "constraints": {"rod": rod},
+    })  # fmt: skip
+    with writing(tmp_path / "x.mcap") as bag:
+        if joined:
+            static = transforms(0.0, ("map", "odom", offset, np.array([0, 0, 0, 1.0])))
+            bag.add("/tf_static", TF, static, 0.0)
+        for t, p, q in zip(T, P, Q, strict=True):
+            bag.add("/a/pose", POSE, pose(t, p + [1.0, 0.0, 0.0], q), t)
+            bag.add("/b/pose", POSE, pose(t, p - offset, q, "odom"), t)
+    found = analyze(tmp_path / "x.mcap", masses=masses, scene=scene)
+    told = [note for note in found.notes if "no transform connects" in note]
+    error = found.as_dict()["constraints"]["position"]["rod"]["largest"]
+    if joined:
+        assert not told and error < 1e-12
+    else:
+        assert len(told) == 1 and "(a in map, b in odom)" in told[0]
+        assert error == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("at", [0, 100])
+@pytest.mark.parametrize("cut", [0, 68])
+def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
+    """In the first chunk of several, first or not: a body without end, one cut short."""
+    with writing(tmp_path / "x.mcap", chunk_size=4000) as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            whole = bytes(foreign.STORE.serialize_cdr(pose(t, p, q), POSE))
+            bag.add("/body", POSE, whole[:cut] if k == at else whole, t)
+    found = analyze(tmp_path / "x.mcap")
+    assert found.figures["/body"].rates.count == len(T) - 1
+    (line,) = found.notes
+    assert line == f"/body: 1 message left out: a message of {cut} bytes is no {POSE}"
+
+
+def test_a_frame_of_its_own_in_each_message(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            bag.add("/body", POSE, pose(t, p, q, f"frame{k}"), t)
+    found = analyze(tmp_path / "x.mcap")
+    assert len(found.figures) == 16
+    assert "/body: the rest is left out: it has more than 16 frames" in found.notes
+
+
+def test_a_pose_that_comes_twice_is_one(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for t, p, q in zip(T, P, Q, strict=True):
+            bag.add("/body", POSE, pose(t, p, q), t)
+            bag.add("/body", POSE, pose(t, p, q), t)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
+    assert any(f"{len(T)} poses have the stamp of the one before" in n for n in found.notes)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_quaternion_beyond_all_bounds_is_left_out(tmp_path):
+    """Its length is not taken: the squares overflow."""
+    t, position, q = foreign.swing(50)
+    q[20, 1] = 1e200
+    found = analyze(foreign.write(tmp_path / "bag", t=t, position=position, q=q))
+    assert "/body: 1 readings beyond 1e+100 are left out" in found.notes
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_reading_beyond_all_bounds_is_left_out(tmp_path):
+    with writing(tmp_path / "x.mcap") as bag:
+        for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
+            bag.add("/body", POSE, pose(t, p * (1e300 if k == 200 else 1.0), q), t)
+    found = analyze(tmp_path / "x.mcap", masses=UNIT)
+    assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
+    assert "/body: 1 readings beyond 1e+100 are left out" in found.notes
+
+
+def test_a_compression_that_nobody_knows_is_no_wrong_checksum(tmp_path):
+    path = tmp_path / "x.mcap"
+    with writing(path) as bag:
+        bag.add("/body", POSE, pose(T[0], P[0], Q[0]), T[0])
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"\x04\0\0\0zstd", b"\x04\0\0\0brot"))
+    with pytest.raises(SinkError, match="its compression is none of zstd and lz4"):
+        analyze(path)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "mode", "line"),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE, r"x\.db3 \(convert it to MCAP with rosbags"),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE, r"x\.db3\.zstd \(convert it to MCAP with"),
+        (StoragePlugin.MCAP, CompressionMode.FILE, r"x\.mcap\.zstd \(convert it to MCAP with"),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE, "compressed one by one by rosbag2"),
+    ],
+)
+def test_what_has_to_be_converted_is_told(tmp_path, plugin, mode, line):
+    writer = RosbagWriter(tmp_path / "x", version=9, storage_plugin=plugin)
+    if mode != CompressionMode.NONE:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/body", POSE, typestore=foreign.STORE)
+        for t, p, q in zip(T[:20], P[:20], Q[:20], strict=True):
+            data = foreign.STORE.serialize_cdr(pose(t, p, q), POSE)
+            writer.write(connection, round((foreign.EPOCH + t) * 1e9), bytes(data))
+    with pytest.raises(SinkError, match=line):
+        analyze(tmp_path / "x")
+
+
+@pytest.mark.parametrize(("n", "cut", "found"), [
+    (1, [], "1 pose"), (10, [], "10 poses"), (18, [9], "18 poses, 9 at most without a gap"),
+])  # fmt: skip
+def test_poses_too_few_in_a_row_are_counted_and_told(tmp_path, n, cut, found):
+    shift = 1.0 * (np.searchsorted(cut, np.arange(n), side="right"))
+    bag = foreign.write(tmp_path / "b", t=T[:n] + shift, position=P[:n], q=Q[:n])
+    result = analyze(bag, masses=UNIT)
+    told = result.bodies["/body"].as_dict()
+    assert told == {"note": f"{found}: nothing is differentiated, which takes 11 in a row"}
+    assert "too few poses in a row of body: no balance, no constraints" in result.notes
+
+
+def test_topics_that_hold_no_readings_are_named_by_their_types(tmp_path):
+    with writing(tmp_path / "a.mcap") as bag:
+        bag.add("/chatter", "std_msgs/msg/String", bytes(16), 0.0)
+    line = r"nothing to analyze in it: its topics are of other types \(std_msgs/msg/String\)$"
+    with pytest.raises(SinkError, match=line):
+        analyze(tmp_path / "a.mcap")
+
+
+def test_messages_that_lie_in_no_order_are_told_from_a_clock_that_was_set(tmp_path):
+    order = np.random.default_rng(0).permutation(len(T))
+    bag = foreign.write(tmp_path / "a", t=T[order], position=P[order], q=Q[order])
+    (line,) = [note for note in analyze(bag).notes if "goes back" in note]
+    assert line.endswith("sort the bag first (`mcap sort`)")
+    back = np.concatenate([T[:200], T[200:300] - 1.0, T[300:] - 2.0])
+    bag = foreign.write(tmp_path / "b", t=back, position=P, q=Q)
+    assert "/body: time goes back 2 times" in analyze(bag).notes

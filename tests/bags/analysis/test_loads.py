@@ -1,0 +1,28 @@
+"""The wrenches that a run of ours tells, beside those that its poses take."""
+
+from __future__ import annotations
+
+import pytest
+
+from rb_sim.bags.analysis.analyze import analyze
+from tests.bags.scenes import record_run
+from tests.interpreted import interpreted
+
+TWO = """\
+bodies:
+  stone: {mass: 2.0, inertia: [1, 1, 1]}
+  balloon: {mass: 3.0, inertia: [1, 1, 1], position: [5, 0, 0], linear_velocity: [0, 0, 1]}
+effects:
+  weight: {type: gravity, bodies: [stone]}
+  drift: {type: gravity, acceleration: [0.5, 0, 0]}
+simulation: {duration: 0.2, method: rk4, step: 1.0e-2, rate: 100}
+"""
+
+
+def test_weight_acts_on_the_bodies_that_it_names(tmp_path) -> None:
+    """The recorded total of the balloon is without the stone's weight, as its motion is."""
+    told = analyze(interpreted(record_run, TWO, tmp_path / "bag")).as_dict()["bodies"]
+    for name, mass, weight in (("stone", 2.0, -9.81), ("balloon", 3.0, 0.0)):
+        recorded = {key: told[name]["recorded"][key]["mean"] for key in ("Fx", "Fz")}
+        assert recorded == pytest.approx({"Fx": 0.5 * mass, "Fz": mass * weight}, rel=1e-12)
+        assert told[name]["apart"]["force"] < 1e-8

@@ -1,0 +1,82 @@
+"""Pairs whose contact point has to be sought: against finite differences, and against a ball."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rb_sim.catalogue.geometry.curved import SurfaceOnCylinder, SurfaceOnSphere
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, touching
+from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
+from rb_sim.catalogue.types import BodyState
+from tests.moving import assert_rates, at, brought, random_state
+
+AXIS = (0.6, 0.0, 0.8)
+AT = (0.1, 0.0, 0.05)
+ELLIPSOID = EllipsoidSurface((0.05, -0.02, 0.03), (0.5, 0.3, 0.2))
+RIM = RimSurface((0.02, 0.01, 0.03), 0.4, (0.0, 0.0, 1.0))
+OUTSIDE, INSIDE = 1.6, 1.6
+"""Distances of the body's centre from the support's, outside a radius of 1 and inside one of 2."""
+
+PAIRS = {
+    "ellipsoid outside a sphere": SurfaceOnSphere(ELLIPSOID, AT, 1.0, 1.0),
+    "ellipsoid in a bowl": SurfaceOnSphere(ELLIPSOID, AT, 2.0, -1.0),
+    "rim in a bowl": SurfaceOnSphere(RIM, AT, 2.0, -1.0),
+    "ellipsoid outside a cylinder": SurfaceOnCylinder(ELLIPSOID, AT, AXIS, 1.0, 1.0),
+    "ellipsoid in a pipe": SurfaceOnCylinder(ELLIPSOID, AT, AXIS, 2.0, -1.0),
+    "rim in a pipe": SurfaceOnCylinder(RIM, AT, AXIS, 2.0, -1.0),
+}
+
+
+def body_and_support(seed: int, distance: float) -> tuple[BodyState, BodyState]:
+    """A body at this distance from the middle AT of a support, across its axis."""
+    rng = np.random.default_rng(seed)
+    A, B = random_state(rng), random_state(rng)
+    across = np.cross(AXIS, rng.normal(size=3))
+    across *= distance / np.linalg.norm(across)
+    return brought(B, (0.0, 0.0, 0.0), at(A, np.array(AT) + across)), A
+
+
+@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("seed", range(12))
+def test_rates(name: str, seed: int) -> None:
+    B, A = body_and_support(seed, OUTSIDE)
+    assert_rates(lambda B, A: touching(PAIRS[name], B, A), B, A)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_ball_by_search_is_a_ball(seed: int) -> None:
+    """A spherical surface sought by Newton's method is the ball that has a formula."""
+    centre, a = (0.05, 0.0, 0.02), 0.3
+    B, A = body_and_support(seed, OUTSIDE)
+    ball = SphereSurface(centre, a)
+    for sought, known in (
+        (SurfaceOnSphere(ball, AT, 1.0, 1.0), BallOnSphere(centre, a, AT, 1.0, 1.0)),
+        (SurfaceOnSphere(ball, AT, 2.0, -1.0), BallOnSphere(centre, a, AT, 2.0, -1.0)),
+        (
+            SurfaceOnCylinder(ball, AT, AXIS, 2.0, -1.0),
+            BallOnCylinder(centre, a, AT, AXIS, 2.0, -1.0),
+        ),
+    ):
+        for found, expected in zip(touching(sought, B, A), touching(known, B, A), strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ellipsoid outside a sphere", "ellipsoid in a bowl"])
+def test_the_point_is_the_nearest(name: str) -> None:
+    """No point of the ellipsoid is nearer to the sphere's surface."""
+    pair: Any = PAIRS[name]
+    B, A = body_and_support(3, OUTSIDE)
+    angles = np.linspace(0.0, math.pi, 400), np.linspace(0.0, 2.0 * math.pi, 800)
+    theta, phi = (grid.ravel() for grid in np.meshgrid(*angles))
+    unit = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    surface = np.array(ELLIPSOID.centre_C) + unit.T * np.array(ELLIPSOID.semi_axes)
+    world = np.array(B.p_WC) + Rotation.from_quat(B.q_WB).apply(surface)
+    centre = np.array(A.p_WC) + Rotation.from_quat(A.q_WB).apply(AT)
+    distance = np.linalg.norm(world - centre, axis=1)
+    least = (pair.side * (distance - pair.curved)).min()
+    assert least - 1e-4 <= touching(pair, B, A).gap <= least + 1e-12

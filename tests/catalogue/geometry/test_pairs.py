@@ -1,0 +1,232 @@
+"""Gap, normal and point of every kind of pair, and how they move; supports that move by themselves.
+
+Geometry is compared with a search over the two surfaces, rates with differences.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.optimize import lsq_linear, minimize
+from scipy.spatial.transform import Rotation
+
+from rb_sim.catalogue.geometry import carriers, pairs, solids
+from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
+from rb_sim.catalogue.types import BodyState
+from tests.moving import (
+    assert_rates,
+    at,
+    brought,
+    difference,
+    floats,
+    moved,
+    random_state,
+    unit,
+    velocity,
+)
+
+SEEDS = st.integers(0, 2**32 - 1)
+FEW = settings(max_examples=8, deadline=None, derandomize=True)
+HALF = (0.3, 0.2, 0.4)
+
+BOX = ("box face", "box edge", "box corner", "inside the box")
+SMOOTH = ("ball on plane", "ellipsoid on plane", "rim on plane")
+ROUND = ("sphere outside", "sphere inside", "cylinder inside", "cylinder outside")
+KINDS = ("point on plane", *SMOOTH, *ROUND, "point on sphere", *BOX)
+
+
+def in_box(name: str, rng: np.random.Generator) -> np.ndarray:
+    """A point next to a face, an edge or a corner of the box, or inside it."""
+    half = np.array(HALF)
+    beyond = {"box face": (1, 0, 0), "box edge": (1, -1, 0), "box corner": (1, -1, 1)}
+    if name == "inside the box":
+        return half * rng.uniform(0.1, 0.8, size=3) * rng.choice([-1.0, 1.0], size=3)
+    side = rng.permutation(np.array(beyond[name]))
+    within = half * rng.uniform(-0.7, 0.7, size=3)
+    return np.where(side == 0, within, side * (half + rng.uniform(0.05, 0.3, size=3)))
+
+
+def example(name: str, rng: np.random.Generator) -> tuple[Any, Any, Any]:
+    """A random pair of this kind with states of body and support, away from its singularities."""
+    B, A = random_state(rng), random_state(rng)
+    r_B, r_A = floats(rng.normal(size=3)), floats(rng.normal(size=3))
+    if name == "point on plane":
+        return pairs.PointOnPlane(r_B, r_A, unit(rng)), B, A
+    if name in SMOOTH:
+        surface = {
+            "ball on plane": SphereSurface(r_B, 0.3),
+            "ellipsoid on plane": EllipsoidSurface(r_B, (0.3, 0.2, 0.4)),
+            "rim on plane": RimSurface(r_B, 0.3, unit(rng)),
+        }[name]
+        return pairs.SurfaceOnPlane(surface, r_A, unit(rng)), B, A
+    radius = 0.0 if name == "point on sphere" else 0.1
+    if name in BOX:
+        place = at(A, np.array(r_A) + in_box(name, rng))
+        pair: Any = pairs.BallOnSolid(r_B, radius, solids.Box(r_A, HALF))
+    else:
+        side = -1.0 if name.endswith("inside") else 1.0
+        axis, away = np.array(unit(rng)), np.array(unit(rng))
+        if "cylinder" in name:
+            away = away - (away @ axis) * axis
+            away = away / np.linalg.norm(away) + rng.normal() * axis
+            pair = pairs.BallOnCylinder(r_B, radius, r_A, floats(axis), 0.7, side)
+        else:
+            pair = pairs.BallOnSphere(r_B, radius, r_A, 0.7, side)
+        place = at(A, np.array(r_A) + (1.3 if side > 0.0 else 0.4) * away)
+    return pair, brought(B, r_B, place), A
+
+
+def ball(rng_free: np.ndarray) -> np.ndarray:
+    """A unit vector from any vector but zero."""
+    return rng_free / np.linalg.norm(rng_free)
+
+
+def searched(name: str, pair: Any, B: Any, A: Any) -> tuple[float, np.ndarray, np.ndarray]:
+    """(gap, normal, P) by a search over the surfaces."""
+    if name == "point on plane":
+        n = Rotation.from_quat(A.q_WB).apply(pair.n_A)
+        p = at(B, pair.r_B)
+        return float(n @ (p - at(A, pair.r_A))), n, p
+    if name in SMOOTH:
+        n = Rotation.from_quat(A.q_WB).apply(pair.n_A)
+        s = pair.surface
+
+        def on(x: np.ndarray) -> np.ndarray:
+            if isinstance(s, RimSurface):
+                k = np.array(s.axis_B)
+                x = x - (x @ k) * k
+                return at(B, np.array(s.centre_C) + s.radius * ball(x))
+            axes = getattr(s, "semi_axes", (getattr(s, "radius", 0.0),) * 3)
+            return at(B, np.array(s.centre_C) + np.array(axes) * ball(x))
+
+        starts = [np.array(v) for v in np.vstack([np.eye(3), -np.eye(3)])]
+        tries = [
+            minimize(lambda x: n @ on(x), v + 0.1, tol=1e-15, options={"gtol": 1e-10})
+            for v in starts
+        ]
+        best = min(tries, key=lambda found: found.fun)
+        return float(best.fun - n @ at(A, pair.r_A)), n, on(best.x)
+    turn, c = Rotation.from_quat(A.q_WB), at(B, pair.r_B)
+    middle = pair.surface.centre if name in BOX else pair.r_A
+    local = turn.inv().apply(c - at(A, middle))
+    if name == "inside the box":
+        faces = [(abs(local[i]) - HALF[i], i) for i in range(3)]
+        depth, i = max(faces)
+        u = np.zeros(3)
+        u[i] = np.sign(local[i])
+        gap, n = depth, turn.apply(u)
+    elif name in BOX:
+        near = lsq_linear(np.eye(3), local, bounds=(-np.array(HALF), HALF), tol=1e-15).x
+        gap, n = np.linalg.norm(local - near), turn.apply(ball(local - near))
+    else:
+        if "cylinder" in name:
+            axis = np.array(pair.axis_A)
+            local = local - np.linalg.lstsq(axis[:, None], local, rcond=None)[0] * axis
+        gap = pair.side * (np.linalg.norm(local) - pair.curved)
+        n = pair.side * turn.apply(ball(local))
+    return float(gap) - pair.radius, n, c - pair.radius * n
+
+
+@pytest.mark.parametrize("name", KINDS)
+@FEW
+@given(SEEDS)
+def test_nearest_points(name: str, seed: int) -> None:
+    pair, B, A = example(name, np.random.default_rng(seed))
+    touch = pairs.touching(pair, B, A)
+    gap, normal, point = searched(name, pair, B, A)
+    assert_allclose(touch.gap, gap, atol=1e-12)
+    assert_allclose(touch.normal, normal, atol=1e-12)
+    loose = 1e-12 if name not in SMOOTH else 1e-7  # a minimum is found to the root of rounding
+    assert_allclose(touch.point, point, atol=loose)
+
+
+@pytest.mark.parametrize("name", KINDS)
+@FEW
+@given(SEEDS)
+def test_rates_agree_with_differences(name: str, seed: int) -> None:
+    pair, B, A = example(name, np.random.default_rng(seed))
+    assert_rates(lambda B, A: pairs.touching(pair, B, A), B, A)
+
+
+@pytest.mark.parametrize("name", ("point on plane", *SMOOTH, *ROUND, *BOX))
+@FEW
+@given(SEEDS)
+def test_moved_world(name: str, seed: int) -> None:
+    """Turning and shifting the world turns and shifts the contact."""
+    rng = np.random.default_rng(seed)
+    pair, B, A = example(name, rng)
+    turn, shift = Rotation.from_rotvec(rng.normal(size=3)), rng.normal(size=3)
+    here, there = (
+        pairs.touching(pair, B, A),
+        pairs.touching(pair, moved(B, turn, shift), moved(A, turn, shift)),
+    )
+    assert_allclose(there.gap, here.gap, atol=1e-13)
+    assert_allclose(there.point, turn.apply(here.point) + shift, atol=1e-13)
+    for field in ("normal", "normal_rate", "point_rate"):
+        expected = turn.apply(getattr(here, field))
+        assert_allclose(getattr(there, field), expected, atol=1e-12 * (1.0 + abs(expected).max()))
+
+
+MOTIONS = {
+    "turntable": carriers.Turntable((0.3, -0.2, 0.5), (0.4, -1.1, 0.7)),
+    "turntable at rest": carriers.Turntable((0.3, -0.2, 0.5), (0.0, 0.0, 0.0)),
+    "shaken": carriers.Shaken((0.1, 0.2, -0.3), 5.0, 0.7),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("t", [0.0, 0.37, 12.5])
+def test_carriers(name: str, t: float) -> None:
+    """Velocity, spin and accelerations are derivatives of the support's place."""
+    motion = MOTIONS[name]
+    still = BodyState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def support(s: float) -> Any:
+        return carriers.carrier(motion, t + s, still)
+
+    S, a, alpha, driven = support(0.0)
+    r = np.array([0.2, 0.9, -0.4])
+    assert driven == 1.0
+    assert_allclose(S.v_WC, difference(lambda s: support(s)[0].p_WC), atol=1e-9)
+    assert_allclose(velocity(S, at(S, r)), difference(lambda s: at(support(s)[0], r)), atol=1e-9)
+    assert_allclose(a, difference(lambda s: support(s)[0].v_WC), atol=1e-8)
+    assert_allclose(
+        alpha,
+        difference(lambda s: Rotation.from_quat(support(s)[0].q_WB).apply(S.w_WB_B)),
+        atol=1e-9,
+    )
+
+
+def test_turntable_keeps_its_axis() -> None:
+    """The point stays, and after a full turn everything is back."""
+    motion = MOTIONS["turntable"]
+    rate = float(np.linalg.norm(motion.spin))
+    for t in (0.0, 1.3, 2.0 * np.pi / rate):
+        S = carriers.carrier(motion, t, None)[0]
+        assert_allclose(at(S, motion.point), motion.point, atol=1e-14)
+    assert_allclose(at(S, (1.0, 2.0, 3.0)), (1.0, 2.0, 3.0), atol=1e-13)
+
+
+def test_resting_support_is_the_parent_itself() -> None:
+    S = random_state(np.random.default_rng(1))
+    assert carriers.carrier(carriers.Resting(), 2.0, S) == (S, (0.0,) * 3, (0.0,) * 3, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_in_the_very_middle(kind: str) -> None:
+    """All directions are alike there; the gap is known all the same."""
+    S = random_state(np.random.default_rng(2))
+    r = (0.3, -0.2, 0.1)
+    if kind == "sphere":
+        pair: Any = pairs.BallOnSphere(r, 0.1, r, 0.7, -1.0)
+    else:
+        pair = pairs.BallOnCylinder(r, 0.1, r, (0.6, 0.0, 0.8), 0.7, -1.0)
+    touch = pairs.touching(pair, S, S)
+    assert_allclose(touch.gap, 0.6)
+    assert_allclose(np.linalg.norm(touch.normal), 1.0)
+    assert np.isfinite([*touch.normal_rate, *touch.point_rate]).all()

@@ -1,0 +1,58 @@
+"""A motion that ends at a dead point says so, with time and constraint, and blames no step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation
+from rb_sim.base.errors import SimulationError, StepTooLargeError
+from rb_sim.checks.continuation import zero_of
+from rb_sim.scene.load import scene_from_mapping
+from tests.checks.test_dead_point import driven_to_the_end, four_bar
+
+
+def failure(mapping: dict[str, Any], method: str, step: float | None) -> SimulationError:
+    options = {k: v for k, v in mapping["simulation"].items() if k not in ("step", "tolerance")}
+    options |= {"method": method} | ({} if step is None else {"step": step})
+    simulation = Simulation(scene_from_mapping(mapping | {"simulation": options}), announce=None)
+    with pytest.raises(SimulationError) as caught:
+        simulation.run(watched=False)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("method", "step"),
+    [("gauss6", 1e-3), ("gauss6", 0.05), ("radau5", None), ("dopri853", None)],
+)
+def test_a_drive_at_the_end_of_its_way(method: str, step: float | None) -> None:
+    """A rod of 1 m at x = 0.2 + t / 2: the end of its way is at 1.6 s."""
+    told = failure(driven_to_the_end(), method, step)
+    assert not isinstance(told, StepTooLargeError)
+    assert "dead point at t = 1.6" in str(told)
+    assert "'drive'" in str(told) or "'rod'" in str(told)
+
+
+def test_a_change_point_within_the_step_that_fails() -> None:
+    """In line at 0.6472 s; steps end at 0.65 s."""
+    assert "dead point at t = 0.64" in str(failure(four_bar(2.0), "gauss6", 0.05))
+
+
+def test_a_step_that_is_too_large_for_a_loop_is_blamed_all_the_same() -> None:
+    scene = four_bar(2.0, rocker=1.5)
+    spring = {"type": "spring", "body": "rocker", "point_A": [2.0, 0.0, 3.0]}
+    scene["effects"] = {"spring": spring | {"stiffness": 1e9, "rest_length": 0.0}}
+    scene["simulation"]["duration"] = 10.0
+    told = failure(scene, "rk4", 0.01)
+    assert isinstance(told, StepTooLargeError)
+    assert "dead point" not in str(told)
+
+
+@pytest.mark.parametrize("power", [1.0, 0.5])
+def test_where_s_comes_to_zero(power: float) -> None:
+    t = np.array([0.0, 0.2, 0.3, 0.35])
+    assert zero_of(t, 2.0 * (0.4 - t) ** power, 0.36) == pytest.approx(0.4, rel=1e-9)
+    assert zero_of(t, 2.0 * (2.0 - t) ** power, 0.36) is None
+    assert zero_of(t, 2.0 * (0.4 + t) ** power, 0.36) is None

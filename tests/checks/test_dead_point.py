@@ -1,0 +1,210 @@
+"""A loop that loses rank on the way is told once, with time and constraint; others are not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rb_sim.checks import singular_configuration
+from rb_sim.checks.bounds import Effort
+from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.singular_configuration import Conditioning, has_loops
+from rb_sim.mechanics.samples import SampleBlock
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.simulation.simulation import Simulation
+
+SPEED, ANGLE = 3.0, 1.2
+
+
+def four_bar(base: float, rocker: float = 1.0) -> dict[str, Any]:
+    """Crank of 1 m, a massless coupler as long as the ground link, rocker; turning at SPEED.
+
+    Both links start parallel at ANGLE above the ground link, so that with a rocker of 1 m it is a
+    parallelogram, whose change points lie where all four links are in line.
+    """
+    along = np.array([math.cos(ANGLE), 0.0, math.sin(ANGLE)])
+    spin = np.array([0.0, -SPEED, 0.0])
+    turn = [0.0, -math.sin(ANGLE / 2), 0.0, math.cos(ANGLE / 2)]
+    bodies, joints = {}, {}
+    for name, x, length in (("crank", 0.0, 1.0), ("rocker", base, rocker)):
+        middle = 0.5 * length * along
+        bodies[name] = {
+            "mass": 1.0,
+            "inertia": [0.01, 0.09, 0.09],
+            "position": [x + middle[0], 0.0, middle[2]],
+            "orientation": turn,
+            "angular_velocity": spin.tolist(),
+            "linear_velocity": np.cross(spin, middle).tolist(),
+        }
+        joints[name + "_hinge"] = {
+            "type": "fixed_axis",
+            "body": name,
+            "point_B": [-0.5 * length, 0, 0],
+            "axis_B": [0, 1, 0],
+            "bearing_distance": 0.2,
+        }
+    ends = {"point_B": [0.5 * rocker, 0, 0], "point_A": [0.5, 0, 0]}
+    joints["coupler"] = {"type": "distance", "body": "rocker", "parent": "crank", **ends}
+    options = {"duration": 1.0, "rate": 50.0, "method": "rk4", "step": 1e-3}
+    options["project_initial"] = True
+    return {"bodies": bodies, "constraints": joints, "simulation": options}
+
+
+def driven_to_the_end() -> dict[str, Any]:
+    """A mass on a rod of 1 m, driven at 0.5 m/s along x from x = 0.2: impossible from 1.6 s on."""
+    start = {"position": [0.2, 0.0, -math.sqrt(0.96)]}
+    start["linear_velocity"] = [0.5, 0.0, 0.1 / math.sqrt(0.96)]
+    joints = {
+        "rod": {"type": "distance", "body": "b", "point_A": [0, 0, 0], "length": 1.0},
+        "drive": {"type": "velocity", "body": "b", "linear": [1, 0, 0], "rate": 0.5},
+        "plane": {"type": "plane", "body": "b", "normal_A": [0, 1, 0]},
+    }
+    joints["drive"]["frame"] = "world"
+    options = {"duration": 1.8, "rate": 50.0, "method": "rk4", "step": 1e-3}
+    body = {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]} | start
+    return {"bodies": {"b": body}, "constraints": joints, "simulation": options}
+
+
+def followed(
+    mapping: dict[str, Any], pieces: int = 1, stride: int = 1
+) -> singular_configuration.DeadPoint | None:
+    scene = scene_from_mapping(mapping)
+    simulation = Simulation(scene)
+    watch = Conditioning(scene, simulation.layout)
+    block = simulation.run().block
+    for part in np.array_split(np.arange(len(block)), pieces):
+        watch.add(cut(block, part), stride)
+    return watch.found
+
+
+def cut(block: SampleBlock, part: np.ndarray) -> SampleBlock:
+    from dataclasses import replace
+
+    from rb_sim.mechanics.samples import ARRAYS
+
+    return replace(block, **{name: getattr(block, name)[part] for name in ARRAYS})
+
+
+@pytest.mark.parametrize("pieces", [1, 17])
+def test_a_parallelogram_tells_its_change_point(pieces):
+    """In line once the crank has turned on to pi, however the samples come."""
+    found = followed(four_bar(2.0), pieces)
+    assert found is not None
+    assert found.t == pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)
+    assert found.constraint == "coupler"
+
+
+@pytest.mark.parametrize("turn", [0.2, 0.4])
+def test_a_change_point_between_samples_far_apart_is_told(turn):
+    """However much the cranks turn from one to the next [rad]: silent above 0.15 before."""
+    scene = four_bar(2.0)
+    scene["simulation"]["rate"] = SPEED / turn
+    found = followed(scene, 3)
+    assert found is not None
+    assert found.t == pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)
+    assert not found.too_many
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.2, 0.4])
+def test_change_points_of_a_long_run_are_told(turn):
+    """It comes in line once in each half turn; a part of the samples is looked at closely."""
+    scene = four_bar(2.0)
+    scene["simulation"] |= {"rate": SPEED / turn, "duration": 1000 * turn / SPEED, "step": 4e-3}
+    assert followed(scene, 1, singular_configuration.STRIDE) is not None
+
+
+@pytest.mark.parametrize("rocker", [1.001, 1.05])
+@pytest.mark.parametrize("turn", [0.02, 0.3])
+def test_links_that_come_all_but_in_line_are_told_as_such_by_no_samples(turn, rocker):
+    """A hair off a parallelogram no lines come to depend on others, whatever samples suggest."""
+    scene = four_bar(2.0, rocker)
+    scene["simulation"] |= {"rate": SPEED / turn, "duration": 2.0}
+    assert followed(scene) is None
+
+
+def test_a_four_bar_that_does_not_fold_tells_nothing():
+    """Links of 1, 1.5, 2 and 2.23 m: a crank-rocker by Grashof's rule, 1 + 2.23 < 1.5 + 2."""
+    assert followed(four_bar(2.0, rocker=1.5)) is None
+
+
+def test_a_drive_that_becomes_impossible_is_told_when_it_does():
+    found = followed(driven_to_the_end())
+    assert found is not None
+    assert found.t == pytest.approx(1.6, abs=5e-3)
+    assert found.constraint in ("rod", "drive")
+
+
+def test_it_is_one_finding_with_time_and_constraint():
+    scene = scene_from_mapping(four_bar(2.0))
+    simulation = Simulation(scene)
+    watches = WatchList(scene, simulation.layout)
+    block = simulation.run().block
+    for _ in range(2):
+        watches.add(block, Effort("rk4", 1e-3, None, 1000, 0))
+    told = [finding for finding in watches.findings if finding.watch == "dead point"]
+    assert len(told) == 1
+    assert (told[0].where, told[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
+
+
+def test_trees_are_not_watched():
+    scene = four_bar(2.0)
+    del scene["constraints"]["coupler"]
+    assert not has_loops(scene_from_mapping(scene))
+    assert has_loops(scene_from_mapping(four_bar(2.0)))
+
+
+def spatial_loop() -> dict[str, Any]:
+    """A Bennett linkage: four hinges whose axes are skew, sin(twist) over length the same for all
+    links, so that it moves although 20 lines hold 18 coordinates (Bennett 1903)."""
+    length, twist, other = 0.5, 0.6, 1.1
+    second = length * math.sin(other) / math.sin(twist)
+    ratio = math.sin(0.5 * (other + twist)) / math.sin(0.5 * (other - twist))
+    first = 0.7
+    angles = (first, 2.0 * math.atan(ratio / math.tan(0.5 * first)))
+    angles += (2.0 * math.pi - angles[0], 2.0 * math.pi - angles[1])
+    frames = [(np.zeros(3), Rotation.identity())]
+    for angle, (a, alpha) in zip(angles, ((length, twist), (second, other)) * 2, strict=True):
+        point, turn = frames[-1]
+        turn = turn * Rotation.from_rotvec([0, 0, angle])
+        frames.append((point + turn.apply([a, 0, 0]), turn * Rotation.from_rotvec([alpha, 0, 0])))
+    assert np.abs(frames[4][0]).max() < 1e-12  # it closes
+    bodies, joints = {}, {}
+    for k in range(4):
+        axis = {"type": "fixed_axis", "axis_B": frames[k][1].apply([0, 0, 1]).tolist()}
+        name = f"link{min(k, 2)}"
+        if k < 3:
+            middle = 0.5 * (frames[k][0] + frames[k + 1][0])
+            bodies[name] = {"mass": 1.0, "inertia": [0.02] * 3, "position": middle.tolist()}
+        point = frames[k][0] - np.array(bodies[name]["position"])
+        joints[f"hinge{k}"] = axis | {"body": name, "point_B": point.tolist()}
+        if k in (1, 2):
+            joints[f"hinge{k}"]["parent"] = f"link{k - 1}"
+    bodies["link0"]["angular_velocity"] = [0.0, 0.0, -6.0]
+    options = {"duration": 1.5, "rate": 100.0, "tolerance": 1e-10, "project_initial": True}
+    return {"bodies": bodies, "constraints": joints, "simulation": options}
+
+
+def test_a_linkage_that_holds_too_much_has_no_dead_point():
+    """Its lines are chosen anew on the way, and together they keep their rank."""
+    assert followed(spatial_loop()) is None
+
+
+def test_lines_left_out_that_come_to_be_needed_are_told_as_that(monkeypatch):
+    """In loops too long to choose lines anew the choice of the start serves for good."""
+    monkeypatch.setattr("rb_sim.mechanics.independent.MOST_CHANGING", 19)
+    found = followed(spatial_loop())
+    assert found is not None
+    assert found.too_many
+    assert "needed there" in str(found.finding)
+
+
+def test_a_change_point_beside_lines_too_many_is_told_as_one():
+    scene = four_bar(2.0)
+    scene["constraints"]["crank_hinge"]["floating"] = "none"
+    found = followed(scene)
+    assert found is not None
+    assert not found.too_many

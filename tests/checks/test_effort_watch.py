@@ -1,0 +1,197 @@
+"""What shows in how a run was integrated is told in finite steps, whatever it lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.bounds import Effort, effort_of
+from rb_sim.checks.effort import found_in, turns
+from rb_sim.checks.step_doubling import Coarseness, Strayed
+from rb_sim.contact.events.shares import LeftOpen
+from tests.checks.blocks import Block
+
+
+@pytest.mark.parametrize("lost", [0.5, 1e3, 1e300, math.inf])
+def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float) -> None:
+    """A trial of another step blew up, and the search for a step ended in a traceback."""
+    block = Simulation(load_scene("thrown_ball", duration=0.1), announce=None).sample().block
+    effort = Effort("time_stepping", 0.002, None, 50, 0, restruck=lost)
+    (finding,) = found_in(block, effort, 100.0, 1.0)
+    assert finding.watch == "running contact" and finding.figure == lost
+    assert finding.finer_step is not None and 0.0 < finding.finer_step < 0.002
+
+
+@pytest.mark.parametrize(("duration", "tolerance"), [(1000.0, 1e-4), (300.0, 1e-4), (1000.0, 1e-6)])
+def test_errors_that_add_up_to_the_phase_are_told(duration: float, tolerance: float) -> None:
+    """x = cos(20 t): no more than 0.02 rad of the phase are lost without a word, and what is told
+    is lost by the closed form.  A rod in contact that turned 2e4 times at a tolerance of 1e-4 was
+    wrong by 1.4 % of its way, and nothing told it."""
+    ball = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [1.0, 0.0, 0.0]}
+    spring = {"type": "spring", "body": "ball", "stiffness": 400.0, "rest_length": 0.0}
+    setting = {"method": "taylor", "tolerance": tolerance, "duration": duration, "rate": 10.0}
+    mapping = {"bodies": {"ball": ball}, "effects": {"spring": spring}, "simulation": setting}
+    simulation = Simulation(load_scene(mapping))
+    run = simulation.run(check=True)
+    wrong = float(np.abs(run.block.position[:, 0, 0] - np.cos(20.0 * run.t)).max())
+    told = [finding for finding in run.findings if finding.watch == "global error"]
+    assert bool(told) == (wrong > 0.02)
+    if told:
+        assert told[0].figure == pytest.approx(0.5 * wrong, rel=0.25)
+
+
+TOP = {"mass": 0.22, "inertia": [0.0026, 0.0022, 0.00335], "angular_velocity": [10.0, 6.0, -4.0]}
+
+
+def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
+    """Its 4 rad keep the pose to 1e-3; the same step, named, and longer runs are not measured."""
+    setting = {"method": "auto", "tolerance": 1e-3, "duration": 2.0, "rate": 50.0}
+    scene = {"bodies": {"top": TOP}, "simulation": setting}
+    chosen = Simulation(load_scene(scene), announce=None)
+    assert chosen.choice is not None and chosen.choice.step is not None
+    block = chosen.run(watched=False).block
+    sharp = Simulation(load_scene(scene, method="dopri853", tolerance=1e-13), announce=None)
+    exact = sharp.run(watched=False).block
+    assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
+    effort = effort_of(chosen)
+    bodies = chosen.layout.bodies
+    assert not [*found_in(block, effort, 50.0, 1.0), *turns(block, effort, bodies)]
+    for unmeasured in (effort._replace(kept_to=0.0), effort._replace(kept_to=1.99)):
+        assert [finding.watch for finding in turns(block, unmeasured, bodies)] == ["turn"]
+
+
+def told(
+    effort: Effort, t: tuple[float, ...] = (1.0, 1.5, 2.0), **more: float
+) -> dict[str, Finding]:
+    """What the effort of a run tells by its last sample, by watch."""
+    block: Any = Block(t)
+    found = found_in(block, effort, more.get("rate", 10.0), more.get("exchanged", 1.0))
+    return {finding.watch: finding for finding in found}
+
+
+STEPPED = Effort("time_stepping", 0.02, None, 50, 0)
+ADAPTIVE = Effort("dopri853", None, 1e-6, 50, 0)
+
+
+def test_a_time_that_does_not_tell_steps_apart_is_told() -> None:
+    """16 units of 2^-52 in the last place of 1e8 s are 3.6e-7 s: above steps of 2.5e-7 s, and
+    above samples 3.3e-7 s apart, but not above steps and samples of 0.5e-6 s."""
+    far = (1.0, 2.0, 1e8)
+    assert told(ADAPTIVE._replace(steps=2 * 10**14), far, rate=2e6) == {}
+    found = told(ADAPTIVE._replace(steps=4 * 10**14), far, rate=2e6)["time"]
+    assert found.figure == pytest.approx(2.0**-52 * 4e14) and found.bound == 1.0 / 16.0
+    assert told(ADAPTIVE._replace(steps=2 * 10**14), far, rate=3e6)["time"].t == 1e8
+    assert told(ADAPTIVE._replace(steps=0), (0.0,), rate=3e6) == {}
+
+
+def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
+    """What a step misses, what all do, what a run in half steps shows; of rk4 by 0.01, 0.1, 0.05:
+    a figure 8 times its bound asks for half the step, one of 500 for a 5.6th."""
+    strayed = Strayed(0.4, 0.7, "c", "way")
+    worst = Coarseness(5.0, 0.5, "a", 0.8, "b", False, strayed)
+    fixed = Effort("rk4", 0.02, None, 50, 0, coarse=worst)
+    finding = told(fixed)["step"]
+    assert (finding.figure, finding.t, finding.where, finding.bound) == (5.0, 0.5, "a", 0.01)
+    finding = told(fixed._replace(coarse=worst._replace(share=0.0099)))["step"]
+    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.8, 2.0, "b", 0.1)
+    assert finding.finer_step == 0.01
+    finding = told(fixed._replace(coarse=worst._replace(share=0.0, grown=0.099)))["step"]
+    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.4, 0.7, "c", 0.05)
+    little = Coarseness(0.0099, 0.5, "a", 0.099, "b", False, Strayed(0.049, 0.7, "c", "way"))
+    assert told(fixed._replace(coarse=little)) == {}
+    assert told(ADAPTIVE._replace(coarse=worst)) == {}
+
+
+def test_an_attitude_that_half_steps_turn_elsewhere_is_told() -> None:
+    """A ball that is thrown far and turns fast: the share of its way does not show its attitude."""
+    off = Strayed(0.01, 0.3, "ball", "way", 2.0, 0.019, "ball")
+    fixed = Effort("rk4", 0.02, None, 100, 0, coarse=Coarseness(strayed=off))
+    assert told(fixed) == {}
+    off = off._replace(turn=0.32)
+    found = told(fixed._replace(coarse=Coarseness(strayed=off)))["step"]
+    assert (found.figure, found.bound, found.where) == (0.32, 0.02, "ball")
+    assert found.finer_step == 0.005  # fourth order: to less than a sixteenth
+
+
+def test_unsolved_steps_and_paradoxes_are_told_with_their_share() -> None:
+    found = told(STEPPED._replace(unsolved=1, solver_residual=0.3, paradox=1))
+    assert found["solver"].where == found["paradox"].where == "1 of 50 steps"
+    assert (found["solver"].figure, found["solver"].finer_step) == (0.3, 0.01)
+    assert (found["solver"].t, found["paradox"].t) == (2.0, 2.0)
+    assert found["paradox"].figure == pytest.approx(0.02) and found["paradox"].bound == 0.0
+    assert told(STEPPED._replace(steps=0, paradox=2))["paradox"].figure == 2.0
+
+
+def test_slips_of_what_is_perfectly_rough_are_told_with_their_share() -> None:
+    found = told(STEPPED._replace(slipping=3))["rough"]
+    assert (found.figure, found.t, found.bound) == (pytest.approx(0.06), 2.0, 0.0)
+    assert found.where == "3 of 50 steps" and found.finer_step is None
+    assert told(STEPPED._replace(steps=0, slipping=2))["rough"].figure == 2.0
+
+
+def test_contacts_that_run_on_are_told_with_their_share() -> None:
+    """Points that ran around a body before energy that was lost; of 4 J a fiftieth is 0.08 J."""
+    found = told(STEPPED._replace(turned=1, restruck=9.0))["running contact"]
+    assert found.figure == pytest.approx(0.02) and found.bound == 0.0
+    assert (found.where, found.t, found.finer_step) == ("1 of 50 steps", 2.0, 0.002)
+    assert told(STEPPED._replace(steps=0, turned=2))["running contact"].figure == 2.0
+    assert told(STEPPED._replace(restruck=0.079), exchanged=4.0) == {}
+    found = told(STEPPED._replace(restruck=0.16), exchanged=4.0)["running contact"]
+    assert found.figure == pytest.approx(0.04) and found.finer_step == 0.01
+    assert told(STEPPED._replace(restruck=0.1), exchanged=0.0) == {}
+
+
+def test_energy_that_contacts_made_is_told() -> None:
+    """Of 4 J a hundredth is 40 mJ."""
+    assert told(STEPPED._replace(made=0.039), exchanged=4.0) == {}
+    found = told(STEPPED._replace(made=0.08), exchanged=4.0)["energy"]
+    assert found.figure == pytest.approx(0.02) and found.bound == 1e-2
+    assert (found.t, found.finer_step) == (2.0, 0.01)
+    assert told(STEPPED._replace(made=0.1), exchanged=0.0) == {}
+
+
+def test_impulses_along_normals_that_turned_are_told() -> None:
+    assert told(STEPPED._replace(astray=(0.049, 0.3, "floor"))) == {}
+    found = told(STEPPED._replace(astray=(0.2, 0.3, "floor")))["aim"]
+    assert (found.figure, found.t, found.where, found.bound) == (0.2, 0.3, "floor", 0.05)
+    assert found.finer_step == 0.002  # first order: to an eighth of 0.02 s
+
+
+@pytest.mark.parametrize(
+    ("effort", "by_setting", "finer"),
+    [(STEPPED, True, 0.01), (STEPPED, False, None), (ADAPTIVE, True, None)],
+)
+def test_motions_that_laws_leave_open_are_told(
+    effort: Effort, by_setting: bool, finer: float | None
+) -> None:
+    """Apart by more than what the setting takes for one: 1e-3, or the tolerance."""
+    bound = 1e-3 if effort is STEPPED else 1e-6
+    chosen = LeftOpen(0.9 * bound, 0.3, "floor", "what parts,", by_setting)
+    assert told(effort._replace(left_open=chosen)) == {}
+    found = told(effort._replace(left_open=chosen._replace(figure=2.0 * bound)))["ambiguous"]
+    assert (found.t, found.where, found.bound, found.finer_step) == (0.3, "floor", bound, finer)
+    assert ("try" in found.advice) is by_setting
+
+
+@pytest.mark.parametrize(("stride", "first"), [(1, 1), (2, 2)])
+def test_turns_in_a_step_are_told_where_they_begin(stride: int, first: int) -> None:
+    """0.4 s at 7, 8.2 and 9 rad/s: half a turn is 7.85 rad/s. Of 7 steps up to 2 s, of which
+    the last goes beyond, each takes a third of a second."""
+    spins = np.zeros((4, 2, 3))
+    spins[:, 1, 2], spins[1, 1, 0] = (7.0, 8.0, 9.0, 0.0), 1.8
+    block: Any = Block([0.0, 0.5, 1.0, 2.0], angular_velocity=spins)
+    effort = Effort("rk4", 0.4, None, 1, 0)
+    (found,) = turns(block, effort, ("a", "b"), stride)
+    assert (found.t, found.where) == (float(block.t[first]), "b")
+    assert found.figure == pytest.approx(0.4 * np.hypot(*[(8.0, 1.8), (9.0, 0.0)][first - 1]))
+    assert found.finer_step == 0.05 and found.bound == np.pi
+    assert not list(turns(block, effort._replace(steps=11), ("a", "b"), stride))
+    assert not list(turns(block, effort._replace(steps=7), ("a", "b"), stride))
+    assert list(turns(block, effort._replace(steps=6), ("a", "b"), stride))
+    adaptive = effort._replace(tolerance=1e-6)
+    assert not list(turns(block, adaptive, ("a", "b"), stride))

@@ -1,0 +1,111 @@
+"""What is right is not warned about: rest, a total of zero, integrals over few samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation
+from rb_sim.checks.balance import Ledger
+from rb_sim.checks.bounds import Effort
+from rb_sim.checks.check_list import WatchList
+
+FRICTION = {"type": "coulomb", "static": 0.5}
+WEIGHT = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}
+
+
+def cube(mass: float, position: list[float], spin: float = 0.0) -> dict[str, Any]:
+    shape = {"type": "box", "size": [1.0, 1.0, 1.0]}
+    return {"mass": mass, "shape": shape, "position": position, "angular_velocity": [0, 0, spin]}
+
+
+def heavy_on_light() -> Simulation:
+    """1000 kg on 1 kg: weights times heights are 1e4 J."""
+    return Simulation(
+        {
+            "bodies": {"a": cube(1.0, [0, 0, 0.5]), "b": cube(1000.0, [0, 0, 1.0])},
+            "constraints": {
+                "floor": {"type": "contact", "body": "a", "friction": FRICTION},
+                "top": {"type": "contact", "body": "b", "parent": "a", "friction": FRICTION},
+            },
+            "effects": WEIGHT,
+            "simulation": {"duration": 1.0, "rate": 100.0},
+        }
+    )
+
+
+@pytest.mark.parametrize(("drift", "reported"), [(5e-9, False), (2.0, True)])
+def test_energy_of_what_stands_still_is_held_against_weight_times_length(
+    drift: float, reported: bool
+) -> None:
+    """5e-9 J are 5e-13 m of height of 1000 kg; 2 J are a fifth of a millimetre."""
+    simulation = heavy_on_light()
+    block = simulation.run(check=False).block
+    moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
+    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    watches.add(moved, Effort("dopri853", None, 1e-10, 10, 0))
+    watches.finish()
+    assert any(found.watch == "energy" for found in watches.findings) is reported
+
+
+def test_angular_momentum_whose_total_is_zero_is_held_against_that_of_the_bodies() -> None:
+    """Two cubes of 1 kg that spin against each other at 3 rad/s: 0.5 N m s each."""
+    scene = {
+        "bodies": {"a": cube(1.0, [1, 0, 0], 3.0), "b": cube(1.0, [-1, 0, 0], -3.0)},
+        "simulation": {"duration": 1.0, "rate": 100.0},
+    }
+    simulation = Simulation(scene)
+    block = simulation.run(check=False).block
+    wrong = block.angular_momentum + 1e-11 * block.t[:, None] * np.array([0.0, 0.0, 1.0])
+    ledger = Ledger(simulation.scene, simulation.layout)
+    ledger.add(replace(block, angular_momentum=wrong))
+    balance = ledger.momentum()
+    assert balance is not None
+    assert balance["angular"]["scale"] == pytest.approx(2 * 3.0 / 6.0)
+    assert balance["angular"]["relative"] == pytest.approx(1e-11, rel=1e-3)
+
+
+def test_a_shipped_pendulum_at_few_samples_is_right() -> None:
+    """Its samples make 8.6e-6 of the impulse of the support, and no error of the motion."""
+    run = Simulation("config/pendulum.yaml").run(1.3333, 30.0)
+    assert run.findings == ()
+
+
+def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
+    """A balance beyond the bound of the second run is not withdrawn by it."""
+    simulation = heavy_on_light()
+    run = simulation.run()
+    wrong = replace(run.block, kinetic_energy=run.block.kinetic_energy + 20.0 * run.t)
+    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    watches.add(wrong, Effort("dopri853", None, 1e-10, 10, 0))
+    watches.finish()
+    assert run.global_error is not None
+    watches.check(run.global_error, simulation)
+    assert [found.watch for found in watches.findings] == ["energy"]
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_a_step_that_a_second_run_finds_right_is_not_reported() -> None:
+    """A cube falls 5 m while a stiff spring turns another one by 1e-8 rad to and fro: gauss6 does
+    not follow the spring in steps of half a period, which makes nothing of the motion."""
+    frequency = 1000.0
+    swinging = cube(1.0, [3.0, 0.0, 0.0], 1e-8 * frequency)
+    spring = {"type": "torsion_spring", "body": "s", "stiffness": frequency**2 / 6.0}
+    scene = {
+        "bodies": {"b": cube(1.0, [0.0, 0.0, 0.0]), "s": swinging},
+        "constraints": {
+            "axis": {"type": "fixed_axis", "body": "s", "axis_B": [0, 0, 1]},
+        },
+        "effects": WEIGHT | {"spring": spring | {"axis_B": [0, 0, 1]}},
+        "simulation": {"duration": 1.0, "rate": 50.0, "method": "gauss6", "step": 0.003},
+    }
+    simulation = Simulation(scene)
+    alone = simulation.run(check=False)
+    assert "step" in {found.watch for found in alone.findings}
+    simulation.reset()
+    checked = simulation.run()
+    assert "step" not in {found.watch for found in checked.findings}
+    assert np.abs(checked.position["b"][:, 2] + 4.905 * checked.t**2).max() < 1e-9

@@ -1,0 +1,173 @@
+"""A long run is looked at closely here and there; what goes wrong in between is told as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.bounds import Effort
+from rb_sim.checks.check_list import EACH, FIRST, LOOK, SAMPLE, SHARE, Pace, WatchList
+from rb_sim.mechanics.samples import ARRAYS, SampleBlock, SampleLayout
+from rb_sim.scene.load import scene_from_mapping
+from tests.checks.test_dead_point import driven_to_the_end
+
+BLOCK = 1024
+BLOCKS = 300
+LATE = 20 * BLOCK + 300
+"""A sample beyond those that are looked at closely in any case."""
+
+ROD: dict[str, Any] = {
+    "bodies": {
+        "rod": {
+            "mass": 1.0,
+            "inertia": [0.1, 0.1, 0.01],
+            "center_of_mass": [0.0, 0.0, -0.5],
+            "angular_velocity": [0.0, 2.0, 0.0],
+        }
+    },
+    "constraints": {"hinge": {"type": "fixed_point", "body": "rod"}},
+    "effects": {
+        "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
+        "air": {"type": "angular_damping", "body": "rod", "coefficient": 1e-3},
+    },
+    "simulation": {"duration": BLOCKS * BLOCK / 200.0, "rate": 200.0, "tolerance": 1e-13},
+}
+TIGHT = Effort("dopri853", None, 1e-11, 100, 0)
+
+
+@cache
+def run_of(damped: bool) -> tuple[SampleBlock, SampleLayout]:
+    """The long run of the rod, with the air or without."""
+    simulation = Simulation(scene_from_mapping(mapping_of(damped)), announce=None)
+    return simulation.run().block, simulation.layout
+
+
+def mapping_of(damped: bool) -> dict[str, Any]:
+    weight = {"weight": ROD["effects"]["weight"]}
+    return ROD if damped else ROD | {"effects": weight}
+
+
+def pieces(block: SampleBlock, size: int = BLOCK) -> Iterator[SampleBlock]:
+    for first in range(0, len(block), size):
+        part = {name: getattr(block, name)[first : first + size] for name in ARRAYS}
+        yield replace(block, **part)
+
+
+def found(
+    damped: bool, effort: Effort = TIGHT, **columns: np.ndarray
+) -> tuple[dict[str, Finding], WatchList]:
+    block, layout = run_of(damped)
+    watches = WatchList(scene_from_mapping(mapping_of(damped)), layout)
+    for piece in pieces(replace(block, **columns)):
+        watches.add(piece, lambda: effort)
+    watches.finish()
+    return {finding.watch: finding for finding in watches.findings}, watches
+
+
+def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
+    """The values, from the sample LATE on others."""
+    late = np.arange(len(values)) >= LATE
+    return np.where(late.reshape(-1, *[1] * (values.ndim - 1)), changed, values)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_a_long_run_without_fault_is_passed_without_a_word(damped: bool) -> None:
+    told, watches = found(damped)
+    assert told == {}
+    block, _ = run_of(damped)
+    energy = watches.ledger.energy()
+    assert energy is not None and energy["relative"] < 1e-9
+    assert watches.ledger.samples == len(block)
+    momentum = watches.ledger.momentum()
+    if damped:
+        assert momentum is None and energy["work"] < -0.1
+    else:
+        assert momentum is not None and 0.01 < momentum["linear"]["share"] < 0.011
+
+
+def test_energy_that_jumps_between_two_close_looks_is_told_with_its_time() -> None:
+    block, _ = run_of(False)
+    told, _ = found(False, kinetic_energy=after(block.kinetic_energy, block.kinetic_energy + 1e-3))
+    assert set(told) == {"energy"}
+    assert told["energy"].t == block.t[LATE] and told["energy"].where == "rod"
+
+
+def test_power_that_is_too_small_from_some_time_on_is_told() -> None:
+    block, _ = run_of(True)
+    told, _ = found(True, power=after(block.power, 0.5 * block.power))
+    assert set(told) == {"energy"}
+    assert 0.0 <= told["energy"].t - block.t[LATE] < 2.0 * BLOCK / 200.0
+
+
+def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
+    block, _ = run_of(False)
+    residual = block.residual.copy()
+    residual[LATE] = 0.02
+    told, watches = found(False, residual=residual)
+    assert set(told) == {"residual"}
+    assert told["residual"].t == block.t[LATE] and told["residual"].figure == 0.02
+    assert watches.ledger.worst_residual == 0.02
+
+
+@pytest.mark.parametrize("share", [SHARE, 10.0 * SHARE], ids=["at the end", "before"])
+def test_a_reaction_that_is_wrong_from_some_time_on_is_told_at_a_later_look(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last block is one sample here, which alone shows nothing."""
+    monkeypatch.setattr("rb_sim.checks.check_list.SHARE", share)
+    block, _ = run_of(False)
+    told, _ = found(False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force))
+    assert {"momentum"} <= set(told) <= {"momentum", "angular momentum"}
+    assert told["momentum"].t > block.t[LATE]
+    assert (told["momentum"].t == block.t[-1]) == (share == SHARE)
+
+
+def test_a_spin_that_a_step_leaps_over_is_told() -> None:
+    block, _ = run_of(False)
+    effort = Effort("rk4", 1e-2, None, 100 * BLOCKS, 0)
+    told, _ = found(False, effort, angular_velocity=after(block.angular_velocity, 1000.0))
+    assert told["turn"].t == pytest.approx(block.t[LATE], abs=17.0 / 200.0)
+
+
+def test_samples_that_are_not_finite_are_told() -> None:
+    block, _ = run_of(False)
+    told, _ = found(False, kinetic_energy=after(block.kinetic_energy, np.nan))
+    assert "energy" in told
+
+
+def test_a_dead_point_between_two_close_looks_is_told() -> None:
+    """Its drive becomes impossible at 1.6 s; 20,000 samples at rest come before that."""
+    mapping = driven_to_the_end()
+    mapping["simulation"] |= {"rate": 1000.0}
+    scene = scene_from_mapping(mapping)
+    simulation = Simulation(scene, announce=None)
+    block = simulation.run().block
+    start = replace(block, **{name: getattr(block, name)[:1] for name in ARRAYS})
+    still = replace(start, **{name: np.repeat(getattr(start, name), BLOCK, 0) for name in ARRAYS})
+    watches = WatchList(scene, simulation.layout)
+    for k in range(20):
+        watches.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
+    for piece in pieces(block, 100):
+        watches.add(piece, TIGHT)
+    watches.finish()
+    told = {finding.watch: finding for finding in watches.findings}
+    assert told["dead point"].t == pytest.approx(1.6, abs=2e-3)
+
+
+@pytest.mark.parametrize("size", [1, 2, 30])
+def test_close_looks_cost_a_share_of_the_samples_and_are_spread_out(size: int) -> None:
+    """Counted as the pace counts: every look is paid by the samples before it."""
+    pace, count = Pace(size), 60_000
+    looked = [i for i in range(count) if pace.close(BLOCK)]
+    late = [i for i in looked if i >= FIRST // BLOCK]
+    assert looked[: FIRST // BLOCK] == list(range(FIRST // BLOCK))
+    cost = len(late) * (LOOK + EACH * size * BLOCK)
+    assert 0.9 * SHARE < cost / (count * BLOCK * SAMPLE * size) <= SHARE
+    assert max(np.diff(late)) - min(np.diff(late)) <= 1

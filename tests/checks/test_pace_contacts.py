@@ -1,0 +1,73 @@
+"""Where contacts do not change for long, blocks are passed with a glance, which misses no fault."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.bounds import Effort
+from rb_sim.checks.check_list import CHATTER, WatchList
+from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
+from tests.checks.test_pace import after, pieces
+
+LATE = 20 * 1024 + 300
+"""A sample in a block in which nothing happens: the ball has rolled for long."""
+TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
+RATE = 1000.0
+
+
+@cache
+def run() -> tuple[SampleBlock, SampleLayout]:
+    """A ball thrown along the floor, which slips, then rolls."""
+    simulation = Simulation(load_scene("thrown_ball", duration=30.0, rate=RATE), announce=None)
+    return simulation.run().block, simulation.layout
+
+
+def found(**columns: np.ndarray) -> tuple[dict[str, Finding], WatchList]:
+    block, layout = run()
+    watches = WatchList(load_scene("thrown_ball", rate=RATE), layout)
+    for piece in pieces(replace(block, **columns)):
+        here = tuple(e for e in block.events if piece.t[0] - 1.0 / RATE < e.t <= piece.t[-1])
+        watches.add(replace(piece, events=here), TIGHT)
+    watches.finish()
+    return {finding.watch: finding for finding in watches.findings}, watches
+
+
+def test_a_ball_that_rolls_on_is_passed_without_a_word() -> None:
+    told, watches = found()
+    block, _ = run()
+    assert told == {} and watches.ledger.samples == len(block)
+    energy = watches.ledger.energy()
+    assert energy is not None and energy["relative"] < 1e-9
+    assert energy["work"] == pytest.approx(block.contact_work[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize("column", ["kinetic_energy", "contact_work"])
+def test_energy_or_work_that_jumps_while_it_rolls_is_told_with_its_time(column: str) -> None:
+    block, _ = run()
+    values = getattr(block, column)
+    told, _ = found(**{column: after(values, values + 1e-3)})
+    assert set(told) == {"energy"} and told["energy"].t == block.t[LATE]
+
+
+def test_a_sample_that_sinks_in_is_told_with_its_time() -> None:
+    block, _ = run()
+    residual = block.residual.copy()
+    residual[LATE] = 1e-4
+    told, _ = found(residual=residual)
+    assert set(told) == {"residual"} and told["residual"].t == block.t[LATE]
+
+
+def test_events_are_counted_however_late_they_come() -> None:
+    block, layout = run()
+    watches = WatchList(load_scene("thrown_ball", rate=RATE), layout)
+    for i, piece in enumerate(pieces(block)):
+        contact = layout.contacts[0]
+        many = (ContactEvent(float(piece.t[0]), contact, "impact"),) * (2000 * CHATTER)
+        watches.add(replace(piece, events=many if i == 20 else ()), TIGHT)
+    assert {finding.watch for finding in watches.findings} == {"events"}

@@ -1,0 +1,195 @@
+"""Integrals over samples: exact for cubics, of order 4 else, and the same in any blocks."""
+
+import numpy as np
+import pytest
+
+from rb_sim.checks.imbalance import DOUBTS
+from rb_sim.checks.sample_integrals import CheckedQuadrature, Quadrature
+
+RNG = np.random.default_rng(38)
+
+
+def integral(t, f, cuts, kind=Quadrature):
+    rule = kind(f.shape[1])
+    for part in np.split(np.arange(len(t)), cuts):
+        rule.add(t[part], f[part])
+    return rule.total() if kind is Quadrature else rule.finish()
+
+
+@pytest.mark.parametrize("n", [4, 5, 6, 40])
+def test_cubic_is_exact_on_any_grid(n):
+    t = np.cumsum(RNG.uniform(0.5, 1.5, n))
+    f = np.c_[np.ones(n), t**3 - 2.0 * t]
+    want = [t[-1] - t[0], (t[-1] ** 4 - t[0] ** 4) / 4.0 - t[-1] ** 2 + t[0] ** 2]
+    np.testing.assert_allclose(integral(t, f, []), want, rtol=1e-13)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_few_samples_take_the_polynomial_through_them(n):
+    t = np.linspace(1.0, 2.0, n)
+    f = t[:, None] ** max(n - 1, 0)
+    want = (t[-1] ** n - t[0] ** n) / n if n else 0.0
+    np.testing.assert_allclose(integral(t, f, []), [want], atol=1e-14)
+
+
+def test_order_four():
+    errors = []
+    for n in (161, 321):
+        t = np.linspace(0.0, 3.0, n)
+        errors.append(abs(integral(t, np.sin(3.0 * t)[:, None], [])[0] - (1 - np.cos(9.0)) / 3.0))
+    assert np.log2(errors[0] / errors[1]) > 3.8
+
+
+@pytest.mark.parametrize("cuts", [[1], [1, 2, 3, 4, 5], [10, 11, 40], [49]])
+def test_blocks_do_not_matter(cuts):
+    t = np.linspace(0.0, 1.0, 50)
+    f = np.c_[np.exp(t), np.cos(5.0 * t)]
+    np.testing.assert_allclose(integral(t, f, cuts), integral(t, f, []), rtol=1e-14)
+    got, whole = (integral(t, f, c, CheckedQuadrature) for c in (cuts, []))
+    np.testing.assert_allclose(got, whole, rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [60, 61])
+def test_half_the_samples_bound_the_error(n):
+    t = np.linspace(0.0, 2.0, n)
+    total, doubt = integral(t, np.sin(9.0 * t)[:, None], [7], CheckedQuadrature)
+    error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
+    assert error < doubt[0] < 100.0 * error
+
+
+def broken(t):
+    """Cubics that jump at 0.303 and at the sample 0.5, and its integral from 0 to 1."""
+    f = np.where(t < 0.303, t**3, np.where(t < 0.5, 2.0 - t, 5.0 * t**2))
+    whole = 0.303**4 / 4 + 2.0 * 0.197 - (0.25 - 0.303**2) / 2 + 5.0 * (1.0 - 0.125) / 3
+    return f[:, None], whole
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
+def test_breaks_are_integrated_up_to(size):
+    t = np.linspace(0.0, 1.0, 41)
+    f, whole = broken(t)
+    rule = CheckedQuadrature(1)
+    before = -1.0
+    for first in range(0, 41, size):
+        part = slice(first, first + size)
+        last = t[part][-1]
+        breaks = [b for b in (0.303, 0.5) if before < b <= last]
+        rule.add(t[part], f[part], breaks)
+        before = last
+    got, doubt = rule.finish()
+    assert got[0] == pytest.approx(whole, rel=1e-13)
+    assert doubt[0] < 1e-12
+
+
+def test_breaks_that_crowd_do_no_harm():
+    """Between samples several at once count as the first; the rest is as without them."""
+    t = np.linspace(0.0, 1.0, 41)
+    f, whole = broken(t)
+    rule = Quadrature(1)
+    rule.add(t, f, [0.303, 0.304, 0.305, 0.5, 0.5 + 1e-9])
+    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+
+
+def test_two_samples_are_in_doubt_altogether():
+    """A node looks at what it has so far: a fast top was told to lose momentum after one step."""
+    t = np.array([0.0, 0.002])
+    total, doubt = integral(t, np.cos(300.0 * t)[:, None], [], CheckedQuadrature)
+    assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= doubt
+
+
+@pytest.mark.parametrize("n", [3, 4, 9, 40])
+def test_asking_in_between_changes_neither_integral_nor_doubt(n):
+    """A watch asks after every block; what it took along for the last sample stayed in the half,
+    so that of three samples none was in doubt."""
+    t = np.linspace(0.0, 1.0, n) ** 2
+    f = np.exp(-3.0 * t)[:, None]
+    whole, asked = CheckedQuadrature(1), CheckedQuadrature(1)
+    whole.add(t, f)
+    for i in range(n):
+        asked.add(t[i : i + 1], f[i : i + 1])
+        asked.finish()
+    np.testing.assert_allclose(asked.finish(), whole.finish(), rtol=1e-12, atol=1e-14)
+    assert whole.finish()[1] > 1e-9
+
+
+@pytest.mark.parametrize("cuts", [(), (150,), (99, 100, 101, 260)])
+def test_a_gap_is_in_doubt_altogether(cuts) -> None:
+    """Half the samples have it as all of them do: by them alone it would be known to 1e-4 of it."""
+    t = np.arange(400) * 0.01
+    t[100:] += 2.0
+    f = np.cos(3.0 * t)[:, None]
+    quadrature = CheckedQuadrature(1)
+    for part in np.split(np.arange(400), cuts):
+        quadrature.add(t[part], f[part])
+        quadrature.finish()
+    total, doubt = quadrature.finish()
+    error = abs(total[0] - (np.sin(3.0 * t[-1]) / 3.0))
+    assert 0.01 < error < doubt[0]
+    whole = 0.5 * 2.01 * (abs(f[99, 0]) + abs(f[100, 0]))
+    assert doubt[0] == pytest.approx(whole, rel=0.2)
+
+
+def test_short_intervals_beside_events_make_no_gaps_of_the_others() -> None:
+    t = np.sort(np.concatenate([np.arange(100) * 0.01, np.arange(1000) * 1e-7 + 0.305]))
+    quadrature = CheckedQuadrature(1)
+    quadrature.add(t, np.cos(3.0 * t)[:, None])
+    total, doubt = quadrature.finish()
+    assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and doubt[0] < 1e-5
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
+def test_no_error_of_few_samples_between_breaks_goes_without_doubt(n) -> None:
+    """A body struck before the last sample was told to lose energy: half of the samples had the one
+    behind the impact as all of them did, and nothing of what lay there was in doubt."""
+    rng = np.random.default_rng(n)
+    t = np.linspace(0.0, 1.0, n)
+    for _ in range(400):
+        breaks = np.sort(rng.uniform(0.0, 1.0, int(rng.integers(1, 4))))
+        w, phase = n * rng.uniform(0.05, 0.5), rng.uniform(0.0, 2.0 * np.pi)
+        size, offset = 0.3 * rng.normal(size=(2, len(breaks) + 1)) + [[1.0], [0.0]]
+        piece = np.searchsorted(breaks, t, side="right")
+        f = size[piece] * np.cos(w * t + phase) + offset[piece]
+        ends = np.array([0.0, *breaks, 1.0])
+        whole = size @ np.diff(np.sin(w * ends + phase)) / w + offset @ np.diff(ends)
+        rule = CheckedQuadrature(1)
+        for part in np.split(np.arange(n), [int(rng.integers(0, n))]):
+            if len(part):
+                rule.add(t[part], f[part, None], [b for b in breaks if b <= t[part[-1]]])
+                breaks = breaks[breaks > t[part[-1]]]
+        got, doubt = rule.finish()
+        assert abs(got[0] - whole) <= DOUBTS * doubt[0] + 1e-12
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_sizes_and_values_by_trapezoids_are_those_of_numpy(stride: int) -> None:
+    """Equal spacing, a gap and a bend, in pieces; all at once where the spacing is equal."""
+    t = np.concatenate([0.1 * np.arange(50), 7.0 + 0.1 * np.arange(2000)])
+    f = np.c_[np.cos(3.0 * t), t - 40.0]
+    rule = CheckedQuadrature(2)
+    for first in range(0, len(t), 137 * stride):
+        rule.add(t[first : first + 137 * stride], f[first : first + 137 * stride])
+    for k, (size, signed) in enumerate(rule.by_trapezoids()):
+        halves = 0.5 * np.diff(t)
+        assert signed == pytest.approx(halves @ (f[1:, k] + f[:-1, k]), rel=1e-12)
+        assert size == pytest.approx(halves @ (np.abs(f[1:, k]) + np.abs(f[:-1, k])), rel=1e-12)
+
+
+def test_a_gap_after_many_samples_is_in_doubt_altogether() -> None:
+    t = 0.01 * np.arange(4000)
+    t[3000:] += 2.0
+    f = np.cos(3.0 * t)[:, None]
+    rule = CheckedQuadrature(1)
+    for first in range(0, 4000, 512):
+        rule.add(t[first : first + 512], f[first : first + 512])
+    whole = 0.5 * 2.01 * (abs(f[2999, 0]) + abs(f[3000, 0]))
+    assert rule.finish()[1][0] == pytest.approx(whole, rel=0.05)
+
+
+def test_a_break_among_equal_samples_is_taken_in_its_place() -> None:
+    """Of equally spaced samples many are taken at once, but none beyond a break."""
+    t = np.linspace(0.0, 1.0, 1001)
+    f, whole = broken(t)
+    rule = Quadrature(1)
+    rule.add(t, f, [0.303, 0.5])
+    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+    assert integral(t, f, [])[0] != pytest.approx(whole, rel=1e-6)

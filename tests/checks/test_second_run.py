@@ -1,0 +1,183 @@
+"""The second run states the error that closed forms give, and reports it above its bound."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rb_sim import Simulation, Trajectory
+from rb_sim.cli.main import app
+
+W = 2.0 * math.pi
+
+SPRING: dict[str, Any] = {
+    "bodies": {"b": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [1.0, 0.0, 0.0]}},
+    "effects": {"s": {"type": "spring", "body": "b", "stiffness": W * W}},
+}
+
+
+def oscillation(**simulation: Any) -> dict[str, Any]:
+    """x = cos 2 pi t, y = z = 0."""
+    return SPRING | {"simulation": {"duration": 3.0, "rate": 200.0} | simulation}
+
+
+def true_error(run: Trajectory) -> float:
+    """The largest error of the position over the largest way from the start, which is 2 m."""
+    return float(np.abs(run.position["b"][:, 0] - np.cos(W * run.t)).max() / 2.0)
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+@pytest.mark.parametrize(
+    "simulation",
+    [
+        {"method": "rk4", "step": 0.05},
+        {"method": "rk4", "step": 0.01},
+        {"method": "gauss6", "step": 0.2},
+        {"method": "euler", "step": 5e-5},
+        {"method": "dopri853", "tolerance": 1e-3},
+        {"method": "dopri853", "tolerance": 1e-7},
+        {"method": "radau5", "tolerance": 1e-4},
+    ],
+)
+def test_the_global_error_is_that_of_the_closed_form(simulation: dict[str, Any]) -> None:
+    run = Simulation(oscillation(**simulation)).run()
+    assert run.global_error is not None
+    assert run.global_error.relative == pytest.approx(true_error(run), rel=0.25)
+    assert run.global_error.body == "b"
+    reported = any(found.watch == "global error" for found in run.findings)
+    assert reported == (run.global_error.relative > 1e-2)
+
+
+def test_the_error_is_largest_when_it_says() -> None:
+    run = Simulation(oscillation(method="rk4", step=0.02)).run()
+    assert run.global_error is not None
+    errors = np.abs(run.position["b"][:, 0] - np.cos(W * run.t))
+    assert run.global_error.t == pytest.approx(run.t[int(np.argmax(errors))], abs=0.02)
+
+
+def test_steps_that_knots_of_a_table_cut_are_halved_too() -> None:
+    """A body of 1 kg under F = 60 t^2 N as straight lines between knots, in steps of one knot
+    each: the second run has to halve the steps between the knots, or it shows no error."""
+    knots = [0.1 * k for k in range(41)]
+    scene = {
+        "bodies": {"b": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}},
+        "effects": {
+            "w": {"type": "wrench_table", "body": "b", "times": knots,
+                  "forces": [[60.0 * t * t, 0.0, 0.0] for t in knots], "interpolation": "linear"}
+        },
+        "simulation": {"duration": 4.0, "rate": 10.0, "method": "euler", "step": 0.25},
+    }  # fmt: skip
+    run = Simulation(scene).run()
+    exact = Simulation(scene | {"simulation": {"duration": 4.0, "rate": 10.0, "tolerance": 1e-12}})
+    true = exact.run().position["b"]
+    error = np.abs(run.position["b"] - true).max() / np.abs(true).max()
+    assert run.global_error is not None
+    error *= np.abs(true).max() / np.abs(run.position["b"]).max()  # over the smaller motion
+    # of a load in time alone this method is of order 2, so that half steps show 3/4 of the error
+    assert run.global_error.relative == pytest.approx(1.5 * error, rel=0.01)
+
+
+def test_a_motion_that_samples_do_not_show_is_compared_between_them() -> None:
+    """Sampled once a period the run stands still, and the second one as well."""
+    simulation = {"method": "dopri853", "tolerance": 1e-6, "duration": 100.0, "rate": 1.0}
+    run = Simulation(oscillation(**simulation)).run()
+    dense = Simulation(oscillation(**simulation | {"rate": 100.0})).run(check=False)
+    assert run.global_error is not None
+    assert run.global_error.relative == pytest.approx(true_error(dense), rel=0.25)
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_a_motion_that_starts_anywhere_is_checked_from_there() -> None:
+    simulation = Simulation(oscillation(method="rk4", step=0.1))
+    first = simulation.run(1.0, watched=False)
+    assert first.global_error is None
+    second = simulation.run(2.0, check=True)
+    x, v = first.position["b"][-1, 0], first.linear_velocity["b"][-1, 0]
+    since = W * (second.t - second.t[0])
+    error = np.abs(second.position["b"][:, 0] - x * np.cos(since) - v / W * np.sin(since))
+    way = np.abs(second.position["b"][:, 0] - x).max()
+    assert second.global_error is not None
+    assert second.global_error.relative == pytest.approx(error.max() / way, rel=0.25)
+
+
+def test_auto_that_cannot_assure_its_error_warns() -> None:
+    """A pendulum of 1 m that starts 1e-4 rad beside its upright position: errors grow by e^9 in the
+    first swing and again in each further one."""
+    angle = -math.pi + 1e-4
+    rod = {"mass": 1.0, "inertia": [0.05, 0.08, 0.11]}
+    rod |= {"position": [math.sin(1e-4), 0.0, 1.0 + math.cos(1e-4) - 1.0]}
+    rod |= {"orientation": {"axis": [0, 1, 0], "angle": angle}}
+    scene = {
+        "bodies": {"p": rod},
+        "constraints": {"j": {"type": "fixed_point", "body": "p", "point_B": [0, 0, 1.0]}},
+        "effects": {"w": {"type": "gravity", "acceleration": [0, 0, -9.81]}},
+        "simulation": {"duration": 30.0, "rate": 2.0, "project_initial": True}
+        | {"method": "auto", "tolerance": 1e-12},
+    }
+    simulation = Simulation(scene)
+    assert simulation.choice is not None and not simulation.choice.reached
+    with pytest.warns(match="cannot be"):
+        run = simulation.run()
+    (found,) = [found for found in run.findings if found.watch == "auto"]
+    assert found.bound == 1e-12 < found.figure
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_of_a_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no time for more than a part of the second run: its error is that of the closed form."""
+    monkeypatch.setattr("rb_sim.checks.second_run.AFFORDED", 1e-4)
+    simulation = Simulation(oscillation(method="euler", step=2e-5, duration=30.0))
+    run = simulation.run()
+    error = run.global_error
+    assert error is not None and error.upto is not None and 0.0 < error.upto < 30.0
+    part = run.t <= error.upto
+    wrong = np.abs(run.position["b"][part, 0] - np.cos(W * run.t[part])).max()
+    way = np.abs(run.position["b"][part, 0] - 1.0).max()
+    assert error.relative == pytest.approx(wrong / way, rel=0.25)
+
+
+def test_nobody_makes_a_second_run_who_is_not_to() -> None:
+    simulation = Simulation(oscillation(method="rk4", step=0.01))
+    assert simulation.run(check=False).global_error is None
+    simulation.reset()
+    assert simulation.run(watched=False).global_error is None
+
+
+def test_a_run_at_rest_in_contact_has_no_error() -> None:
+    scene = {
+        "bodies": {"b": {"mass": 2.0, "shape": {"type": "box", "size": [1.0, 1.0, 1.0]},
+                         "position": [0.0, 0.0, 0.5]}},
+        "constraints": {"floor": {"type": "contact", "body": "b",
+                                  "friction": {"type": "coulomb", "static": 0.5}}},
+        "effects": {"g": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    }  # fmt: skip
+    for how in ({"tolerance": 1e-4}, {"method": "time_stepping", "step": 0.01}):
+        simulation = {"duration": 1.0, "rate": 100.0} | how
+        run = Simulation(scene | {"simulation": simulation}).run()
+        assert run.global_error is not None
+        assert run.global_error.relative < 1e-2
+
+
+def test_the_summary_states_it_and_strict_ends_with_3(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps(oscillation(method="rk4", step=0.1)))
+    out = tmp_path / "out"
+    options = ["run", str(scene), "--out", str(out), "--no-plots", "--no-rerun", "--strict"]
+    ended = CliRunner().invoke(app, options)
+    assert ended.exit_code == 3
+    summary = json.loads((out / "summary.json").read_text())
+    told = Trajectory.from_bag  # the bag tells the same
+    with pytest.warns(match="global error"):
+        run = told(out / "bag")
+    assert run.global_error is not None
+    assert summary["global_error"]["relative"] == run.global_error.relative
+    assert run.global_error.relative == pytest.approx(true_error(run), rel=0.25)
+    assert f"global error       {summary['global_error']['text']}" in ended.output
+    ended = CliRunner().invoke(app, [*options, "--overwrite", "--no-check"])
+    assert json.loads((out / "summary.json").read_text())["global_error"]["unknown"]

@@ -1,0 +1,253 @@
+"""A fixed step that does not follow the motion is told, also where it keeps the energy."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim import Simulation, load_scene
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
+
+W = 1e3
+"""Frequency of the oscillator [rad/s]."""
+
+
+def oscillator(
+    method: str, step: float, steps: int = 100, floor: bool = False, beside: bool = False
+) -> Simulation:
+    """1 kg on a spring, let go 1 cm from its anchor; floor: it slides on one, without friction;
+    beside: another body rests, so that coordinates are maximal."""
+    scene: dict[str, Any] = {
+        "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.01, 0.0, 0.0]}},
+        "effects": {
+            "spring": {
+                "type": "spring",
+                "body": "bob",
+                "stiffness": W * W,
+                "point_A": [0.0, 0.0, 0.0],
+                "rest_length": 0.0,
+            }
+        },
+        "simulation": {
+            "method": method,
+            "step": step,
+            "duration": steps * step,
+            "rate": 1.0 / step,
+        },
+    }
+    if beside:
+        scene["bodies"]["other"] = {"mass": 1.0, "inertia": [0.1] * 3}
+    if floor:
+        scene["bodies"]["bob"] |= {"shape": {"type": "sphere", "radius": 0.1}}
+        scene["constraints"] = {
+            "floor": {
+                "type": "contact",
+                "body": "bob",
+                "surface": {"type": "plane", "point": [0.0, 0.0, -0.1], "normal": [0.0, 0.0, 1.0]},
+                "friction": {"type": "smooth"},
+            }
+        }
+        scene["effects"]["weight"] = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    return Simulation(load_scene(scene), announce=None)
+
+
+def watched(simulation: Simulation) -> WatchList:
+    """The watches of the whole run."""
+    watches = WatchList(simulation.scene, simulation.layout)
+    options = simulation.scene.simulation
+    for block in simulation.blocks(options.duration, options.rate):
+        watches.add(block, effort_of(simulation))
+    return watches
+
+
+@pytest.mark.parametrize("turn", [4.0, 10.0, 300.0])
+def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
+    """It keeps the energy to round-off, so that no balance shows it."""
+    watches = watched(oscillator("gauss6", turn / W))
+    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    assert found.where == "bob"
+    energy: Any = watches.ledger.energy()
+    assert energy["relative"] < 1e-9
+
+
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
+@pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])
+def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float, floor: bool) -> None:
+    """A step of gauss6 errs by (w h)^7/100800 in phase, rk4 by (w h)^5/120; 300 of them by half a
+    radian and more, which no balance of gauss6 shows, and which one step keeps within its bound."""
+    simulation = oscillator(method, turn / W, 300, floor)
+    watches = watched(simulation)
+    phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
+    assert 0.3 * 300 * phase < simulation.coarseness.grown < 3.0 * 300 * phase
+    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    assert found.where == "bob" and "added up" in found.what
+
+
+def spun_rod(method: str, turn: float, floor: bool) -> Simulation:
+    """300 steps of a thin rod that flies and turns slowly across, and by `turn` about its axis in a
+    step: in its own axes what it turns across goes round as fast."""
+    across, along, spin = 0.01, 1e-7, 2e4
+    step = turn / (spin * (1.0 - along / across))
+    push = {"type": "wrench", "body": "rod", "torque": [1e-6, 0.0, 0.0], "frame": "body"}
+    scene: dict[str, Any] = {
+        "bodies": {
+            "rod": {
+                "mass": 1.0,
+                "inertia": [across, across, along],
+                "position": [0.0, 0.0, 1.0],
+                "angular_velocity": [5.0, 0.0, spin],
+            }
+        },
+        "effects": {"push": push},
+        "simulation": {
+            "method": method,
+            "step": step,
+            "duration": 300 * step,
+            "rate": 1.0 / step,
+        },
+    }
+    if floor:
+        scene["bodies"]["rod"]["shape"] = {"type": "sphere", "radius": 0.1}
+        scene["constraints"] = {
+            "floor": {"type": "contact", "body": "rod", "friction": {"type": "smooth"}}
+        }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "above a floor"])
+@pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])
+def test_a_spin_that_hardly_moves_a_rod_hides_nothing(
+    method: str, turn: float, floor: bool
+) -> None:
+    """Its points move a hundred times as fast about its axis as across, which is missed."""
+    simulation = spun_rod(method, turn, floor)
+    watches = watched(simulation)
+    phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
+    assert 0.5 * 300 * phase < simulation.coarseness.grown < 1.5 * 300 * phase
+    assert "step" in [finding.watch for finding in watches.findings]
+
+
+@pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
+@pytest.mark.parametrize(("method", "turn"), [("gauss6", 1.0), ("rk4", 0.1), ("euler", 0.02)])
+def test_a_step_that_follows_is_not(method: str, turn: float, floor: bool) -> None:
+    assert watched(oscillator(method, turn / W, floor=floor)).findings == ()
+
+
+def test_what_a_step_misses_follows_from_its_order() -> None:
+    """Of x'' = -w^2 x Kutta's method misses (w h)^5/120 of v in a step, its halves a sixteenth of
+    it; the largest change of v is w h of it. Four steps add up, at most."""
+    z = 0.5
+    simulation = oscillator("rk4", z / W)
+    simulation.advance(10 * z / W)
+    one = z**4 / 120.0 * 15.0 / 16.0
+    assert 0.5 * one < simulation.coarseness.share < 4.0 * one
+
+
+def test_a_probe_does_not_touch_the_run() -> None:
+    probed, alone = (oscillator("rk4", 0.1 / W) for _ in range(2))
+    for simulation in (probed, alone):
+        for _ in range(20):
+            simulation.advance(50 * 0.1 / W)
+            if simulation is probed:
+                assert math.isfinite(probed.coarseness.share)
+    ends = (simulation.sample().block for simulation in (probed, alone))
+    one, other = ((end.position, end.linear_velocity) for end in ends)
+    np.testing.assert_array_equal(one, other)
+    assert probed.steps == alone.steps
+
+
+def test_an_adaptive_method_is_not_probed() -> None:
+    simulation = Simulation(load_scene("heavy_top"), announce=None)
+    assert simulation.coarseness.share == 0.0
+
+
+def whip(step: float, duration: float) -> Simulation:
+    """A heavy body on a rod from a point beside its centre: it falls, and after 0.4 s the rod pulls
+    it round within some hundredths of a second."""
+    body = {
+        "mass": 81.0,
+        "inertia": [0.3, 0.4, 0.32],
+        "position": [0.114, -0.226, -0.244],
+        "orientation": {"axis": [0.04, 0.22, 0.97], "angle": 1.35},
+        "angular_velocity": [-0.14, 0.3, -0.16],
+        "linear_velocity": [-0.33, -0.79, -0.27],
+    }
+    rod = {
+        "type": "distance",
+        "body": "body",
+        "point_B": [0.142, 0.372, 0.408],
+        "point_A": [1.02, -1.4, 0.98],
+    }
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    options = {"method": "euler", "step": step, "duration": duration, "rate": 100.0}
+    scene = {
+        "bodies": {"body": body},
+        "constraints": {"rod": rod},
+        "effects": {"weight": weight},
+        "simulation": options | {"project_initial": True},
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize(
+    ("step", "steps"), [(0.05, 9), (0.05, 10), (0.05, 11), (0.05, 12), (0.02, 25), (0.01, 50)]
+)
+def test_what_happens_in_the_middle_of_a_short_run_is_told(step: float, steps: int) -> None:
+    """The start looks smooth, and so may the end, while energy comes from nowhere."""
+    simulation = whip(step, step * steps)
+    watches = watched(simulation)
+    energy: Any = watches.ledger.energy()
+    assert energy["relative"] > 0.05
+    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    assert 0.1 < found.t < 0.5
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.0251, 0.03, 0.05])
+def test_a_step_that_follows_through_where_nothing_accelerates_is_not(turn: float) -> None:
+    """At the anchor the velocity hardly changes in a step, less than Euler's misses of it."""
+    watches = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
+    assert "step" not in [finding.watch for finding in watches.findings]
+
+
+def thrown(effect: dict[str, Any], step: float, method: str, steps: int) -> Simulation:
+    """1 kg at 1 m/s under one load."""
+    body = {"mass": 1.0, "inertia": [0.1] * 3, "linear_velocity": [1.0, 0.0, 0.0]}
+    scene = {
+        "bodies": {"ball": body},
+        "effects": {"load": effect | {"body": "ball"}},
+        "simulation": {
+            "method": method,
+            "step": step,
+            "duration": steps * step,
+            "rate": 1.0 / step,
+        },
+    }
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize("steps", [2, 3, 4])
+def test_a_run_that_ends_before_it_overflows_is_told(steps: int) -> None:
+    """v' = -c v |v| with c h |v| = 100: v is -99, then 1e6, and after some steps more no number; so
+    four steps show nothing, and one does."""
+    oil = {"type": "quadratic_drag", "coefficient": 1000.0}
+    watches = watched(thrown(oil, 0.1, "euler", steps))
+    assert "step" in [finding.watch for finding in watches.findings]
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4", "gauss6"])
+def test_a_load_that_is_missed_and_hardly_matters_is_not(method: str) -> None:
+    """1e-7 N at a radian and a half a step: what is missed is 1e-8 of a way of 10 m."""
+    load = {"type": "wrench", "force": [0.0, 0.0, 0.0], "sine_force": [1e-7, 0.0, 0.0]}
+    simulation = thrown(load | {"angular_frequency": 15.0}, 0.1, method, 100)
+    assert "step" not in [finding.watch for finding in watched(simulation).findings]
+
+
+def test_a_start_that_the_run_did_not_have_is_not_looked_at() -> None:
+    """Put at rest where the spring is slack, it stays there, whatever the scene begins with."""
+    simulation = oscillator("gauss6", 4.0 / W, beside=True)
+    simulation.set_state({"bob": {"position": [0.0, 0.0, 0.0]}})
+    assert watched(simulation).findings == ()

@@ -1,0 +1,255 @@
+"""The step that warnings or a failure name has been tried: no watch finds fault with it."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Any
+
+import pytest
+
+from rb_sim import Simulation, SimulationError, load_scene
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks import step_search as search
+from rb_sim.checks.bounds import effort_of
+from rb_sim.checks.check_list import WatchList
+from rb_sim.cli.verbs.run import FAILED, RunOptions
+from rb_sim.cli.verbs.run import run as command
+
+W = 1e3
+"""Frequency of the oscillator [rad/s]."""
+
+OSCILLATOR = {
+    "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.01, 0.0, 0.0]}},
+    "effects": {
+        "spring": {"type": "spring", "body": "bob", "stiffness": W * W, "rest_length": 0.0}
+    },
+    "simulation": {"duration": 0.4, "rate": 250},
+}
+SPINNER = {
+    "bodies": {"wheel": {"mass": 1.0, "inertia": [1, 1, 2], "angular_velocity": [0, 0, 40]}},
+    "simulation": {"duration": 2.0, "rate": 50},
+}
+DRAGGED = {
+    "bodies": {"ball": {"mass": 1.0, "inertia": [1, 1, 1], "linear_velocity": [3.0, 0, 0]}},
+    "effects": {"air": {"type": "linear_drag", "body": "ball", "coefficient": 8.0}},
+    "simulation": {"duration": 2.0, "rate": 200},
+}
+TWO_ARMS = {
+    "bodies": {
+        "upper": {
+            "mass": 1.0,
+            "inertia": [0.1, 0.1, 0.01],
+            "center_of_mass": [0.0, 0.0, -0.5],
+            "orientation": {"axis": [0.0, 1.0, 0.0], "angle": 2.0},
+        },
+        "lower": {
+            "mass": 1.0,
+            "inertia": [0.1, 0.1, 0.01],
+            "center_of_mass": [0.0, 0.0, -0.5],
+            "position": [-0.9092974268256817, 0.0, 0.4161468365471424],
+        },
+    },
+    "constraints": {
+        "shoulder": {
+            "type": "fixed_axis",
+            "body": "upper",
+            "axis_B": [0.0, 1.0, 0.0],
+            "bearing_distance": 0.2,
+        },
+        "elbow": {
+            "type": "fixed_axis",
+            "body": "lower",
+            "parent": "upper",
+            "axis_B": [0.0, 1.0, 0.0],
+            "bearing_distance": 0.2,
+        },
+    },
+    "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    "simulation": {"duration": 5.0, "rate": 100},
+}
+
+
+def told(capfd: pytest.CaptureFixture[str], scene: Any, **how: Any) -> list[str]:
+    """The lines of warning of a run on the command line."""
+    command(RunOptions(scene, quiet=True, **how))
+    return [line for line in capfd.readouterr().err.splitlines() if line.startswith("warning")]
+
+
+@pytest.mark.parametrize("scene", [OSCILLATOR, TWO_ARMS])
+def test_a_trial_does_not_trace_the_laws_again(scene: dict[str, Any]) -> None:
+    """Which is most of its time where the motion is short; in one set of coordinates and in the
+    other."""
+    how = {"method": "rk4", "step": 1e-3}
+    simulation = Simulation(load_scene(scene | {"simulation": scene["simulation"] | how}))
+    trial = simulation.with_step(2e-3)
+    assert trial.setting.step == 2e-3
+    assert trial.compiled.laws is simulation.compiled.laws
+    assert trial.with_step(4e-3).compiled.laws is simulation.compiled.laws
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "step", "watch"),
+    [
+        ("heavy_top", "rk4", 0.004, "energy"),
+        ("heavy_top", "gauss6", 0.02, "momentum"),
+        ("pendulum", "euler", 0.05, "momentum"),
+        ("free_tumble", "rk4", 0.5, "global error"),
+        (OSCILLATOR, "gauss6", 0.004, "step"),
+        (OSCILLATOR, "euler", 4e-4, "step"),
+        (SPINNER, "rk4", 0.1, "turn"),
+        (DRAGGED, "euler", 0.05, "step"),
+        (TWO_ARMS, "rk4", 0.05, "energy"),
+    ],
+)
+def test_the_step_named_ends_every_warning(
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Any,
+    scene: Any,
+    method: str,
+    step: float,
+    watch: str,
+) -> None:
+    if isinstance(scene, dict):
+        file = tmp_path / "scene.yaml"
+        file.write_text(load_scene(scene).text, encoding="utf-8")
+        scene = str(file)
+    lines = told(capfd, scene, method=method, step=step)
+    assert any(line.startswith(f"warning: {watch}: ") for line in lines), lines
+    named = {float(re.findall(r"with step ([0-9.e-]+) s this warning", line)[0]) for line in lines}
+    assert len(named) == 1
+    (finer,) = named
+    assert finer <= 0.5 * step
+    assert told(capfd, scene, method=method, step=finer) == []
+
+
+def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Finding, ...]]:
+    """A run to its end, and what its watches found."""
+    simulation = Simulation(load_scene(scene, **how), announce=None)
+    watches = WatchList(simulation.scene, simulation.layout)
+    options = simulation.scene.simulation
+    for block in simulation.blocks(options.duration, options.rate):
+        watches.add(block, effort_of(simulation))
+    watches.finish()
+    return simulation, watches.findings
+
+
+@pytest.mark.parametrize(
+    ("good", "expected"),
+    [
+        (lambda step: step <= 1e-3, "with step 0.001 s this warning does not come"),
+        (lambda step: step >= 8e-3, "smaller steps do not end it; with step 0.008 s it does not"),
+        (lambda step: False, "s do not end it; use method dopri853 with a tolerance"),
+    ],
+)
+def test_smaller_is_not_said_where_it_does_not_help(
+    monkeypatch: pytest.MonkeyPatch, good: Any, expected: str
+) -> None:
+    simulation, findings = watched(OSCILLATOR, method="gauss6", step=0.004)
+
+    def quiet(self: Any, step: float) -> bool:
+        self.loud += [] if good(step) else [step]
+        return good(step)
+
+    monkeypatch.setattr(search._Trials, "quiet", quiet)
+    assert expected in search.quiet_step(simulation, findings)
+
+
+def test_a_step_that_could_not_be_tried_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation, findings = watched(OSCILLATOR, method="gauss6", step=0.004)
+    said = search.quiet_step(simulation, findings, lambda: False)
+    assert "not tried" in said and f"step {min(f.finer_step or 1.0 for f in findings):g} s" in said
+
+
+def test_no_step_is_named_where_none_is_to_blame() -> None:
+    simulation, findings = watched(OSCILLATOR, method="rk4", step=1e-4)
+    assert findings == () and search.quiet_step(simulation, findings) == ""
+
+
+STIFF = {
+    "bodies": {"b": {"mass": 1.0, "inertia": [1, 1, 1], "position": [1, 0, 0]}},
+    "effects": {"k": {"type": "spring", "body": "b", "stiffness": 1e4, "rest_length": 0.0}},
+    "simulation": {"duration": 40.0, "rate": 0.1, "method": "rk4", "step": 0.5},
+}
+"""omega = 100 rad/s: rk4 is stable up to a step of 2 sqrt(2) / omega, and loses (omega h)^6 / 72 of
+the energy in each step below."""
+
+
+def failure(scene: Any) -> str:
+    """How the run failed; a warning of Python's, of numbers that overflow, fails the test."""
+    with pytest.raises(SimulationError) as caught, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Simulation(load_scene(scene), announce=None).run(watched=False)
+    return str(caught.value)
+
+
+def test_a_failed_run_names_a_step_that_keeps_the_energy() -> None:
+    said = failure(STIFF)
+    found = re.search(r"step 0.5 s is too large for rk4 .*; with step ([0-9.e-]+) s it runs", said)
+    assert found, said
+    step, omega = float(found[1]), 100.0
+    assert 40.0 / step * (omega * step) ** 6 / 72.0 < 1e-3  # the share of the energy that is lost
+    simulation, findings = watched(STIFF, step=step)
+    assert simulation.time == 40.0 and findings == ()
+
+
+@pytest.mark.parametrize(
+    ("good", "loud", "expected"),
+    [
+        (lambda step: step <= 0.3, False, "with step 0.2 s it runs to the end"),
+        (lambda step: step >= 1.0, False, "smaller steps fail, too; with step 1 s it runs to"),
+        (lambda step: False, False, "steps down to 2e-06 s fail, too; use method dopri853"),
+        (lambda step: False, True, "with step 2e-06 s it runs to the end, not without a warning"),
+    ],
+)
+def test_smaller_is_not_said_where_it_is_worse(
+    monkeypatch: pytest.MonkeyPatch, good: Any, loud: bool, expected: str
+) -> None:
+    def quiet(self: Any, step: float) -> bool:
+        if not good(step):
+            (self.loud if loud else self.failed).append(step)
+            return False
+        return True
+
+    monkeypatch.setattr(search._Trials, "quiet", quiet)
+    short = {**STIFF, "simulation": {**STIFF["simulation"], "duration": 10.0}}
+    assert search.step_that_runs(Simulation(load_scene(short)), 1.0, 10.0).startswith(expected)
+
+
+def test_of_a_long_run_its_beginning_is_tried() -> None:
+    said = search.step_that_runs(Simulation(load_scene(STIFF, duration=4e4)), 5.0, 4e4)
+    assert "it runs to t = 12.5 s at least" in said  # 1.5 * 5 s and ten of the steps
+
+
+def test_trials_end_with_their_time_or_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = Simulation(load_scene(STIFF))
+    plain = "use method dopri853 with a tolerance"
+    assert search.step_that_runs(simulation, 1.0, 40.0, lambda: False) == plain
+    monkeypatch.setattr(search, "MOST_TIME", -1.0)
+    assert failure(STIFF).endswith(f"; {plain}")
+
+
+def test_a_trial_that_fails_asks_for_no_step_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def step_that_runs(simulation: Any, *rest: Any) -> str:
+        asked.append(simulation.setting.step)
+        return ""
+
+    monkeypatch.setattr(search, "step_that_runs", step_that_runs)
+    with pytest.raises(SimulationError):
+        Simulation(load_scene(STIFF)).with_step(0.2).run()
+    assert asked == []
+    failure(STIFF)
+    assert asked == [0.5]
+
+
+def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """heavy_top at 0.05 s runs to its end from 0.0125 s on, but loses 5 % of its energy there."""
+    assert command(RunOptions("heavy_top", method="rk4", step=0.05, quiet=True)) == FAILED
+    said = capfd.readouterr().err
+    (step,) = map(float, re.findall(r"with step ([0-9.e-]+) s it runs to the end", said))
+    assert "step below" not in said and "angle in one step" in said
+    assert told(capfd, "heavy_top", method="rk4", step=step) == []

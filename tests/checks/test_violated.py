@@ -1,0 +1,93 @@
+"""Which of several constraints a sample violates most, in place and in velocity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.checks.violation import residual_found, violated_constraint
+from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.scene.load import scene_from_mapping
+from tests.checks.blocks import Block
+
+BODY = {"mass": 1.0, "inertia": [0.1, 0.2, 0.25]}
+START = {"position": [1.0, 0.0, 0.1], "linear_velocity": [0.0, 1.0, 0.0]}
+NAMES = SampleLayout(("a", "b"), (), (), ())
+
+
+def scene(**more: Any) -> Any:
+    """a turns about a point, b on a hinge of a and along a blade, which it does not at first."""
+    return scene_from_mapping(
+        {
+            "bodies": {"a": BODY, "b": BODY | START},
+            "constraints": {
+                "pin": {"type": "fixed_point", "body": "a"},
+                "hinge": {
+                    "type": "fixed_axis", "body": "b", "parent": "a", "axis_B": [0, 0, 1],
+                    "point_B": [-1, 0, 0], "point_A": [0, 0, 0.1], "axis_A": [0, 0, 1],
+                },
+                "blade": {"type": "velocity", "body": "b", "linear": [0.0, 1.0, 0.0]},
+            },
+            "simulation": {"method": "rk4", "step": 0.1} | more,
+        }
+    )  # fmt: skip
+
+
+def samples(**residual: Any) -> Any:
+    """Of both bodies where they should be."""
+    still, q = np.zeros((3, 2, 3)), np.zeros((3, 2, 4))
+    q[..., 3] = 1.0
+    block: Any = Block(
+        [0.0, 1.0, 2.0], position=still.copy(), orientation=q, linear_velocity=still.copy(),
+        angular_velocity=still.copy(), residual=[0.0, 0.0, 0.0],
+    )  # fmt: skip
+    block.position[:, 1] = 1.0, 0.0, 0.1
+    return block
+
+
+@pytest.mark.parametrize(
+    ("column", "body", "change", "name"),
+    [
+        ("position", slice(None), (0.0, 0.0, 0.02), "pin"),
+        ("position", 1, (0.0, 0.0, 0.02), "hinge"),
+        ("position", 1, (0.0, -0.02, 0.0), "hinge"),
+        ("linear_velocity", 1, (0.0, 0.3, 0.0), "hinge"),
+        ("angular_velocity", 1, (0.3, 0.0, 0.0), "hinge"),
+    ],
+)
+def test_the_constraint_that_is_violated_is_named(
+    column: str, body: Any, change: Any, name: str
+) -> None:
+    """Of the sample that is asked for; the others keep to all."""
+    block = samples()
+    getattr(block, column)[1, body] += change
+    assert violated_constraint(scene(), NAMES, block, 1) == name
+
+
+def test_a_line_for_velocities_alone_is_named_as_well() -> None:
+    """All turn about the point, which the blade on b does not let them."""
+    block = samples()
+    block.angular_velocity[1, :, 2], block.linear_velocity[1, 1, 1] = 0.3, 0.3
+    assert violated_constraint(scene(), NAMES, block, 1) == "blade"
+
+
+def test_no_name_where_there_is_none_to_tell() -> None:
+    block = samples()
+    assert violated_constraint(scene(), NAMES._replace(contacts=("floor",)), block, 1) == ""
+    free = scene_from_mapping({"bodies": {"a": BODY, "b": BODY}})
+    assert violated_constraint(free, NAMES, block, 1) == ""
+
+
+@pytest.mark.parametrize(("lost", "first"), [(0.0, 1), (np.nan, 0)])
+def test_the_first_sample_beyond_the_bound_is_told_with_the_worst(lost: float, first: int) -> None:
+    block = samples()
+    block.position[:, 1, 2] += 0.02
+    block.residual[:] = lost, 0.02, 0.07
+    assert residual_found(scene(), NAMES, block, 0.07) is None or lost != 0.0
+    found = residual_found(scene(), NAMES, block, 0.01)
+    assert found is not None and (found.t, found.where) == (float(first), "hinge")
+    assert found.figure == 0.07 and "dopri853" in found.advice
+    stepped = residual_found(scene(method="time_stepping"), NAMES, block, 0.01)
+    assert stepped is not None and "smaller step" in stepped.advice

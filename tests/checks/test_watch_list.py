@@ -1,0 +1,286 @@
+"""Each watch speaks where something is corrupted, names where, and is silent where nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.bounds import Effort
+from rb_sim.checks.check_list import WatchList
+from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
+from rb_sim.scene.load import scene_from_mapping
+from tests.runs import trajectory
+
+TOP: dict[str, Any] = {
+    "bodies": {
+        "top": {
+            "mass": 0.5,
+            "inertia": [0.0004, 0.0004, 0.000625],
+            "center_of_mass": [0.0, 0.0, 0.08],
+            "orientation": {"axis": [1.0, 0.0, 0.0], "angle": 0.6},
+            "angular_velocity": [0.0, 0.0, 200.0],
+        }
+    },
+    "constraints": {"tip": {"type": "fixed_point", "body": "top"}},
+    "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    "simulation": {"duration": 0.2, "rate": 500, "tolerance": 1e-10},
+}
+SWING: dict[str, Any] = {
+    "bodies": {
+        "rod": {
+            "mass": 1.0,
+            "inertia": [0.1, 0.1, 0.01],
+            "center_of_mass": [0.0, 0.0, -0.5],
+            "angular_velocity": [0.0, 2.0, 0.0],
+        }
+    },
+    "constraints": {"hinge": {"type": "fixed_point", "body": "rod"}},
+    "effects": {
+        "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
+        "air": {"type": "angular_damping", "body": "rod", "coefficient": 0.05},
+    },
+    "simulation": {"duration": 1.0, "rate": 200, "tolerance": 1e-10},
+}
+TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
+
+
+def layout_of(mapping: dict[str, Any]) -> SampleLayout:
+    bodies, constraints = tuple(mapping["bodies"]), tuple(mapping.get("constraints", ()))
+    return SampleLayout(bodies, constraints, bodies, ())
+
+
+def findings(
+    mapping: dict[str, Any], block: SampleBlock, effort: Effort = TIGHT, **layout: Any
+) -> dict[str, Finding]:
+    names = layout_of(mapping)._replace(**layout)
+    watches = WatchList(scene_from_mapping(mapping), names)
+    half = len(block) // 2
+    for part in (slice(0, half), slice(half, None)):
+        columns = {name: getattr(block, name)[part] for name in ARRAYS}
+        events = tuple(e for e in block.events if e.t <= columns["t"][-1])
+        watches.add(replace(block, **columns, events=events), effort)
+    return {finding.watch: finding for finding in watches.findings}
+
+
+@pytest.fixture(scope="module")
+def swing() -> SampleBlock:
+    return trajectory(SWING)
+
+
+def test_an_exact_run_is_passed_without_a_word(swing: SampleBlock) -> None:
+    assert findings(SWING, swing) == {}
+    assert findings(TOP, trajectory(TOP)) == {}
+
+
+def test_euler_on_a_fast_top_is_told_before_it_explodes() -> None:
+    """First-order steps of 0.2 rad gain energy: the balance breaks within the first tenths."""
+    options = {"duration": 0.3, "method": "euler", "step": 1e-3, "tolerance": None}
+    mapping = TOP | {"simulation": TOP["simulation"] | options}
+    found = findings(mapping, trajectory(mapping), Effort("euler", 1e-3, None, 300, 0))
+    assert found["energy"].where == "top"
+    assert found["energy"].t < 0.3
+    assert found["energy"].figure > found["energy"].bound == 2e-2
+    assert "try step 0.0002 s" in str(found["energy"])
+
+
+def test_what_an_error_makes_is_not_what_it_is_measured_by(swing: SampleBlock) -> None:
+    """Energies times 1e30 from half the run on: relative to the start, not to themselves."""
+    grown = swing.kinetic_energy * np.where(swing.t > 0.5, 1e30, 1.0)
+    found = findings(SWING, replace(swing, kinetic_energy=grown))
+    assert found["energy"].figure > 1e25
+    assert found["energy"].t == pytest.approx(0.505)
+
+
+def test_a_single_sample_that_is_no_number_is_told(swing: SampleBlock) -> None:
+    """gauss6, whose equations had no solution between two steps: a share of a nameless scale was
+    taken for a body at rest, in silence."""
+    hole = np.where(np.arange(len(swing)) == 20, np.nan, 1.0)
+    spoilt = {
+        name: swing_column * hole.reshape(-1, *[1] * (swing_column.ndim - 1))
+        for name in ("position", "linear_velocity", "kinetic_energy", "potential_energy", "power")
+        for swing_column in (getattr(swing, name),)
+    }
+    found = findings(SWING, replace(swing, **spoilt), Effort("gauss6", 0.01, None, 100, 0))
+    assert "not finite" in str(found["energy"])
+    assert found["energy"].t == pytest.approx(float(swing.t[20]))
+
+
+def test_a_dropped_power_breaks_the_energy_balance(swing: SampleBlock) -> None:
+    """Of the drag's power a tenth is left out; the momentum balance knows nothing of it."""
+    found = findings(SWING, replace(swing, power=0.9 * swing.power))
+    assert set(found) == {"energy"}
+
+
+def test_a_wrong_reaction_breaks_the_momentum_balance() -> None:
+    """As a wrong Jacobian gives: the reaction 1 % too large."""
+    mapping = SWING | {"effects": {"weight": SWING["effects"]["weight"]}}
+    block = trajectory(mapping)
+    assert findings(mapping, block) == {}
+    found = findings(mapping, replace(block, reaction_force=1.01 * block.reaction_force))
+    assert set(found) == {"momentum", "angular momentum"} or set(found) == {"momentum"}
+
+
+def test_a_constraint_that_opens_is_named(swing: SampleBlock) -> None:
+    opened = swing.position + np.where(swing.t > 0.7, 0.01, 0.0)[:, None, None]
+    residual = np.where(swing.t > 0.7, 0.02, swing.residual)
+    found = findings(SWING, replace(swing, position=opened, residual=residual))
+    assert found["residual"].where == "hinge"
+    assert found["residual"].t == pytest.approx(0.705)
+    assert found["residual"].figure == 0.02
+
+
+def test_a_constraint_of_a_state_without_an_attitude_is_named_as_well(swing: SampleBlock) -> None:
+    """As where Euler's steps blow up: nothing brings such a sample back onto the constraint."""
+    lost = np.where(swing.t > 0.7, 0.0, 1.0)[:, None, None]
+    residual = np.where(swing.t > 0.7, 0.02, swing.residual)
+    spoilt = replace(swing, orientation=lost * swing.orientation, residual=residual)
+    assert findings(SWING, spoilt)["residual"].where == "hinge"
+
+
+def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleBlock) -> None:
+    solved = Effort("time_stepping", 1e-3, None, 1000, 0)
+    assert "solver" not in findings(SWING, swing, solved)
+    found = findings(SWING, swing, solved._replace(unsolved=3, solver_residual=0.02))["solver"]
+    assert found.where == "3 of 1000 steps" and found.figure == 0.02 and found.t <= 1.0
+    assert "try step 0.0005 s" in str(found)
+
+
+@pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True)])
+def test_a_body_that_turns_by_more_than_half_a_turn_in_a_fixed_step_is_told(
+    swing: SampleBlock, spin: float, told: bool
+) -> None:
+    """In steps of 0.5 s half a turn is 2 pi rad/s; the samples between do not count."""
+    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin / 3.0**0.5))
+    found = findings(SWING, fast, Effort("gauss6", 0.5, None, 1, 0))
+    assert ("turn" in found) == told
+    if told:
+        assert found["turn"].where == "rod" and found["turn"].t == 0.0
+        assert found["turn"].figure == pytest.approx(0.5 * spin)
+        assert "try step 0.05 s" in str(found["turn"])
+
+
+@pytest.mark.parametrize("spin", [1e200, np.inf])
+def test_a_spin_that_has_blown_up_is_told_as_well(swing: SampleBlock, spin: float) -> None:
+    """Its square is no number, nor is the step that would resolve it: this was a traceback."""
+    lost = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin))
+    assert "try step 0.2 s" in str(findings(SWING, lost, Effort("rk4", 0.5, None, 1, 0))["turn"])
+
+
+def test_an_adaptive_method_may_take_turns_in_one_step(swing: SampleBlock) -> None:
+    """It compares two formulas in every step, and a constant spin has no error to see."""
+    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, 1e4))
+    assert "turn" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2, 0))
+
+
+def test_samples_that_the_time_cannot_tell_apart_are_told(swing: SampleBlock) -> None:
+    """At 1e13 s doubles are 2e-3 s apart, and the samples 5e-3 s: less than 16 of them."""
+    late = replace(swing, t=swing.t + 1e13)
+    assert "time" in findings(SWING, late, Effort("rk4", 1e-3, None, 1000, 0))
+
+
+def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
+    events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
+    block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))
+    mapping = SWING | {"constraints": SWING["constraints"]}
+    assert findings(mapping, block, contacts=("floor",))["events"].where == "floor"
+
+
+def test_a_run_too_coarsely_sampled_is_not_accused() -> None:
+    """Three samples to a turn: the integral of the power is unknown, so nothing is said."""
+    mapping = SWING | {"simulation": SWING["simulation"] | {"rate": 3.0, "duration": 6.0}}
+    assert findings(mapping, trajectory(mapping)) == {}
+
+
+@pytest.mark.parametrize(("step", "told"), [(0.0033, True), (0.0001, False)])
+def test_euler_is_told_where_a_body_turns_by_half_a_radian_between_samples(
+    step: float, told: bool
+) -> None:
+    """A force drives a rod on a pivot to 53 rad/s; the longer step makes 6 % of its work, and half
+    of the samples, which are 0.01 s apart, show by how little the quadrature errs."""
+    shape = {"type": "cylinder", "radius": 0.11, "length": 0.25}
+    push = {"type": "wrench", "body": "rod", "force": [-120.0, -130.0, -170.0]}
+    mapping: dict[str, Any] = {
+        "bodies": {"rod": {"mass": 0.38, "shape": shape}},
+        "constraints": {"pivot": {"type": "fixed_point", "body": "rod"}},
+        "effects": {"push": push | {"torque": [0.1, -0.05, 0.24]}},
+        "simulation": {"method": "euler", "step": step, "rate": 100.0, "duration": 0.5},
+    }
+    mapping["constraints"]["pivot"]["point_B"] = [-0.35, -0.4, 0.28]
+    found = findings(mapping, trajectory(mapping), Effort("euler", step, None, 100, 0))
+    assert ("energy" in found) is told
+
+
+def test_a_body_at_rest_has_no_balance_to_break() -> None:
+    mapping = {
+        "bodies": {"bob": SWING["bodies"]["rod"] | {"angular_velocity": [0.0, 0.0, 0.0]}},
+        "constraints": {"hinge": {"type": "fixed_point", "body": "bob"}},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"duration": 1.0, "rate": 50, "tolerance": 1e-10},
+    }
+    assert findings(mapping, trajectory(mapping)) == {}
+
+
+def test_under_a_stream_of_commands_constraints_are_watched_and_balances_are_not(
+    swing: SampleBlock,
+) -> None:
+    """A balance over the few samples between two commands would say nothing."""
+    stream = np.zeros((len(swing), 1, 6))
+    stream[:, 0, 0] = np.arange(len(swing))
+    broken = replace(swing, command=stream, residual=np.full_like(swing.residual, 0.02))
+    broken = replace(broken, kinetic_energy=swing.kinetic_energy * (1.0 + swing.t))
+    assert set(findings(SWING, broken, commanded=("rod",))) == {"residual"}
+
+
+def test_momenta_that_add_up_to_nothing_are_not_compared_with_their_rounding() -> None:
+    """Two bodies on a spring drift through the origin: their angular momenta, 0.15 kg m^2/s each,
+    cancel but for their rounding, and half of that was told as an error of 0.5."""
+    body = {"mass": 1.0, "inertia": [1.0] * 3, "linear_velocity": [1.0, 0.3, 0.0]}
+    mapping: dict[str, Any] = {
+        "bodies": {
+            "a": body | {"position": [-0.50005, 0.0, 0.0]},
+            "b": body | {"position": [0.50005, 0.0, 0.0]},
+        },
+        "effects": {
+            "spring": {
+                "type": "spring", "body": "b", "parent": "a", "stiffness": 50.0, "rest_length": 1.0,
+            }
+        },
+        "simulation": {"duration": 10.0, "rate": 20.0, "tolerance": 1e-10},
+    }  # fmt: skip
+    block = trajectory(mapping)
+    assert findings(mapping, block) == {}
+    turned = replace(block, angular_momentum=block.angular_momentum + 1e-6 * block.t[:, None])
+    assert set(findings(mapping, turned)) == {"angular momentum"}
+
+
+@pytest.mark.parametrize("tolerance", [1e-10, 1e-13])
+def test_a_thin_rod_that_swings_about_its_own_axis_between_samples_is_not_accused(
+    tolerance: float,
+) -> None:
+    """A damper takes 9e-6 J at 29 rad/s from what swings by 0.03 rad about the axis of a rod, three
+    radians from sample to sample: half the samples say the same of that as all do, 9e-8 of what is
+    exchanged amiss, of which no tolerance is the reason."""
+    inertia = 0.020833333333333332
+    rod = {
+        "mass": 1.0,
+        "inertia": [inertia, inertia, 1.25e-5],
+        "angular_velocity": [-0.6965681882596109, -0.940338212007596, -0.928303062172487],
+        "linear_velocity": [-0.659966647386564, 0.9466445500473224, 0.9253112048624146],
+    }
+    mapping: dict[str, Any] = {
+        "bodies": {"rod": rod},
+        "effects": {
+            "weight": {"type": "gravity"},
+            "damper": {
+                "type": "torsion_spring", "body": "rod", "axis_B": [0, 0, 1],
+                "stiffness": 0.010442681142809405, "damping": 7.445134697902447e-05,
+            },
+        },
+        "simulation": {"duration": 1.0, "rate": 10.0, "tolerance": tolerance},
+    }  # fmt: skip
+    block = trajectory(mapping)
+    assert findings(mapping, block, Effort("dopri853", None, tolerance, 60, 0)) == {}

@@ -1,0 +1,107 @@
+"""The verbs as functions, and what a run is written as."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rb_sim
+from rb_sim.io.bag.sink import BagSink
+
+SPINNING = {
+    "bodies": {
+        "a": {
+            "mass": 2.0,
+            "inertia": [0.1, 0.2, 0.25],
+            "linear_velocity": [1.0, 0.0, 0.5],
+            "angular_velocity": [1.0, 2.0, -0.5],
+        }
+    },
+    "effects": {"weight": {"type": "gravity"}},
+    "simulation": {"duration": 1.0, "rate": 50.0},
+}
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Of a run of SPINNING."""
+    sink, simulation = BagSink(tmp_path / "bag"), rb_sim.Simulation(rb_sim.load_scene(SPINNING))
+    sink.open(simulation.scene, simulation.layout)
+    sink.write(simulation.run().block)
+    sink.close()
+    return tmp_path / "bag"
+
+
+def test_statics_takes_scenes_of_both_kinds():
+    """Two hinged rods: 15 tan 30 deg; a rail that carries a weight: m g."""
+    assert rb_sim.load_statics("hinged_rods").name == "hinged_rods"
+    tension = rb_sim.statics("hinged_rods").reactions["string"].along
+    assert tension == pytest.approx(15.0 * np.tan(np.pi / 6.0), rel=1e-9)
+    rail = {"type": "translation", "body": "a", "guide": {"type": "line", "direction": [1, 0, 0]}}
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    block = {"mass": 2.0, "inertia": [1.0, 1.0, 1.0]}
+    scene = {"bodies": {"a": block}, "constraints": {"rail": rail}, "effects": {"g": weight}}
+    np.testing.assert_allclose(rb_sim.statics(scene).reactions["rail"].force, [0, 0, 19.62])
+    assert rb_sim.statics.solve is not None  # the package, too
+
+
+def test_compare_analyze_and_fit_of_a_bag(bag: Path):
+    found = rb_sim.compare(bag, bag)
+    assert max(float(np.abs(s).max()) for s in _series(found)) == 0.0
+    assert rb_sim.analyze(bag).as_dict()["bodies"].keys() == {"a"}
+    fitted = rb_sim.fit(bag, "bodies.a.angular_velocity", noise=(1e-6, 1e-6))
+    np.testing.assert_allclose(fitted.values, [1.0, 2.0, -0.5], atol=1e-6)
+
+
+def _series(found: Any) -> list[Any]:
+    return [values for body in found.series.values() for values in body.values()]
+
+
+def test_linearize_is_that_of_the_simulation():
+    there = rb_sim.Simulation("pendulum").linearize()
+    np.testing.assert_array_equal(rb_sim.linearize("pendulum").A, there.A)
+
+
+def test_csv_and_euler_angles(tmp_path: Path):
+    """Every number comes back to its last bit; angles are those of scipy, but for whole turns."""
+    run = rb_sim.Simulation(rb_sim.load_scene(SPINNING)).run()
+    run.to_csv(tmp_path / "new" / "run.csv")
+    with open(tmp_path / "new" / "run.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    heights = [float(row["position.a.z"]) for row in rows]
+    np.testing.assert_array_equal(heights, run.position["a"][:, 2])
+    np.testing.assert_array_equal([float(row["t"]) for row in rows], run.t)
+    angles = run.euler_angles["a"]
+    there = Rotation.from_quat(run.orientation["a"]).as_euler("xyz")
+    np.testing.assert_allclose(np.sin(angles - there), 0.0, atol=1e-9)
+    assert np.abs(np.diff(angles[:, ::2], axis=0)).max() < np.pi
+
+
+def test_all_errors_of_a_scene_at_once():
+    scene = {"bodies": {"a": {"mass": -1.0, "inertia": [1, 1, 1], "colour": "red"}, "b": {}}}
+    with pytest.raises(rb_sim.SceneError) as error:
+        rb_sim.load_scene(scene)
+    for key in ("bodies.a.colour: unknown key", "bodies.b.mass: is missing"):
+        assert key in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_run_takes_values_and_scenes_shows_one(capsys: pytest.CaptureFixture[str]):
+    from rb_sim.cli.verbs.run import RunOptions, scene_of
+
+    changed = scene_of(RunOptions("pendulum", changes=("bodies.rod.mass=2.5",), rate=7.0))
+    assert (changed.bodies["rod"].mass, changed.simulation.rate) == (2.5, 7.0)
+    assert "mass: 2.5" in changed.text
+    with pytest.raises(rb_sim.RbSimError, match="must be one of"):
+        scene_of(RunOptions("pendulum", changes=("bodies.stick.mass=2.5",)))
+    from typer.testing import CliRunner
+
+    from rb_sim.cli.main import app
+
+    shown = CliRunner().invoke(app, ["scenes", "pendulum", "--show"])
+    assert rb_sim.load_scene(shown.stdout).bodies.keys() == {"rod"}

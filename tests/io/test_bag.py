@@ -1,0 +1,178 @@
+"""Bags: read by independent readers, byte-identical, safe against kill -9 and full disks."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tracemalloc
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import mcap.reader
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.sink import BagSink
+from rb_sim.mechanics.samples import ARRAYS, empty_block
+
+START = 1_700_000_000_000_000_000
+TOPICS = 16
+
+
+def sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("lone_file", [False, True], ids=["directory", "file"])
+def test_rosbags_reads_it(record, samples, lone_file):
+    if lone_file and version("rosbags").startswith("0.10."):
+        pytest.skip("rosbags before 0.11 opens directories only")
+    bag = record(n=200)
+    path = bag / "bag_0.mcap" if lone_file else bag
+    block = samples(200)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([path], default_typestore=store) as reader:
+        assert reader.message_count == 200 * TOPICS
+        assert {c.topic for c in reader.connections} >= {"/rb_sim/ball/pose", "/tf", "/clock"}
+        poses = [c for c in reader.connections if c.topic == "/rb_sim/ball/pose"]
+        rows = [(t, reader.deserialize(data, c.msgtype)) for c, t, data in reader.messages(poses)]
+    assert [t for t, _ in rows] == [START + round(t * 1e9) for t in block.t]
+    position = [[p.pose.position.x, p.pose.position.y, p.pose.position.z] for _, p in rows]
+    np.testing.assert_array_equal(position, block.position[:, 0])
+
+
+def test_mcap_reads_it(record):
+    with (record() / "bag_0.mcap").open("rb") as file:
+        reader = mcap.reader.make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        assert sum(1 for _ in reader.iter_messages()) == 200 * TOPICS
+        attachments = {a.name: a.data.decode() for a in reader.iter_attachments()}
+        records = {m.name: m.metadata for m in reader.iter_metadata()}
+        channels = {c.topic: c for c in reader.get_summary().channels.values()}
+    assert attachments["scene.yaml"] == records["rb_sim"]["scene"]
+    assert "a door on two bearings" in attachments["scene.yaml"]
+    assert '"method": "rk4"' in records["rb_sim"]["simulation"]
+    metadata = channels["/rb_sim/reactions/hinge/A"].metadata
+    assert metadata["topic_type_hash"].startswith("RIHS01_8dc3deaf")
+    assert yaml.safe_load(metadata["offered_qos_profiles"])[0]["reliability"] == "reliable"
+
+
+def test_rosbag2_metadata(record):
+    bag = record(n=101)
+    info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert info["version"] == 9 and info["storage_identifier"] == "mcap"
+    assert info["message_count"] == 101 * TOPICS
+    assert info["duration"]["nanoseconds"] == 1_000_000_000
+    assert info["starting_time"]["nanoseconds_since_epoch"] == START
+    assert info["relative_file_paths"] == ["bag_0.mcap"]
+    assert {t["message_count"] for t in info["topics_with_message_count"]} == {101}
+    with (bag / "bag_0.mcap").open("rb") as file:
+        records = {m.name: m.metadata for m in mcap.reader.make_reader(file).iter_metadata()}
+    assert yaml.safe_load(records["rosbag2"]["serialized_metadata"]) == info
+
+
+def test_rerun_checks_it(record):
+    rerun = Path(sys.executable).with_name("rerun")
+    if not rerun.exists():
+        pytest.skip("rerun-sdk is not installed")
+    path = record() / "bag_0.mcap"
+    subprocess.run([rerun, "mcap", "check", path], check=True, capture_output=True, timeout=60)
+
+
+def test_equal_input_gives_equal_bytes(record):
+    one, two = record("one/bag", n=3000), record("two/bag", n=3000)
+    for name in ("bag_0.mcap", "metadata.yaml"):
+        assert sha256(one / name) == sha256(two / name)
+    assert sorted(p.name for p in one.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+
+
+@pytest.mark.parametrize("sizes", [[400], [1, 7, 150, 242], [1] * 400], ids=len)
+def test_samples_written_together_are_those_written_one_by_one(
+    tmp_path, monkeypatch, scene, layout, samples, sizes
+):
+    """Also after a reset, where the log goes on and samples cannot be written together."""
+    found, block = [], samples(400)
+    for one_by_one in (False, True):
+        if one_by_one:
+            monkeypatch.setattr(BagSink, "_is_plain", lambda *_: False)
+        directory = tmp_path / str(one_by_one) / "bag"
+        sink = BagSink(directory)
+        sink.open(scene, layout)
+        for _ in range(2):
+            for first, size in zip(np.cumsum(sizes) - sizes, sizes, strict=True):
+                part = slice(first, first + size)
+                arrays = {name: getattr(block, name)[part] for name in ARRAYS}
+                sink.write(replace(block, **arrays))
+                sink.write(empty_block(0, layout))
+        sink.close({})
+        found.append((directory / "bag_0.mcap").read_bytes())
+    assert found[0] == found[1]
+
+
+def test_the_log_goes_on_where_a_simulation_was_reset(tmp_path, scene, layout, samples):
+    sink = BagSink(tmp_path / "bag", start_ns=START)
+    sink.open(scene, layout)
+    sink.write(samples(100))
+    sink.write(samples(50))
+    sink.close()
+    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
+        messages = mcap.reader.make_reader(file).iter_messages(["/clock"], log_time_order=False)
+        times = [message.log_time for _, _, message in messages]
+    assert len(times) == 150 and times == sorted(times)
+    block = next(BagReader(tmp_path / "bag").blocks())
+    np.testing.assert_allclose(block.t, np.r_[samples(100).t, samples(50).t], rtol=0, atol=1e-9)
+
+
+def test_a_bag_without_samples_opens(record):
+    bag = record(n=0)
+    assert list(BagReader(bag).blocks()) == []
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        assert reader.message_count == 0
+
+
+def test_close_twice_and_write_after_close(record, tmp_path, scene, layout, samples):
+    sink = BagSink(tmp_path / "bag")
+    sink.close()
+    sink.open(scene, layout)
+    sink.write(samples(3))
+    sink.close({"steps": np.int64(3), "drift": np.float64(1e-12)})
+    digest = sha256(tmp_path / "bag/bag_0.mcap")
+    sink.close({"steps": 4})
+    assert sha256(tmp_path / "bag/bag_0.mcap") == digest
+    assert BagReader(tmp_path / "bag").summary == {"steps": 3, "drift": 1e-12}
+    with pytest.raises(SinkError, match="the bag is closed$"):
+        sink.write(samples(3))
+
+
+def test_memory_does_not_grow_with_samples(tmp_path, scene, layout, samples):
+    """Python's peak memory over the next 50 samples is the same early and late (but the index)."""
+    block, peaks = samples(50), []
+    sink = BagSink(tmp_path / "bag", chunk_size=10_000)
+    sink.open(scene, layout)
+    for blocks in (1, 60):
+        for _ in range(blocks):
+            sink.write(block)
+        tracemalloc.start()
+        sink.write(block)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    sink.close()
+    assert peaks[1] < 1.1 * peaks[0]
+
+
+def test_log_times_are_simulated_time(tmp_path, scene, layout, samples):
+    sink = BagSink(tmp_path / "bag")
+    sink.open(scene, layout)
+    sink.write(samples(3))
+    sink.close()
+    assert BagReader(tmp_path / "bag").start == 0
+    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
+        clocks = mcap.reader.make_reader(file).iter_messages(["/clock"])
+        assert [message.log_time for *_, message in clocks] == [0, 10_000_000, 20_000_000]

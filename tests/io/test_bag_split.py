@@ -1,0 +1,156 @@
+"""A bag in several files: what is in each, in metadata.yaml, and read back as one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.run import RunOptions, splitting
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.recover import recover_bag
+from rb_sim.mechanics.samples import concatenate
+
+
+def poses(bag) -> list[tuple[int, bytes]]:
+    """Time and bytes of the ball's poses, as rosbags reads them."""
+    with AnyReader([bag]) as reader:
+        wanted = [c for c in reader.connections if c.topic == "/rb_sim/ball/pose"]
+        return [(time, bytes(data)) for _, time, data in reader.messages(wanted)]
+
+
+@pytest.mark.parametrize("split", [{"split_duration": 0.5}, {"split_size": 40_000}])
+def test_parts_hold_together_what_one_file_would(record, layout, split):
+    whole = record("whole", n=200, chunk_size=8000)
+    parts = record("parts", n=200, chunk_size=8000, **split)
+    info = yaml.safe_load((parts / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    names = [f"parts_{k}.mcap" for k in range(len(info["files"]))]
+    assert len(names) > 2
+    assert info["relative_file_paths"] == names == [file["path"] for file in info["files"]]
+    assert sorted(path.name for path in parts.glob("*.mcap")) == sorted(names)
+    assert sum(file["message_count"] for file in info["files"]) == info["message_count"]
+    one = yaml.safe_load((whole / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    for key in ("message_count", "duration", "starting_time", "topics_with_message_count"):
+        assert info[key] == one[key]
+    assert poses(parts) == poses(whole)
+    a, b = (concatenate(list(BagReader(bag).blocks()), layout) for bag in (whole, parts))
+    np.testing.assert_array_equal(b.t, a.t)
+    np.testing.assert_array_equal(b.position, a.position)
+
+
+def test_split_by_time_ends_where_it_says_and_a_part_is_read_on_its_own(record):
+    bag = record(n=200, split_duration=0.5)
+    info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert [file["duration"]["nanoseconds"] for file in info["files"]] == [490_000_000] * 4
+    (block,) = BagReader(bag / "bag_2.mcap").blocks()
+    np.testing.assert_allclose(block.t, 1.0 + 0.01 * np.arange(50), atol=1e-9)
+
+
+def test_files_of_an_older_bag_do_not_stay(record):
+    """Else an unfinished bag of one file would seem to go on with them."""
+    record(n=200, split_duration=0.5)
+    bag = record(n=20)
+    assert [path.name for path in bag.glob("*.mcap")] == ["bag_0.mcap"]
+
+
+def test_a_folder_before_the_names_in_metadata_is_left_out_as_by_rosbags(record):
+    """rosbag2 wrote the bag's folder before each name before version 4 of metadata.yaml."""
+    bag = record(n=200, split_duration=0.5)
+    before = BagReader(bag).paths
+    metadata = bag / "metadata.yaml"
+    document = yaml.safe_load(metadata.read_text())
+    info = document["rosbag2_bagfile_information"]
+    info["relative_file_paths"] = [f"elsewhere/{name}" for name in info["relative_file_paths"]]
+    metadata.write_text(yaml.safe_dump(document))
+    assert len(poses(bag)) == 200  # rosbags reads it
+    assert BagReader(bag).paths == before and BagReader(bag).unlisted == []
+    assert sum(len(block) for block in BagReader(bag).blocks()) == 200
+
+
+def test_recover_reads_what_is_left_of_a_bag_without_one_of_its_files(record):
+    """The middle one is gone: the poses of the others, and a line."""
+    bag = record(n=200, split_duration=0.5)
+    all_poses = poses(bag)
+    (bag / "bag_1.mcap").unlink()
+    line = f"{bag}: its metadata.yaml names bag_1.mcap, which is not there"
+    assert BagReader(bag).unlisted == [line]
+    result = recover_bag(bag)
+    assert not result.complete and result.damage == (line,)
+    assert poses(result.directory) == all_poses[:50] + all_poses[100:]
+
+
+def test_refusals():
+    with pytest.raises(RbSimError, match="^--split-size: got 1; must be at least 100000 bytes$"):
+        splitting(RunOptions("top", split_size=1))
+    with pytest.raises(RbSimError, match="^--split-duration: got nan; must be > 0 s$"):
+        splitting(RunOptions("top", split_duration=float("nan")))
+
+
+def test_a_recovered_bag_says_once_what_each_part_says(record, tmp_path):
+    """Else a topic had a channel for each part, and readers warned of records of one name."""
+    whole = record("whole", n=200)
+    parts = record("parts", n=200, split_duration=0.5)
+    recovered = recover_bag(parts, tmp_path / "recovered")
+    path = recovered.directory / "recovered_0.mcap"
+    with (whole / "whole_0.mcap").open("rb") as one, path.open("rb") as other:
+        a, b = make_reader(one), make_reader(other)
+        summaries = [s for r in (a, b) if (s := r.get_summary()) is not None]
+        topics = [sorted(c.topic for c in s.channels.values()) for s in summaries]
+        records = [sorted(m.name for m in r.iter_metadata()) for r in (a, b)]
+        attached = [[(x.name, x.data) for x in r.iter_attachments()] for r in (a, b)]
+    assert topics[1] == topics[0]
+    assert records[1] == records[0]
+    assert attached[1] == attached[0]
+    assert poses(recovered.directory) == poses(whole)
+
+
+def changed(bag, change):
+    """Rewrite the names in metadata.yaml."""
+    path = bag / "metadata.yaml"
+    document = yaml.safe_load(path.read_text())
+    info = document["rosbag2_bagfile_information"]
+    info["relative_file_paths"] = change(info["relative_file_paths"])
+    path.write_text(yaml.safe_dump(document))
+
+
+def times(bag) -> np.ndarray:
+    return np.concatenate([block.t for block in BagReader(bag).blocks()])
+
+
+def test_files_listed_with_the_folder_before_their_names_are_found(record):
+    """As rosbag2 wrote them before Foxy, or as the folder was called when it was recorded."""
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    for folder in ("bag", "elsewhere/run7"):
+        changed(bag, lambda names, f=folder: [f"{f}/{name.split('/')[-1]}" for name in names])
+        np.testing.assert_array_equal(times(bag), whole)
+
+
+def test_files_out_of_order_are_read_by_their_first_stamps(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    changed(bag, lambda names: names[::-1])
+    np.testing.assert_array_equal(times(bag), whole)
+
+
+def test_a_missing_middle_file_leaves_the_rest_readable_and_is_said(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    (bag / "bag_1.mcap").unlink()
+    reader = BagReader(bag)
+    assert any("names bag_1.mcap, which is not there" in note for note in reader.unlisted)
+    left = np.concatenate([block.t for block in reader.blocks()])
+    np.testing.assert_array_equal(left, whole[(whole < 0.495) | (whole > 0.995)])
+
+
+def test_files_of_any_names_without_metadata_are_one_bag_if_they_follow_each_other(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    (bag / "metadata.yaml").unlink()
+    names = ("drive_2024_01_01-10_00_00_0", "a", "run(3)", "zz")
+    for path, name in zip(sorted(bag.glob("*.mcap")), names[::-1], strict=True):
+        path.rename(bag / f"{name}.mcap")
+    np.testing.assert_array_equal(times(bag), whole)

@@ -1,0 +1,205 @@
+"""plots.png: what is drawn, that it can be read, and that long runs stay small."""
+
+from __future__ import annotations
+
+import shutil
+import tracemalloc
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.plots import plots
+from rb_sim.io.plots.plots import PlotSink
+from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.scene.load import load_scene
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The axes that were drawn, as {title: {label: (t, y)}}, and how they looked."""
+    seen = {}
+    original = plots.draw_panel
+
+    def draw_panel(ax, curves, contacts):
+        original(ax, curves, contacts)
+        seen[curves.panel.title] = ax
+
+    monkeypatch.setattr(plots, "draw_panel", draw_panel)
+    return seen
+
+
+def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
+    path = tmp_path / "out" / "plots.png"
+    sink = PlotSink(path)
+    sink.open(scene, layout)
+    for first in (0.0, 1.0):
+        block = samples(100, start=first)
+        block.residual[:] *= 1e9  # round-off is not drawn
+        sink.write(block)
+    sink.close({"steps": 1})
+    sink.close()
+    block = samples(200)
+    check = {
+        "ball: position of the centre of mass, world": ("[m]", block.position[:, 0]),
+        "door: orientation, quaternion body to world": ("", block.orientation[:, 1]),
+        "door: velocity of the centre of mass, world": ("[m/s]", block.linear_velocity[:, 1]),
+        "ball: angular velocity, body axes": ("[rad/s]", block.angular_velocity[:, 0]),
+        "floor: reaction force on ball, world axes": ("[N]", block.reaction_force[:, 0]),
+        "hinge/B: reaction torque about its anchor": ("[N m]", block.reaction_torque[:, 3]),
+        "power of forces without potential": ("[W]", block.power[:, None]),
+    }
+    for title, (unit, expected) in check.items():
+        ax = drawn[title]
+        assert ax.get_ylabel() == unit
+        for line, column in zip(ax.get_lines(), expected.T, strict=True):
+            np.testing.assert_array_equal(line.get_xdata(), block.t)
+            np.testing.assert_array_equal(line.get_ydata(), column)
+    assert drawn["energy"].get_ylabel() == "[J]"
+    assert [line.get_label() for line in drawn["energy"].get_lines()][-1] == "total"
+    assert drawn["worst violation of a constraint, relative to the scene's scale"].get_yscale() == (
+        "log"
+    )
+    image = matplotlib.image.imread(path)
+    assert image.shape[0] > 2000 and image.shape[1] == 1430
+    assert image[..., :3].std() > 0.05
+    assert sorted(p.name for p in path.parent.iterdir()) == ["plots.png"]
+
+
+def test_energy_change_equals_work(tmp_path, drawn):
+    """A body under the constant power P: E - E(0) = P t, and so is the work."""
+    from rb_sim.mechanics.samples import empty_block
+
+    scene = load_scene({"bodies": {"b": {"mass": 1, "inertia": [1, 1, 1]}}})
+    layout = SampleLayout(("b",), (), (), ())
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    for first in range(0, 100, 7):
+        block = empty_block(7, layout)
+        block.t[:] = 0.1 * (first + np.arange(7))
+        block.power[:] = 3.0
+        block.kinetic_energy[:] = 5.0 + 3.0 * block.t
+        sink.write(block)
+    sink.close()
+    change, work = drawn["change of total energy, and work of forces without potential"].get_lines()
+    np.testing.assert_allclose(change.get_ydata(), 3.0 * change.get_xdata(), atol=1e-12)
+    np.testing.assert_allclose(work.get_ydata(), change.get_ydata(), atol=1e-12)
+
+
+def test_the_caller_may_reuse_its_arrays(tmp_path, drawn):
+    from rb_sim.mechanics.samples import empty_block
+
+    scene = load_scene({"bodies": {"b": {"mass": 1, "inertia": [1, 1, 1]}}})
+    layout = SampleLayout(("b",), (), (), ())
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    block = empty_block(1, layout)
+    for k in range(5):
+        block.t[:] = k
+        block.position[:] = k**2
+        sink.write(block)
+    sink.close()
+    x, *_ = drawn["b: position of the centre of mass, world"].get_lines()
+    np.testing.assert_array_equal(x.get_ydata(), [0, 1, 4, 9, 16])
+
+
+def test_long_runs_stay_small(tmp_path, scene, layout, samples, drawn):
+    """The curves of 60 000 samples hold at most four points per bucket, and the peak."""
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    block, memory = samples(2000), []
+    tracemalloc.start()
+    for k in range(30):
+        block.t[:] = 20.0 * k + np.arange(2000) / 100.0
+        block.reaction_force[:] = 0.0
+        block.reaction_force[777, 0, 2] = 1e3 if k == 11 else 0.0
+        sink.write(block)
+        memory.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert memory[-1] < 1.5 * memory[4]
+    sink.close()
+    force = drawn["floor: reaction force on ball, world axes"].get_lines()[2].get_ydata()
+    assert len(force) <= 4 * plots.BUCKETS and force.max() == 1e3
+
+
+def test_many_bodies_have_pages_and_none_is_left_out(tmp_path, drawn):
+    from rb_sim.mechanics.samples import empty_block
+
+    names = tuple(f"b{k}" for k in range(10))
+    wheels = tuple(f"wheel{k}" for k in range(16))
+    layout = SampleLayout(names, wheels, tuple(names[k % 10] for k in range(16)), ())
+    scene = load_scene({"bodies": {name: {"mass": 1, "inertia": [1, 1, 1]} for name in names}})
+    block = empty_block(5, layout)
+    block.t[:] = np.arange(5.0)
+    for field in (block.position, block.orientation, block.linear_velocity, block.reaction_force):
+        field[:] = 1.0 + np.arange(5.0).reshape(5, 1, 1)
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    pages = sorted(p.name for p in tmp_path.iterdir())
+    assert pages == ["plots.png", *(f"plots_{name}.png" for name in names)]
+    assert all(f"{name}: reaction force on" in " ".join(drawn) for name in wheels)
+    assert all(f"{name}: position of the centre of mass, world" in drawn for name in names)
+
+
+def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, samples, drawn):
+    """A torque of 1e-13 of force times length, a residual of round-off, a speed that rounds."""
+    notes = []
+    original = plots.told
+    monkeypatch.setattr(plots, "told", lambda zero: notes.extend(original(zero)) or notes)
+    block = samples(50)
+    block.reaction_torque[:, 0] = 1e-13 * block.reaction_force[:, 0]
+    block.linear_velocity[:, 0, 2] = 0.5 + 1e-13 * np.sin(block.t)
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    assert "floor: reaction torque about its anchor" not in drawn
+    text = " ".join(notes)
+    assert "zero throughout: floor: reaction torque about its anchor" in text
+    assert "worst violation of a constraint, relative to the scene's scale: at most" in text
+    velocity = drawn["ball: velocity of the centre of mass, world"].get_lines()
+    assert np.ptp(velocity[2].get_ydata()) == 0.0 and np.ptp(velocity[0].get_ydata()) > 0.1
+
+
+def test_a_jump_is_drawn_where_it_is():
+    """A speed that falls at -9.81 and jumps from -2 to +1 at t = 0.35, sampled every 0.1 s."""
+    t = np.arange(11) / 10.0
+    speed = np.where(t < 0.35, -2.0 - 9.81 * (t - 0.35), 1.0 - 9.81 * (t - 0.35))[:, None]
+    times, values = plots.with_jumps(t, speed, np.array([0.35]))
+    assert list(times[4:6]) == [0.35, 0.35]
+    np.testing.assert_allclose(values[4:6, 0], [-2.0, 1.0], atol=1e-12)
+    same, curves = plots.with_jumps(t, speed, np.array([]))
+    assert same is t and curves is speed
+
+
+def test_no_samples_no_picture(tmp_path, scene, layout):
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.close()
+    assert not (tmp_path / "plots.png").exists()
+
+
+def test_values_that_are_not_finite_do_not_stop_it(tmp_path, scene, layout, samples):
+    block = samples(20)
+    block.residual[:] = np.nan
+    block.position[5:] = np.inf
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, layout)
+    sink.write(block)
+    sink.close()
+    assert (tmp_path / "plots.png").stat().st_size > 10_000
+
+
+def test_folder_gone(tmp_path, scene, layout, samples):
+    sink = PlotSink(tmp_path / "out" / "plots.png")
+    sink.open(scene, layout)
+    sink.write(samples(5))
+    shutil.rmtree(tmp_path / "out")
+    with pytest.raises(SinkError, match="plots.png: cannot write it: No such file or directory$"):
+        sink.close()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SinkError, match="cannot draw here"):
+        PlotSink(tmp_path / "file" / "plots.png").open(scene, layout)

@@ -1,0 +1,206 @@
+"""`rb_sim replay` and `recover`: from a bag to a recording and a picture, or one clear line."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import matplotlib.image
+import pytest
+
+from rb_sim.base.errors import SinkError
+from rb_sim.cli.verbs import replay as verb
+from rb_sim.cli.verbs.replay import recover, replay
+from rb_sim.io.rerun import viewer as rerun_screenshot
+
+RERUN = Path(sys.executable).with_name("rerun")
+needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
+DATA = ("/world", "/plots", "/about")
+NO_VULKAN = {"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"}
+
+
+def stats(path: Path) -> list[str]:
+    """Chunks per entity of the data (the blueprint's have random names), as rerun counts them."""
+    command = [str(RERUN), "rrd", "stats", str(path)]
+    text = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    return sorted(line for line in text.splitlines() if line.startswith(DATA))
+
+
+@needs_rerun
+def test_replay_saves_what_the_run_would_have_recorded(
+    record, tmp_path, scene, layout, samples, capsys
+):
+    from rb_sim.io.rerun.sink import RerunSink
+
+    live = RerunSink(tmp_path / "live.rrd")
+    live.open(scene, layout)
+    live.write(samples(200))
+    live.close({"steps": 7})
+    saved = tmp_path / "replayed.rrd"
+    replay(record(summary={"steps": 7}), save=saved)
+    assert capsys.readouterr().out == f"wrote {saved}\n"
+    subprocess.run([RERUN, "rrd", "verify", saved], check=True, capture_output=True, timeout=60)
+    assert stats(saved) == stats(live.path)
+
+
+def test_half_a_recording_is_not_left(record, tmp_path, monkeypatch):
+    """Broken off by Ctrl-C: it would open, and pass for the whole run."""
+
+    def half(reader, recording):
+        recording.write_bytes(b"RRF2")
+        raise KeyboardInterrupt
+
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(verb, "convert", half)
+    with pytest.raises(KeyboardInterrupt):
+        replay(record(), save=tmp_path / "half.rrd")
+    assert not (tmp_path / "half.rrd").exists()
+
+
+def test_an_older_recording_stays_where_nothing_was_written(record, tmp_path, monkeypatch):
+    def refuse(reader, recording):
+        raise SinkError("no")
+
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(verb, "convert", refuse)
+    (tmp_path / "old.rrd").write_bytes(b"RRF2")
+    with pytest.raises(SinkError, match="^no$"):
+        replay(record(), save=tmp_path / "old.rrd")
+    assert (tmp_path / "old.rrd").exists()
+
+
+@needs_rerun
+def test_without_a_screen_it_says_what_to_do(record, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SinkError, match="^no screen for the Rerun viewer: use --save or"):
+        replay(record())
+
+
+def test_endings_are_checked_before_anything_is_read(tmp_path):
+    with pytest.raises(SinkError, match=r"a.mp4: the name must end in \.rrd$"):
+        replay(tmp_path / "none", save=Path("a.mp4"))
+    with pytest.raises(SinkError, match=r"a.jpg: the name must end in \.png$"):
+        replay(tmp_path / "none", screenshot=Path("a.jpg"))
+    with pytest.raises(SinkError, match="no such bag$"):
+        replay(tmp_path / "none", save=Path("a.rrd"))
+
+
+def test_the_bag_is_not_changed(record, tmp_path):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    bag = record()
+    before = hashlib.sha256((bag / "bag_0.mcap").read_bytes()).hexdigest()
+    replay(bag, save=tmp_path / "r.rrd")
+    assert hashlib.sha256((bag / "bag_0.mcap").read_bytes()).hexdigest() == before
+
+
+def test_recover_says_what_it_did(record, tmp_path, capsys):
+    bag = record()
+    data = (bag / "bag_0.mcap").read_bytes()
+    recover(bag, tmp_path / "whole")
+    assert capsys.readouterr().out == (
+        f"wrote {tmp_path / 'whole'}: {200 * 16} messages, the bag was complete\n"
+    )
+    (bag / "bag_0.mcap").write_bytes(data[:-20])
+    recover(bag)
+    assert "all that could be read of it" in capsys.readouterr().out
+    (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
+    recover(bag, tmp_path / "half")
+    assert "is cut off; missing is what lies after t = " in capsys.readouterr().err
+
+
+def vulkan() -> bool:
+    """True if a viewer can draw here: some Vulkan driver is described."""
+    folders = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
+    return any(Path(folder).is_dir() and any(Path(folder).iterdir()) for folder in folders)
+
+
+@needs_rerun
+@pytest.mark.slow
+@pytest.mark.skipif(not vulkan(), reason="no Vulkan driver (mesa-vulkan-drivers)")
+def test_screenshot(record, tmp_path):
+    """A picture of the size asked for, dark as the viewer is, with the colours of the curves."""
+    picture = tmp_path / "shots" / "picture.png"
+    replay(record(n=400), screenshot=picture)
+    image = matplotlib.image.imread(picture)[..., :3]
+    assert image.shape[1] / image.shape[0] == pytest.approx(1.6)
+    for color in ((230, 80, 80), (90, 190, 90), (90, 130, 240), (255, 165, 40)):
+        near = abs(image * 255 - color).max(axis=2) < 30
+        assert near.sum() > 100, color
+
+
+@needs_rerun
+@pytest.mark.slow
+def test_screenshot_without_vulkan_is_one_clear_line(record, tmp_path, monkeypatch):
+    for name, value in NO_VULKAN.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SinkError) as caught:
+        replay(record(), screenshot=tmp_path / "picture.png")
+    assert str(caught.value) == (
+        "the Rerun viewer cannot draw here: "
+        "no Vulkan driver (on Debian and Ubuntu: apt install mesa-vulkan-drivers)"
+    )
+
+
+def test_viewer_that_dies_gives_its_last_words(tmp_path, monkeypatch):
+    viewer = tmp_path / "rerun"
+    viewer.write_text("#!/bin/sh\necho Error: out of paint >&2\nexit 3\n")
+    viewer.chmod(0o755)
+    monkeypatch.setattr(rerun_screenshot, "rerun_executable", lambda: str(viewer))
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    with pytest.raises(SinkError, match="cannot draw here: Error: out of paint$"):
+        rerun_screenshot.save_screenshot(tmp_path / "r.rrd", tmp_path / "p.png")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc: not Linux")
+def test_the_viewer_is_gone_afterwards(tmp_path, monkeypatch):
+    """The command is a wrapper: its child must not outlive it, nor what it keeps in TMPDIR."""
+    viewer, child = tmp_path / "rerun", tmp_path / "child"
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    monkeypatch.setenv("TMPDIR", str(kept))
+    monkeypatch.setattr(tempfile, "tempdir", str(kept))
+    lines = [
+        "#!/bin/sh",
+        'mkdir "$TMPDIR/rerun-data"',
+        "sleep 600 &",
+        f"echo $! > {child}.new",
+        f"mv {child}.new {child}",
+        "wait",
+    ]
+    viewer.write_text("\n".join(lines))
+    viewer.chmod(0o755)
+    monkeypatch.setattr(rerun_screenshot, "rerun_executable", lambda: str(viewer))
+    with rerun_screenshot._viewer(tmp_path / "r.rrd", (100, 100)):
+        wait_until(child.exists)
+        number = int(child.read_text())
+        os.kill(number, 0)
+    wait_until(lambda: not alive(number))
+    assert list(kept.iterdir()) == []
+
+
+def alive(number: int) -> bool:
+    """True if the process runs; one that is dead but not yet reaped does not."""
+    status = Path(f"/proc/{number}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(condition) -> None:
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_no_viewer_at_all(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    with pytest.raises(Exception, match=r"pip install 'rb_sim\[rerun\]'"):
+        rerun_screenshot.rerun_executable()

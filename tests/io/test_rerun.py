@@ -1,0 +1,359 @@
+"""Recordings for Rerun: verified by the viewer's own tools, read back, drawn."""
+
+from __future__ import annotations
+
+import builtins
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rb_sim.base.errors import MissingExtraError, SinkError
+from rb_sim.io.rerun.sink import PipedFile, RerunSink
+from rb_sim.scene.load import load_scene
+
+RERUN = Path(sys.executable).with_name("rerun")
+needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
+
+
+def run(*arguments: object) -> str:
+    command = [str(RERUN), *map(str, arguments)]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+
+@pytest.fixture
+def recording(tmp_path, scene, layout, samples):
+    """A finished recording of 200 samples."""
+    sink = RerunSink(tmp_path / "out" / "recording.rrd")
+    sink.open(scene, layout)
+    for first in range(4):
+        sink.write(samples(50, start=first / 2))
+    sink.close({"steps": 2000, "energy_error": 1e-13, "method": {"name": "rk4"}})
+    sink.close()
+    return sink.path
+
+
+def at_rest(folder: Path, scene) -> Path:
+    """A recording of the scene's bodies, which stay at the origin."""
+    from rb_sim.mechanics.samples import SampleLayout, empty_block
+
+    layout = SampleLayout(tuple(scene.bodies), (), (), ())
+    sink = RerunSink(folder / "r.rrd")
+    sink.open(scene, layout)
+    block = empty_block(3, layout)
+    block.orientation[..., 3] = 1.0
+    block.t[:] = [0, 1, 2]
+    sink.write(block)
+    sink.close()
+    return sink.path
+
+
+def column(path: Path, entity: str, component: str) -> tuple[np.ndarray, list]:
+    """Times [ns] and values of one component of one entity."""
+    from rerun.chunk import RrdReader
+
+    times, rows = [], []
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            times += batch.column("sim_time").cast("int64").to_pylist()
+            rows += batch.column(component).to_pylist()
+    return np.array(times), rows
+
+
+@needs_rerun
+def test_rerun_verifies_it(recording):
+    run("rrd", "verify", recording)
+    stats = run("rrd", "stats", recording)
+    assert "sim_time" in stats
+    for entity in (
+        "/world/ball",
+        "/world/ball/shape",
+        "/world/door/shape",
+        "/world/trail/door",
+        "/world/velocity/ball",
+        "/world/reaction/floor",
+        "/world/reaction/hinge/A",
+        "/world/command/ball",
+        "/plots/ball/position",
+        "/plots/door/orientation",
+        "/plots/ball/velocity",
+        "/plots/ball/angular_velocity",
+        "/plots/reactions/hinge/force",
+        "/plots/reactions/floor/torque",
+        "/plots/energy",
+        "/plots/residual",
+        "/about",
+    ):
+        assert f"{entity}:" in stats, entity
+    assert "/world/reaction/hinge:" not in stats  # the total is not drawn beside its bearings
+
+
+@needs_rerun
+def test_the_body_frame_is_drawn_at_its_origin(recording, scene, layout, samples):
+    from scipy.spatial.transform import Rotation
+
+    block = samples(200)
+    offset = Rotation.from_quat(block.orientation[:, 1]).apply(scene.bodies["door"].center_of_mass)
+    times, rows = column(recording, "/world/door", "Transform3D:translation")
+    np.testing.assert_array_equal(times, 10_000_000 * np.arange(200))
+    expected = block.position[:, 1] - offset
+    np.testing.assert_allclose(np.array(rows)[:, 0], expected, atol=1e-6)  # single precision
+    times, rows = column(recording, "/plots/reactions/hinge/force", "Scalars:scalars")
+    np.testing.assert_array_equal(rows, block.reaction_force[:, 1])
+
+
+@needs_rerun
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"type": "sphere", "radius": 0.2},
+        {"type": "disk", "radius": 0.2, "axis_B": [0, 1, 0]},
+        {"type": "cylinder", "radius": 0.2, "length": 1.0, "axis_B": [1, 0, 0]},
+        {"type": "box", "size": [0.1, 0.2, 0.3]},
+        {"type": "rod", "length": 1.0, "axis_B": [0, 0, -1]},
+        {"type": "rod", "length": 1.0, "radius": 0.05},
+        {"type": "ellipsoid", "semi_axes": [0.1, 0.2, 0.3]},
+        None,
+    ],
+    ids=lambda shape: shape["type"] if shape else "none",
+)
+def test_every_shape(tmp_path, shape):
+    body = {"mass": 1, "inertia": [1, 1, 1]} | ({"shape": shape} if shape else {})
+    path = at_rest(tmp_path, load_scene({"bodies": {"b": body}}))
+    run("rrd", "verify", path)
+    assert ("/world/b/shape:" in run("rrd", "stats", path)) == (shape is not None)
+
+
+@needs_rerun
+@pytest.mark.parametrize("parent", [True, False])
+def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
+    """Else it would hide the body's lower half; a plane in the world is drawn."""
+    scene = load_scene("ball_on_block")
+    if not parent:
+        top = scene.constraints["top"].model_copy(update={"parent": None})
+        scene = scene.model_copy(update={"constraints": scene.constraints | {"top": top}})
+    assert ("support/top" in run("rrd", "stats", at_rest(tmp_path, scene))) != parent
+
+
+@needs_rerun
+def test_axis_of_a_cylinder():
+    from scipy.spatial.transform import Rotation
+
+    from rb_sim.io.rerun.static import _from_z
+
+    for axis in ([1, 0, 0], [0, 0, -1], [0, 0, 1], [0.6, 0, -0.8], [0.36, 0.48, 0.8]):
+        turned = Rotation.from_quat(_from_z(np.array(axis, float))).apply([0, 0, 1])
+        np.testing.assert_allclose(turned, axis, atol=1e-12)
+
+
+@needs_rerun
+@pytest.mark.parametrize(
+    ("value", "nice"),
+    [(19.62, 20), (1.0, 1), (0.7, 0.5), (4.1, 5), (0, 1), (np.inf, 1), (8e-9, 1e-8)],
+)
+def test_arrow_scales_are_round_numbers(value, nice):
+    from rb_sim.io.rerun.arrow_scales import nice as rounded
+
+    assert rounded(value) == pytest.approx(nice, rel=1e-12)
+
+
+@needs_rerun
+def test_rows_go_to_the_file_in_blocks(tmp_path, scene, layout, samples):
+    """At most ROWS samples are held; nothing is lost and the order of times is kept."""
+    from rb_sim.io.rerun import sink as rerun
+
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    for k in range(100):
+        sink.write(samples(100, start=float(k)))
+        assert sink._rows < rerun.ROWS
+    sink.close()
+    times, _ = column(sink.path, "/plots/energy", "Scalars:scalars")
+    np.testing.assert_array_equal(times, 10_000_000 * np.arange(10_000))
+
+
+@needs_rerun
+def test_the_caller_may_reuse_its_arrays(tmp_path, scene, layout, samples):
+    sink, block = RerunSink(tmp_path / "r.rrd"), samples(1)
+    sink.open(scene, layout)
+    for k in range(5):
+        block.t[:], block.position[:] = k, k**2
+        sink.write(block)
+    sink.close()
+    times, rows = column(sink.path, "/plots/ball/position", "Scalars:scalars")
+    assert times.tolist() == [k * 1_000_000_000 for k in range(5)]
+    assert [row[0] for row in rows] == [0, 1, 4, 9, 16]
+
+
+@needs_rerun
+def test_an_unfinished_recording_can_be_read(tmp_path, scene, layout, samples):
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    shutil.copy(sink.path, tmp_path / "killed.rrd")
+    assert "/world/ball:" in run("rrd", "stats", tmp_path / "killed.rrd")
+    sink.close()
+
+
+@needs_rerun
+def test_removed_folder(tmp_path, scene, layout, samples):
+    sink = RerunSink(tmp_path / "out" / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    shutil.rmtree(tmp_path / "out")
+    with pytest.raises(SinkError, match="r.rrd: the recording was removed while it was written$"):
+        sink.write(samples(5000))
+    sink.close()
+    with pytest.raises(SinkError, match="r.rrd: the recording is closed$"):
+        sink.write(samples(1))
+
+
+@needs_rerun
+def test_almost_full_disk_ends_the_recording_properly(
+    tmp_path, scene, layout, samples, monkeypatch
+):
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, layout)
+    sink.write(samples(5000))
+    monkeypatch.setattr(PipedFile, "free", 2_000_000)
+    with pytest.raises(SinkError, match="r.rrd: disk full; the recording ends here$"):
+        sink.write(samples(5000))
+    run("rrd", "verify", sink.path)
+
+
+FILE_LIMIT = """
+import resource, sys
+from pathlib import Path
+from rb_sim.mechanics.samples import SampleLayout, empty_block
+from rb_sim.scene.load import load_scene
+from rb_sim.io.rerun.sink import RerunSink
+import numpy as np
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
+layout = SampleLayout(("ball",), (), (), ())
+sink = RerunSink(Path(sys.argv[1]))
+sink.open(scene, layout)
+block = empty_block(5000, layout)
+block.orientation[..., 3] = 1.0
+block.position[:] = np.random.default_rng(0).random((5000, 1, 3))
+while True:
+    block.t[:] += 100.0
+    sink.write(block)
+"""
+
+
+@needs_rerun
+def test_a_write_that_fails_is_noticed(tmp_path):
+    path = tmp_path / "r.rrd"
+    done = subprocess.run(
+        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=60
+    )
+    expected = f"rb_sim.base.errors.SinkError: {path}: recording stopped: File too large"
+    assert done.stderr.splitlines()[-1] == expected
+    assert "/world/ball:" in run("rrd", "stats", path)
+
+
+@needs_rerun
+def test_folder_that_cannot_be_written(tmp_path, scene, layout):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SinkError, match="r.rrd: cannot record here: "):
+        RerunSink(tmp_path / "file" / "r.rrd").open(scene, layout)
+
+
+def test_without_rerun_the_error_says_what_to_install(tmp_path, monkeypatch):
+    original = builtins.__import__
+
+    def no_rerun(name, *rest, **options):
+        if name.split(".")[0] == "rerun":
+            raise ImportError(name)
+        return original(name, *rest, **options)
+
+    monkeypatch.setattr(builtins, "__import__", no_rerun)
+    with pytest.raises(MissingExtraError, match=r"pip install 'rb_sim\[rerun\]'"):
+        RerunSink(tmp_path / "r.rrd")
+
+
+def test_importing_the_sink_does_not_import_rerun():
+    code = "import rb_sim.io.rerun.sink, sys; assert 'rerun' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@needs_rerun
+def test_far_from_the_origin_places_are_counted_from_a_local_one(tmp_path):
+    """The viewer counts in single precision, which at 4,200 km tells half metres apart."""
+    from rb_sim import Simulation
+
+    place = [500000.25, 4200000.0, 1.0]
+    scene = {
+        "bodies": {
+            "ball": {
+                "mass": 0.2,
+                "shape": {"type": "sphere", "radius": 0.05},
+                "position": place,
+                "linear_velocity": [1.0, 0.5, 0.0],
+            }
+        },
+        "constraints": {"floor": {"type": "contact", "body": "ball", "restitution": 0.7}},
+        "effects": {"g": {"type": "gravity"}},
+        "simulation": {"duration": 1.0, "rate": 50},
+    }
+    simulation = Simulation(load_scene(scene))
+    sink = RerunSink(tmp_path / "r.rrd")
+    found = simulation.run(sinks=[sink])
+    sink.close()
+    _, rows = column(sink.path, "/world/ball", "Transform3D:translation")
+    drawn = np.array([row[0] for row in rows], dtype=float)
+    assert np.abs(drawn).max() < 100.0
+    moved = found.position["ball"] - found.position["ball"][0]
+    np.testing.assert_allclose(drawn - drawn[0], moved, atol=1e-6)
+    origin = found.position["ball"][0] - drawn[0]
+    np.testing.assert_allclose(origin, np.round(origin), atol=1e-6)  # said in whole metres
+
+
+@needs_rerun
+def test_arrows_have_one_scale_however_the_samples_came(tmp_path):
+    """A ball let go from rest: by its first samples arrows would be hundreds of metres long."""
+    from rerun.chunk import RrdReader
+
+    from rb_sim import Simulation
+
+    scene = load_scene(
+        {
+            "bodies": {"b": {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}},
+            "effects": {"g": {"type": "gravity"}},
+            "simulation": {"duration": 5.0, "rate": 1000},
+        }
+    )
+
+    def scale(rows: int) -> float:
+        simulation = Simulation(scene)
+        whole = simulation.run()
+        sink = RerunSink(tmp_path / f"{rows}.rrd")
+        sink.open(scene, whole.layout)
+        for first in range(0, len(whole), rows):
+            sink.write(part_of(whole.block, first, first + rows))
+            sink._flush()
+        sink.close()
+        found = [
+            chunk.to_record_batch().column("Transform3D:scale").to_pylist()[-1][0][0]
+            for chunk in RrdReader(sink.path).stream()
+            if chunk.entity_path == "/world/velocity/b/arrow"
+            and chunk.is_static
+            and "Transform3D:scale" in chunk.to_record_batch().schema.names
+        ]
+        return found[-1]
+
+    def part_of(block, first, last):
+        from dataclasses import replace
+
+        from rb_sim.mechanics.samples import ARRAYS
+
+        return replace(block, **{name: getattr(block, name)[first:last] for name in ARRAYS})
+
+    one, many = scale(5001), scale(10)
+    assert one == many
+    assert 0.05 < one * 9.81 * 2.5 < 50.0  # the median speed, as long as an eighth of the way

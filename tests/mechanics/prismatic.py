@@ -1,0 +1,27 @@
+"""A prismatic joint: what somebody adds as a constraint, one file and one line."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rb_sim.catalogue.constraints.joints import relative_turn
+from rb_sim.catalogue.constraints.rows import LockRow, SlotRow
+from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3
+from rb_sim.catalogue.types import Part, Place
+from rb_sim.numerics.vectors import ZERO, perpendicular
+
+
+class Prismatic(Spec):
+    """point_B of the body slides along axis_A of its parent, and the body does not turn on it."""
+
+    type: Literal["prismatic"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    axis_A: UnitVector3
+
+    def parts(self, place: Place) -> list[Part]:
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.partner_point(self.parent, None, self.body, self.point_B)
+        slot = SlotRow(r_B, r_A, *perpendicular(self.axis_A))
+        return [Part(slot), Part(LockRow(relative_turn(place, self.parent, self.body), r_B))]

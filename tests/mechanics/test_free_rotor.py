@@ -1,0 +1,146 @@
+"""The torque-free body in principal axes, beside the general one and the laws it must keep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from rb_sim.mechanics.systems.free import FreeBody, FreeRotor
+from rb_sim.motion.traced import TracedMotion
+from rb_sim.scene.compile import compile_method, compile_scene
+from rb_sim.scene.load import scene_from_mapping
+from tests.interpreted import interpreted
+from tests.runs import trajectory
+
+TURN = Rotation.from_rotvec([0.7, -1.1, 0.4])
+"""Body axes in the tests of full tensors, from the principal axes."""
+NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [1e-3, 5.0, 1e-3]}
+SPINS: dict[str, tuple[list[float], list[float]]] = {
+    "generic": ([1.0, 2.0, 2.7], [0.7, -1.1, 0.4]),
+    "next to the separatrix": ([1.0, 2.0, 3.0], [1e-3, 5.0, 1e-3]),
+    "on the separatrix": ([1.0, 2.0, 3.0], [3.0**0.5, 5.0, 1.0]),
+    "about the smallest": ([1.0, 2.0, 2.7], [3.0, 1e-9, 0.0]),
+    "about the largest": ([1.0, 2.0, 2.7], [1e-9, 1e-9, 3.0]),
+    "exactly about the middle": ([1.0, 2.0, 2.7], [0.0, 3.0, 0.0]),
+    "body of revolution": ([1.0, 1.0, 1.7], [0.7, -1.1, 0.4]),
+    "revolution about the first": ([1.7, 1.0, 1.0], [0.7, -1.1, 0.4]),
+    "sphere": ([1.0, 1.0, 1.0], [0.7, -1.1, 0.4]),
+    "nearly a sphere": ([1.0, 1.0 + 2e-16, 1.0 - 1e-16], [0.7, -1.1, 0.4]),
+    "needle": ([0.1, 0.1, 1e-10], [0.7, -1.1, 4.0]),
+    "barely turning": ([1.0, 2.0, 2.7], [1e-160, 2e-160, 1e-160]),
+    "at rest": ([1.0, 2.0, 2.7], [0.0, 0.0, 0.0]),
+}
+
+
+def scene(turned: bool = False, **body: Any) -> dict[str, Any]:
+    """A free body in a uniform field, its axes the principal ones or turned by TURN."""
+    own = NUT | body
+    if turned:
+        R = TURN.as_matrix()
+        own["inertia"] = (R @ np.diag(own["inertia"]) @ R.T).tolist()
+        own["angular_velocity"] = (R @ own["angular_velocity"]).tolist()
+        own["orientation"] = TURN.inv().as_quat().tolist()
+    return {"bodies": {"b": own}, "effects": {"weight": {"type": "gravity"}}}
+
+
+def system_of(mapping: dict[str, Any]) -> Any:
+    options = {"simulation": {"duration": 1.0, "method": "rk4", "step": 0.01}}
+    return compile_scene(scene_from_mapping(mapping | options)).system
+
+
+@pytest.mark.parametrize(
+    ("effect", "kind"),
+    [
+        ({"type": "linear_drag", "coefficient": 0.1}, FreeRotor),
+        ({"type": "quadratic_drag", "coefficient": 0.1}, FreeRotor),
+        ({"type": "angular_damping", "coefficient": 0.1}, FreeBody),
+        ({"type": "wrench", "force": [1.0, 0.0, 0.0]}, FreeBody),
+        ({"type": "commanded_wrench"}, FreeBody),
+    ],
+)
+def test_only_forces_at_the_centre_leave_the_spin_to_itself(
+    effect: dict[str, Any], kind: type
+) -> None:
+    assert type(system_of(scene())) is FreeRotor
+    assert type(system_of(scene() | {"effects": {"e": {"body": "b"} | effect}})) is kind
+
+
+@pytest.mark.parametrize("name", SPINS)
+@pytest.mark.parametrize("method", ["rk4", "gauss6"])
+def test_energy_and_angular_momentum_stay(name: str, method: str) -> None:
+    inertia, w = SPINS[name]
+    run = trajectory(
+        scene(inertia=inertia, angular_velocity=w),
+        duration=5.0, rate=4.0, method=method, step=0.01,
+    )  # fmt: skip
+    spin = run.angular_velocity[:, 0]
+    twice_energy, square = spin**2 @ inertia, spin**2 @ np.square(inertia)
+    assert np.isfinite(spin).all()
+    assert_allclose(twice_energy, twice_energy[0], rtol=5e-15, atol=0.0)
+    assert_allclose(square, square[0], rtol=5e-15, atol=0.0)
+
+
+def test_the_small_difference_of_the_invariants_keeps_its_digits() -> None:
+    """2 E I2 - M^2 = I1 (I2 - I1) w1^2 - I3 (I3 - I2) w3^2 where the spin is back at the saddle."""
+    run = trajectory(scene(), duration=60.0, rate=10.0, method="gauss6", step=0.02)
+    spin = run.angular_velocity[:, 0]
+    excess = 1.0 * spin[:, 0] ** 2 - 3.0 * spin[:, 2] ** 2
+    near = np.hypot(spin[:, 0], spin[:, 2]) < 0.01
+    assert 20 < near.sum() < 400
+    assert np.sign(spin[near, 1]).min() == -1.0
+    assert_allclose(excess[near], excess[0], rtol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["generic", "body of revolution", "sphere", "needle"])
+def test_axes_of_the_body_are_free(name: str) -> None:
+    inertia, w = SPINS[name]
+    options = {"duration": 2.0, "rate": 10.0, "tolerance": 1e-13}
+    straight = trajectory(scene(inertia=inertia, angular_velocity=w), **options)
+    turned = trajectory(scene(turned=True, inertia=inertia, angular_velocity=w), **options)
+    back = Rotation.from_quat(turned.orientation[:, 0]) * TURN
+    apart = (Rotation.from_quat(straight.orientation[:, 0]).inv() * back).magnitude()
+    sensitive = (
+        1e-5 if name == "needle" else 1e-11
+    )  # its tensor is rounded by 1e-7 of the small one
+    assert apart.max() <= sensitive
+    spin = TURN.inv().apply(turned.angular_velocity[:, 0])
+    assert_allclose(spin, straight.angular_velocity[:, 0], atol=sensitive)
+    assert_allclose(turned.angular_momentum, straight.angular_momentum, atol=1e-13)
+
+
+def test_agrees_with_the_general_free_body() -> None:
+    """The same motion where a couple of zero makes it a body with torque."""
+    body = {"inertia": [1.0, 2.0, 2.7], "angular_velocity": [0.7, -1.1, 0.4]}
+    nothing = {"type": "angular_damping", "body": "b", "coefficient": 0.0}
+    options = {"duration": 3.0, "rate": 10.0, "tolerance": 1e-14}
+    one = trajectory(scene(turned=True, **body), **options)
+    other = scene(turned=True, **body)
+    other["effects"]["nothing"] = nothing
+    two = trajectory(other, **options)
+    for column in ("position", "orientation", "linear_velocity", "angular_velocity", "energy"):
+        assert_allclose(getattr(one, column), getattr(two, column), atol=1e-11, err_msg=column)
+
+
+def spins_from_elsewhere() -> tuple[np.ndarray, np.ndarray]:
+    """A motion that is reset to another spin, and the motion of a scene that starts there."""
+    rows = []
+    for w, y_w in (((0.7, -1.1, 0.4), (0.3, 1.2, -0.8)), ((0.3, 1.2, -0.8), None)):
+        options = {"simulation": {"duration": 1.0, "method": "rk4", "step": 0.01}}
+        full = scene_from_mapping(scene(angular_velocity=list(w)) | options)
+        compiled = compile_scene(full)
+        motion = TracedMotion(compiled, compile_method(full.simulation, 1.0))
+        if y_w is not None:
+            motion.reset(compiled.y[:10] + y_w)
+        out = np.zeros((1, motion.width))
+        motion.run_to([1.0], out)
+        rows.append(out[0])
+    return rows[0], rows[1]
+
+
+def test_a_motion_reset_to_another_spin_stays_on_its_polhode() -> None:
+    moved, direct = interpreted(spins_from_elsewhere)
+    assert_allclose(moved, direct, rtol=0.0, atol=0.0)

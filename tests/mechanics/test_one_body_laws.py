@@ -1,0 +1,186 @@
+"""The laws of one body at any state, without a run: reduced coordinates beside maximal ones.
+
+The two share no equation of motion (see tests/oracles/test_formulations, which compares runs); here
+they are asked at random coordinates, so that every term counts and a comparison costs milliseconds.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.interpreted import interpreted
+from tests.moving import difference
+from tests.one_body_scenes import EFFECTS, JOINTS, LOAD, Mapping, scene
+
+INSTANT = 0.11
+"""[s] at which the laws are asked; within all tables over time."""
+EFFECTS_ON_JOINTS = {
+    f"{effect} on {joint}": JOINTS[joint] | {"effects": {"one": EFFECTS[effect]}}
+    for effect in EFFECTS
+    for joint in ("free", "fixed_point", "fixed_axis, none floats", "translation along a circle")
+}
+SCENES = JOINTS | EFFECTS_ON_JOINTS
+
+
+def compiled_both(mapping: Mapping) -> tuple[Any, Any]:
+    from rb_sim import load_scene
+    from rb_sim.scene.compile import compile_scene
+
+    read = load_scene(mapping)
+    return compile_scene(read), compile_scene(read, coordinates="maximal")
+
+
+def anywhere(reduced: Any, rng: np.random.Generator) -> tuple[float, ...]:
+    """Coordinates in the middle of a motion: other places and speeds, as far as the joint lets."""
+    from rb_sim.mechanics.system import settle
+
+    y = np.array(reduced.y) + 0.3 * rng.normal(size=len(reduced.y))
+    return tuple(settle(reduced.system, INSTANT, tuple(float(x) for x in y)))
+
+
+def sampled(compiled: Any, y: Any) -> np.ndarray:
+    from rb_sim.mechanics.samples import row_width
+    from rb_sim.mechanics.system import sample
+
+    out = np.zeros(row_width(compiled.layout))
+    sample(compiled.system, INSTANT, y, out)
+    return out
+
+
+def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
+    """Samples and rates of the state, by reduced and by maximal coordinates: (2, ...) each."""
+    from rb_sim.mechanics.system import inside, rate, rate_into
+
+    reduced, maximal = compiled_both(mapping)
+    y = anywhere(reduced, np.random.default_rng(seed))
+    assert inside(reduced.system, y)
+    own = sampled(reduced, y)
+    state = own[:13].copy()
+    dy = np.array(rate(reduced.system, INSTANT, y))
+    along = difference(lambda h: sampled(reduced, tuple(np.array(y) + h * dy))[:13])
+    expected = np.zeros(13)
+    rate_into(maximal.system, INSTANT, state, expected)
+    return np.array([own, sampled(maximal, state)]), np.array([along, expected])
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("name", SCENES)
+def test_samples_and_rates_agree_at_any_state(name: str, seed: int) -> None:
+    """Reactions, anchors, energies, power, momenta; accelerations, as rates of the velocities."""
+    samples, rates = interpreted(both, SCENES[name], seed)
+    assert_allclose(samples[0, :-1], samples[1, :-1], rtol=0.0, atol=1e-12 * np.abs(samples).max())
+    assert samples[:, -1].max() < 1e-13
+    assert_allclose(rates[0], rates[1], rtol=0.0, atol=1e-8 * (1.0 + np.abs(rates).max()))
+
+
+def pushed(mapping: Mapping) -> tuple[list[float], list[float], list[float]]:
+    """(what laws take for velocities, whose rates a push changes) reduced, and the same maximal."""
+    from rb_sim.mechanics.laws import ReducedLaws
+    from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+    from rb_sim.mechanics.system import rate
+
+    slopes = []
+    for share in (1.0, 2.0):
+        push = LOAD | {"force": [share, -share, share], "torque": [0.1 * share, 0.2, -0.1 * share]}
+        reduced, maximal = compiled_both(mapping | {"effects": {"push": push}})
+        y = anywhere(reduced, np.random.default_rng(1))
+        slopes.append(np.array(rate(reduced.system, INSTANT, y)))
+    changed = (slopes[0] != slopes[1]).astype(float).tolist()
+    own = ReducedLaws(reduced.system, len(reduced.y), 0).velocities
+    return own, changed, MultiBodyLaws(maximal.system, 0, False).velocities
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_velocities_are_what_a_push_changes_the_rates_of(name: str) -> None:
+    own, changed, maximal = interpreted(pushed, JOINTS[name])
+    assert own == changed
+    assert maximal == [0.0] * 7 + [1.0] * 6
+
+
+def settled_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, ...]:
+    """(residual off the manifold, after `settle`, size of the arm that lifts are measured by,
+    largest difference of a coordinate from where it was)."""
+    from rb_sim.mechanics.system import settle
+
+    reduced, _ = compiled_both(mapping)
+    start = anywhere(reduced, np.random.default_rng(5))
+    y, q = np.array(start), {13: 3, 10: 3, 7: 0}[len(start)]
+    y[q : q + 4] *= 1.0 + stretch
+    normal = getattr(reduced.system, "normal", (0.0, 0.0, 0.0))
+    if any(normal):
+        y[:3] += lift * np.array(normal)
+    off = sampled(reduced, tuple(y))
+    back = settle(reduced.system, INSTANT, tuple(y))
+    arm = 0.0
+    if any(normal):
+        arm = abs(reduced.system.offset) + float(np.linalg.norm(off[19:22] - off[:3]))
+    gone = float(np.abs(np.array(back) - start).max())
+    return float(off[-1]), float(sampled(reduced, back)[-1]), arm, gone
+
+
+QUATERNIONS = ["free", "fixed_point", "rolling sphere", "rolling disk", "rolling ellipsoid"]
+
+
+@pytest.mark.parametrize("stretch", [1e-6, -1e-6])
+@pytest.mark.parametrize("name", QUATERNIONS)
+def test_the_residual_is_how_far_the_quaternion_is_from_length_one(
+    name: str, stretch: float
+) -> None:
+    off, back, _, gone = interpreted(settled_from, JOINTS[name], stretch, 0.0)
+    assert off == pytest.approx(abs((1.0 + stretch) ** 2 - 1.0), rel=1e-9)
+    assert back < 1e-15 and gone < 1e-14
+
+
+@pytest.mark.parametrize("lift", [1e-3, -1e-3])
+@pytest.mark.parametrize("name", QUATERNIONS[2:])
+def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str, lift: float) -> None:
+    """Relative to the plane's distance from the origin and the arm to the point of contact."""
+    off, back, arm, gone = interpreted(settled_from, JOINTS[name], 0.0, lift)
+    assert off == pytest.approx(1e-3 / arm, rel=1e-9)
+    assert back < 1e-15 and gone < 1e-14
+
+
+def maximal_from_near(mapping: Mapping) -> tuple[float, float]:
+    """(residual near the manifold, after `settle`) in maximal coordinates."""
+    from rb_sim.mechanics.system import settle
+
+    _, maximal = compiled_both(mapping)
+    y = np.array(maximal.y) + 1e-4 * np.random.default_rng(2).normal(size=13)
+    off = sampled(maximal, y)[-1]
+    settle(maximal.system, INSTANT, y)
+    return float(off), float(sampled(maximal, y)[-1])
+
+
+@pytest.mark.parametrize("name", sorted(set(JOINTS) - {"free"}))
+def test_maximal_coordinates_come_back_from_near_the_manifold(name: str) -> None:
+    off, back = interpreted(maximal_from_near, JOINTS[name])
+    assert off > 1e-6
+    assert back < 1e-13
+
+
+def insides() -> list[bool]:
+    """Of guides, at three places, before and behind their ends: open, closed, a line."""
+    from rb_sim.mechanics.system import inside
+
+    points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [2.0, 0.0, 0.2], [3.0, 0.1, 0.0], [4.0, 0.0, 0.0]]
+    curve = {"type": "curve", "points": points}
+    bow = 0.01 * np.array([*points, [2.0, 3.0, 0.0]])
+    closed = {"type": "curve", "points": bow.tolist(), "closed": True}
+    found = []
+    for guide, size in (
+        (curve, 1.0),
+        (closed, 0.01),
+        ({"type": "line", "direction": [1, 0, 0]}, 1.0),
+    ):
+        joint = {"type": "translation", "guide": guide}
+        system = compiled_both(scene(joint, {}, position=[2.0 * size, 0.0, 0.2 * size]))[0].system
+        found += [bool(inside(system, (s, 0.0))) for s in (0.01, 2.0, 4.0, -0.01, 60.0)]
+    return found
+
+
+def test_only_an_open_guide_has_ends() -> None:
+    assert interpreted(insides) == [True] * 3 + [False] * 2 + 10 * [True]

@@ -1,0 +1,92 @@
+"""Which methods integrate what, which of them `auto` begins with, and how they are asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from benchmarks.many_body_scenes import chain
+from rb_sim import load_scene
+from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853, Dopri853, dopri853
+from rb_sim.integrate.methods.radau5 import AdaptiveRadau5, Radau5, radau5
+from rb_sim.integrate.methods.taylor import AdaptiveTaylor, taylor
+from rb_sim.mechanics.methods import METHODS, TimeStepping, build, loop_of, name_of, tried
+from rb_sim.scene.compile import compile_scene
+from tests.mechanics.test_guides import VALLEY, sliding
+from tests.one_body_scenes import JOINTS
+
+ALWAYS = {"euler", "rk4", "dopri853", "gauss6"}
+"""What integrates every scene."""
+BALL = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0.0, 0.0, 1.0]}
+FLOOR = {"type": "contact", "body": "b", "surface": {"type": "plane"}}
+
+
+def system_of(mapping: dict[str, Any], coordinates: str = "auto") -> Any:
+    return compile_scene(load_scene(mapping), coordinates=coordinates).system
+
+
+SYSTEMS: dict[str, tuple[Any, set[str], set[str]]] = {
+    "one body": (lambda: system_of(JOINTS["fixed_point"]), {"radau5", "taylor"}, {"taylor"}),
+    "the same, maximal": (
+        lambda: system_of(JOINTS["fixed_point"], "maximal"),
+        {"radau5", "taylor"},
+        set(),
+    ),
+    "many bodies": (lambda: system_of(chain(3)), {"radau5", "taylor"}, set()),
+    "along a spline": (
+        lambda: system_of(sliding(VALLEY, 0.3, 1.0)),
+        {"radau5", "taylor"},
+        {"taylor"},
+    ),
+    "along a spline, maximal": (
+        lambda: system_of(sliding(VALLEY, 0.3, 1.0), "maximal"),
+        {"radau5"},
+        set(),
+    ),
+    "in contact": (
+        lambda: system_of({"bodies": {"b": BALL}, "constraints": {"floor": FLOOR}}),
+        {"time_stepping"},
+        {"time_stepping"},
+    ),
+}
+"""Of each: what integrates it besides, and what of the series and of time stepping is tried."""
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_what_suits_a_system(name: str) -> None:
+    make, besides, weighed = SYSTEMS[name]
+    system = make()
+    suiting = {method for method, entry in METHODS.items() if entry.suits(system)}
+    assert suiting == ALWAYS | besides
+    assert set(tried(system)) == ALWAYS | (besides - {"taylor"}) | weighed
+
+
+def test_a_method_is_asked_for_by_step_or_tolerance() -> None:
+    assert build("dopri853", step=0.01, tolerance=None, largest_step=1.0) == Dopri853(0.01)
+    adaptive = build("dopri853", step=None, tolerance=1e-9, largest_step=0.5)
+    assert adaptive == AdaptiveDopri853(1e-9, 0.5)
+    assert build("time_stepping", step=1, tolerance=None, largest_step=1.0) == TimeStepping(1.0)
+    with pytest.raises(ValueError, match="method rk4 takes no tolerance"):
+        build("rk4", step=None, tolerance=1e-9, largest_step=1.0)
+    with pytest.raises(ValueError, match="method taylor takes no fixed step"):
+        build("taylor", step=0.1, tolerance=None, largest_step=1.0)
+
+
+def test_the_step_of_a_method_and_the_order_of_its_estimate() -> None:
+    for kind, expected in (
+        (Dopri853, (dopri853, 8.0)),
+        (AdaptiveDopri853, (dopri853, 8.0)),
+        (Radau5, (radau5, 4.0)),
+        (AdaptiveRadau5, (radau5, 4.0)),
+        (AdaptiveTaylor, (taylor, 20.0)),
+        (TimeStepping, None),
+        (type(None), None),
+    ):
+        assert loop_of(kind) == expected
+
+
+def test_the_name_of_a_method_by_its_class() -> None:
+    names = {Dopri853: "dopri853", AdaptiveRadau5: "radau5", TimeStepping: "time_stepping"}
+    assert {kind: name_of(kind) for kind in names} == names
+    assert name_of(type(None)) == ""

@@ -1,0 +1,121 @@
+"""Rows of the kernel as samples: what lies in which column, and blocks one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rb_sim.mechanics.samples import (
+    ARRAYS,
+    ContactEvent,
+    Input,
+    SampleLayout,
+    SampleRow,
+    block_of,
+    block_of_rows,
+    concatenate,
+    empty_block,
+    in_order,
+    row_width,
+)
+
+PLAIN = SampleLayout(("a", "b"), ("pin", "pin/A", "rod"), ("a", "a", "b"), ("b",))
+TOUCHING = PLAIN._replace(contacts=("floor/1", "floor/2"))
+
+
+def columns(layout: SampleLayout) -> dict[str, list[list[int]]]:
+    """The columns of every field, body by body and reaction by reaction, in their order."""
+    at, found = 0, {}
+
+    def take(name: str, *widths: int) -> None:
+        nonlocal at
+        found.setdefault(name, [])
+        for width in widths:
+            found[name].append(list(range(at, at + width)))
+            at += width
+
+    for _ in layout.bodies:
+        for name, width in (
+            ("position", 3),
+            ("orientation", 4),
+            ("linear_velocity", 3),
+            ("angular_velocity", 3),
+        ):
+            take(name, width)
+    for _ in layout.reactions:
+        for name in ("reaction_force", "reaction_torque", "anchor"):
+            take(name, 3)
+    for name, width in (
+        ("kinetic_energy", 1),
+        ("potential_energy", 1),
+        ("power", 1),
+        ("momentum", 3),
+        ("angular_momentum", 3),
+        ("residual", 1),
+    ):
+        take(name, width)
+    if layout.contacts:
+        take("contact_work", 1)
+        take("contact_state", len(layout.contacts))
+    return found
+
+
+@pytest.mark.parametrize("layout", [PLAIN, TOUCHING], ids=["plain", "touching"])
+def test_what_lies_in_which_column(layout: SampleLayout) -> None:
+    width, t = row_width(layout), np.array([0.5, 1.5])
+    rows = np.arange(2.0 * width).reshape(2, width)
+    command = np.arange(12.0).reshape(2, 1, 6)
+    block, empty = block_of(t, rows, layout, command), empty_block(2, layout)
+    found = columns(layout)
+    assert sum(len(part) for parts in found.values() for part in parts) == width
+    for name in ARRAYS:
+        assert getattr(block, name).shape == getattr(empty, name).shape
+        assert not getattr(empty, name).any()
+        if name in found:
+            wanted = rows[:, np.ravel(found[name])]
+            np.testing.assert_array_equal(getattr(block, name).reshape(2, -1), wanted)
+    np.testing.assert_array_equal(block.command, command)
+    np.testing.assert_array_equal(block.energy, block.kinetic_energy + block.potential_energy)
+    assert len(block) == 2 and (block.t == t).all()
+    if not layout.contacts:
+        assert not block.contact_work.any() and block.contact_state.shape == (2, 0)
+
+
+def row(t: float, *events: Any, inputs: tuple[Input, ...] = ()) -> SampleRow:
+    width = row_width(PLAIN)
+    return SampleRow(t, np.arange(width) + t, np.full((1, 6), t), tuple(events), inputs)
+
+
+def test_rows_become_a_block_with_their_events_and_inputs() -> None:
+    """Inputs count the samples of their block."""
+    hit = [ContactEvent(t, "floor", "impact") for t in (0.2, 0.7, 0.8)]
+    push = [Input(9, t, "b") for t in (0.1, 0.6, 0.65)]
+    rows = [row(0.5, hit[0], inputs=(push[0],)), row(1.0, hit[1], hit[2], inputs=tuple(push[1:]))]
+    block = block_of_rows(rows, PLAIN)
+    assert block.t.tolist() == [0.5, 1.0] and block.events == tuple(hit)
+    assert [(given.index, given.t) for given in block.inputs] == [(0, 0.1), (1, 0.6), (1, 0.65)]
+    assert (block.command[1] == 1.0).all() and block.position[1, 0, 0] == 1.0
+    bare = block_of_rows([row(0.5), row(1.0)], PLAIN)
+    assert bare.events == bare.inputs == ()
+    one = row(0.5, hit[0]).block(PLAIN)
+    assert len(one) == 1 and one.events == (hit[0],)
+
+
+def test_blocks_one_after_the_other() -> None:
+    parts = [block_of_rows([row(0.0), row(0.5)], PLAIN), block_of_rows([row(1.0)], PLAIN)]
+    parts.append(block_of_rows([row(1.5), row(2.0)], PLAIN))
+    hit, push = ContactEvent(0.2, "floor", "impact"), Input(1, 0.4, "b")
+    parts = [replace(part, events=(hit,), inputs=(push,)) for part in parts]
+    whole = concatenate(parts, PLAIN)
+    assert whole.t.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0] and len(whole.events) == 3
+    assert [given.index for given in whole.inputs] == [1, 3, 4]
+    assert whole.position.shape == (5, 2, 3)
+    assert len(concatenate([], PLAIN)) == 0
+
+
+def test_events_are_put_in_the_order_of_their_times() -> None:
+    events = [ContactEvent(t, name, "slips") for t, name in ((2.0, "a"), (1.0, "b"), (2.0, "c"))]
+    assert [event.contact for event in in_order(events)] == ["b", "a", "c"]

@@ -1,0 +1,298 @@
+"""Taylor's method: its series, steps and error against closed forms and other families."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import ellipj
+
+from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.closed_forms import closed_form
+from rb_sim.base.errors import SceneError, SimulationError
+from rb_sim.graph.functions import where
+from rb_sim.graph.machine import compile_law
+from rb_sim.graph.symbols import Graph
+from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.integrate.methods.taylor import AdaptiveTaylor
+from rb_sim.mechanics.laws import CompiledLaws, ReducedLaws
+from rb_sim.mechanics.taylor_variables import variables_of
+from rb_sim.motion.traced import TracedMotion, TracedStepper
+from rb_sim.scene.compile import compile_scene
+from tests.interpreted import interpreted, trajectory
+from tests.mechanics.test_guides import VALLEY, sliding
+from tests.one_body_scenes import EFFECTS, JOINTS, ON_BODY, WEIGHT, rolling
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+CLOSED = ("pendulum", "rolling_sphere", "free_tumble")
+"""Shipped scenes with a closed form."""
+HINGED = JOINTS["fixed_axis, B floats"]
+BALL = rolling({"type": "sphere", "radius": 0.2}) | {"effects": {"weight": WEIGHT}}
+BALL["bodies"]["body"] |= {"center_of_mass": [0.0, 0.0, 0.0], "inertia": [0.03, 0.03, 0.03]}
+PUSH = {"type": "wrench", "body": "body", "force": [1.0, -2.0, 1.5], "torque": [0.1, 0.2, -0.15]}
+PUSHED_BALL = BALL | {"effects": {"weight": WEIGHT, "push": PUSH}}
+LEVEL = {"normal_A": [0.0, 0.0, 1.0], "point_A": [0.0, 0.0, -0.2]}
+EPSILON = np.finfo(float).eps
+DISK = rolling({"type": "disk", "radius": 0.2, "axis_B": [1.0, 0.0, 0.0]})
+DISK |= {"effects": {"weight": WEIGHT | {"acceleration": [0.0, 0.0, -9.7]}}}
+DISK["constraints"]["joint"] |= LEVEL
+DISK["bodies"]["body"] |= {"center_of_mass": [0.0, 0.0, 0.0], "inertia": [0.05, 0.03, 0.03]}
+DISK["bodies"]["body"] |= {"angular_velocity": [9.0, 1.5, -1.0]}
+HANGING = HINGED | {"effects": {"weight": WEIGHT}}
+IN_VARIABLES = {"ball": BALL, "pushed ball": PUSHED_BALL, "disk": DISK, "pendulum": HANGING}
+"""What has variables of its own for its series."""
+RUNS = {f"hinge, {name}": HINGED | {"effects": {"one": EFFECTS[name]}} for name in EFFECTS}
+RUNS |= IN_VARIABLES | JOINTS
+COMMAND = HINGED | {"effects": {"command": {"type": "commanded_wrench"} | ON_BODY}}
+
+
+def series_motion(name: str, tolerance: float) -> tuple[TracedMotion, Any]:
+    """A shipped scene on the series of its graph, and its closed form."""
+    compiled = compile_scene(load_scene(CONFIG / f"{name}.yaml"))
+    return TracedMotion(compiled, AdaptiveTaylor(tolerance, 3.0)), closed_form(compiled)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_series_sums_to_the_closed_form(name: str) -> None:
+    """Within the first step, to the rounding of the coordinates."""
+    motion, exact = series_motion(name, 1e-16)
+    times = np.array([0.0, 1e-3, 0.01, 0.06, 0.2])
+    found = []
+    for t in times:
+        motion.run_to([t])
+        found.append(motion.coordinates)
+    assert motion.steps == 1
+    assert_allclose(found, exact.coordinates(times), rtol=EPSILON, atol=4e-16)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_tolerance_is_kept(name: str) -> None:
+    """3 s are some 30 steps, each within the tolerance; the pendulum near the top multiplies it."""
+    tolerances = [1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14]
+    times, worst = np.linspace(0.0, 3.0, 101), []
+    for tolerance in tolerances:
+        motion, exact = series_motion(name, tolerance)
+        error = 0.0
+        for t, y in zip(times, exact.coordinates(times), strict=True):
+            motion.run_to([t])
+            error = max(error, float(np.abs(np.array(motion.coordinates) - y).max()))
+        worst.append(error)
+    growth = {"pendulum": 1e3}.get(name, 30.0)
+    assert np.all(np.array(worst) <= growth * np.array(tolerances) + 3e-13), worst
+    if name != "rolling_sphere":  # its error at 1e-10 is ten times below the tolerance by chance
+        assert np.all(np.diff(worst) < 0.0)
+
+
+MAXIMAL = ("fixed_point", "rolling ellipsoid", "hinge, torsion_spring", "hinge, wrench_table")
+
+
+def block(name: str, coordinates: str, method: str) -> Any:
+    """The samples of a short run, compiled."""
+    options = {"duration": 1.5, "rate": 37.0, "method": method, "tolerance": 1e-14}
+    mapping = RUNS[name] | {"simulation": RUNS[name]["simulation"] | options}
+    return Simulation(load_scene(mapping), coordinates=coordinates).run().block
+
+
+@pytest.mark.parametrize("name", MAXIMAL)
+def test_same_motion_in_maximal_coordinates(name: str) -> None:
+    agree(block(name, "maximal", "taylor"), block(name, "maximal", "dopri853"))
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_same_motion_as_a_method_of_another_family(name: str) -> None:
+    """Every joint and every effect: state and reactions at samples off the steps."""
+    options: dict[str, Any] = {"duration": 1.5, "rate": 37.0}
+    ours = trajectory(RUNS[name], method="taylor", tolerance=1e-14, **options)
+    agree(ours, trajectory(RUNS[name], method="dopri853", tolerance=1e-14, **options))
+
+
+def agree(ours: Any, other: Any) -> None:
+    """State and reactions to round-off of some steps."""
+    for field in ("position", "orientation", "linear_velocity", "angular_velocity", "anchor"):
+        a, b = getattr(ours, field), getattr(other, field)
+        assert_allclose(
+            a, b, rtol=0.0, atol=2e-12 * (1.0 + np.abs(b).max(initial=0.0)), err_msg=field
+        )
+    size = 1.0 + np.abs(other.reaction_force).max(initial=0.0)
+    assert_allclose(ours.reaction_force, other.reaction_force, rtol=0.0, atol=1e-11 * size)
+    assert ours.residual.max() <= 1e-12
+
+
+class OfCoordinates(ReducedLaws):
+    """Laws without variables."""
+
+    variables: Any = None
+
+
+def by_both(name: str) -> tuple[Any, Any]:
+    """What the series of the coordinates and that of the variables give at some instants."""
+    found = []
+    for plain in (True, False):
+        compiled = compile_scene(load_scene(IN_VARIABLES[name]))
+        assert variables_of(compiled.system)
+        if plain:
+            own: Any = compiled.laws
+            vars(compiled)["laws"] = OfCoordinates(compiled.system, own.n, own.width)
+        motion = TracedMotion(compiled, AdaptiveTaylor(1e-15, 1.0))
+        rows = []
+        for t in (0.0, 0.01, 0.1, 0.3):
+            motion.run_to([t])
+            rows.append(list(motion.coordinates))
+        found.append(rows)
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize("name", IN_VARIABLES)
+def test_the_variables_give_what_the_coordinates_give(name: str) -> None:
+    coordinates, variables = interpreted(by_both, name)
+    assert_allclose(coordinates, variables, rtol=0.0, atol=3e-14)
+
+
+def split_states(mapping: Any, pieces: tuple[float, ...]) -> tuple[int, list[Any]]:
+    """Steps, and state and reactions at the end of a run made in these pieces."""
+    simulation = Simulation(load_scene(mapping))
+    for piece in pieces:
+        simulation.advance(piece)
+    last = simulation.sample().block
+    names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
+    return simulation.steps, [simulation.time, *(getattr(last, n).tolist() for n in names)]
+
+
+@pytest.mark.parametrize("name", ["hinge, wrench", "rolling ellipsoid", "disk", "fixed_point"])
+def test_run_split_in_two_is_the_run_in_one(name: str) -> None:
+    """Bit for bit, with the cuts off the grid of steps."""
+    options = {"method": "taylor", "tolerance": 1e-9, "project_initial": True}
+    mapping = RUNS[name] | {"simulation": options}
+    whole = interpreted(split_states, mapping, (1.5,))
+    cut = interpreted(split_states, mapping, (0.25, 0.125, 0.625, 0.5))
+    assert cut == whole and whole[0] > 2
+
+
+@pytest.mark.parametrize("spin", [0.0, 5.0])
+def test_a_motion_whose_series_ends_takes_one_step(spin: float) -> None:
+    """At rest and turning evenly: no term is left that would limit the step."""
+    body = HINGED["bodies"]["body"] | {"linear_velocity": [0.0, 0.0, 0.0]}
+    body |= {"angular_velocity": [spin, 0.0, 0.0]}
+    options = {"method": "taylor", "tolerance": 1e-12, "duration": 50.0, "project_initial": True}
+    mapping = HINGED | {"bodies": {"body": body}, "effects": {}, "simulation": options}
+    _, start = interpreted(split_states, mapping, (0.0,))
+    steps, end = interpreted(split_states, mapping, (50.0,))
+    assert steps == 1
+    assert (np.abs(end[4]).max() == 0.0) == (spin == 0.0)
+    assert_allclose(end[4], start[4], rtol=1e-15)
+
+
+class Laws:
+    """The laws of y' = f(y) alone."""
+
+    velocities: tuple[float, ...] = (0.0, 1.0)
+    settle = inside = sample = jacobian = along = share = None
+    splines, n, width = 0, 2, 2
+    inputs: Any = type("NoInputs", (), {"values": lambda self, *at: []})()
+
+    def __init__(self, f: Any) -> None:
+        self._outputs = f(*Graph().vector("y", 2))
+        self.rate: CompiledLaws = compile_law(self._outputs)
+        self.series = SeriesLaws(self._outputs)
+
+    def whole(self, step: Any, estimated: bool = True) -> None:
+        return None
+
+
+def reached(f: Any, y: list[float], t: float, tolerance: float = 1e-12) -> tuple[Any, int]:
+    """y at t, and steps."""
+    stepper = TracedStepper(Laws(f))
+    stepper.start(0.0, y, None)
+    status, _ = stepper.record(AdaptiveTaylor(tolerance, 100.0), np.array([t]), math.inf, None)
+    assert status == 0
+    return stepper.y, stepper.steps
+
+
+def test_terms_that_vanish_in_turn_do_not_make_a_step_too_long() -> None:
+    """x'' = -2 x^3 from x = 0, v = 1: of the lemniscate sine every fourth term alone is not zero,
+    so that both of the last two may be missing."""
+    (x, _), steps = reached(lambda x, v: [v, -2.0 * x * x * x], [0.0, 1.0], 3.0)
+    sn, _, dn, _ = ellipj(math.sqrt(2.0) * 3.0, 0.5)
+    assert abs(x - sn / (math.sqrt(2.0) * dn)) < 1e-11
+    assert steps > 5
+
+
+def test_a_step_ends_where_a_selection_changes_side() -> None:
+    """x'' = -sign(x) 2 from x = 1 at rest: parabolas, of which each alone never ends."""
+    (x, v), _ = reached(lambda x, v: [v, -2.0 * abs(x) / x], [1.0, 0.0], 1.5)
+    # down to 0 at t = 1 with v = -2, and half a second of the other parabola
+    assert_allclose([x, v], [-0.75, -1.0], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
+def test_an_event_that_changes_side_and_back_within_a_step_is_seen(depth: float) -> None:
+    """x'' = -2, and -4 above 1 - depth: a throw to the height 1, one step but for its top, which is
+    0.2 to 0.002 s of the 1.9 s."""
+
+    def fall(x: Any, v: Any) -> list[Any]:
+        return [v, where(x > 1.0 - depth, -4.0, -2.0)]
+
+    (x, v), _ = reached(fall, [0.0, 2.0], 1.9)
+    # up to the line in 1 - sqrt(depth) at v = 2 sqrt(depth), back at it after v / 2, and down
+    speed = 2.0 * math.sqrt(depth)
+    rest = 1.9 - (1.0 - math.sqrt(depth)) - 0.5 * speed
+    assert_allclose(x, 1.0 - depth - speed * rest - rest * rest, rtol=0.0, atol=1e-9)
+    assert_allclose(v, -speed - 2.0 * rest, rtol=0.0, atol=1e-9)
+
+
+def commanded() -> tuple[list[float], list[float]]:
+    """The end of a run with a command given on the way, by two methods."""
+    ends = []
+    for method in ("taylor", "dopri853"):
+        options = {"method": method, "tolerance": 1e-14, "project_initial": True}
+        simulation = Simulation(load_scene(COMMAND | {"simulation": options}))
+        simulation.advance(0.3)
+        simulation.apply_wrench("body", [1.0, 2.0, -1.0], [0.3, 0.1, 0.2])
+        simulation.advance(0.4)
+        simulation.apply_wrench("body", [1.0, 2.0, -1.0], [0.3, 0.1, 0.2], "body")
+        simulation.advance(0.4)
+        ends.append(simulation.sample().block.orientation[0, 0].tolist())
+    return ends[0], ends[1]
+
+
+def test_commands_begin_a_new_series() -> None:
+    ours, other = interpreted(commanded)
+    assert_allclose(ours, other, rtol=0.0, atol=1e-13)
+
+
+def test_where_there_is_no_series_the_error_says_so() -> None:
+    """|v| v has no second derivative where v is zero."""
+    drag = {"type": "quadratic_drag", "coefficient": 0.5} | ON_BODY
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    options = {"method": "taylor", "tolerance": 1e-9, "duration": 1.0}
+    effects = {"weight": WEIGHT, "drag": drag}
+    mapping = {"bodies": {"body": body}, "effects": effects, "simulation": options}
+    with pytest.raises(
+        SimulationError, match=r"no Taylor series at t = 0 s, .*; dopri853"
+    ) as caught:
+        Simulation(load_scene(mapping)).advance(0.1)
+    assert "\n" not in str(caught.value)
+
+
+UNSUITED = {
+    "contacts": (load_scene(CONFIG / "bouncing_ball.yaml", method="taylor", step=None), "auto"),
+    "spline": (load_scene(sliding(VALLEY, 1.0, 1.0, method="taylor", duration=0.1)), "maximal"),
+}
+
+
+@pytest.mark.parametrize("name", UNSUITED)
+def test_a_scene_without_a_series_is_refused_in_one_line(name: str) -> None:
+    scene, coordinates = UNSUITED[name]
+    message = r"simulation\.method: got 'taylor'; must be dopri853, auto or"
+    with pytest.raises(SceneError, match=message) as caught:
+        Simulation(scene, coordinates=coordinates)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_tolerance_is_needed() -> None:
+    with pytest.raises(SceneError, match="left out for method taylor"):
+        load_scene(HINGED, method="taylor", step=0.01)

@@ -1,0 +1,59 @@
+"""Time without that of compiling, on a clock by hand."""
+
+from __future__ import annotations
+
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from rb_sim.numerics import kernels as module
+from rb_sim.numerics.kernels import own_time
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A clock that stands at 100 s, and a thread that has compiled nothing."""
+    now = SimpleNamespace(t=100.0)
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now.t))
+    monkeypatch.setattr(module, "_COMPILING", module._Compiling())
+    return now
+
+
+def test_it_stands_still_while_something_compiles(clock: SimpleNamespace) -> None:
+    """Compilations begin inside others; the outermost counts, and after it the next one."""
+    compiling = module._COMPILING
+    assert own_time() == 100.0
+    for total in (7.0, 14.0):
+        begun = clock.t
+        compiling.begin()
+        clock.t += 2.0
+        compiling.begin()
+        clock.t += 4.0
+        compiling.end()
+        clock.t += 1.0
+        compiling.end()
+        assert compiling.total == total and compiling.depth == 0
+        assert own_time() == clock.t - total and clock.t == begun + 7.0
+        clock.t += 3.0
+        assert own_time() == clock.t - total
+
+
+def test_a_compilation_that_was_broken_off_has_ended(clock: SimpleNamespace) -> None:
+    """By a signal, however deep: time goes on from when it is asked for."""
+    for _ in range(2):
+        module._COMPILING.begin()
+    clock.t = 105.0
+    assert own_time() == 100.0 and module._COMPILING.depth == 0
+    clock.t = 106.0
+    assert own_time() == 101.0
+
+
+def test_each_thread_has_its_own(clock: SimpleNamespace) -> None:
+    found: list[float] = []
+    module._COMPILING.begin()
+    clock.t = 110.0
+    other = threading.Thread(target=lambda: found.append(own_time()))
+    other.start()
+    other.join()
+    assert found == [110.0]

@@ -1,0 +1,186 @@
+"""Instants that a caller names, states at events, and what Simulation says about itself."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from rb_sim import RbSimError, Simulation, Trajectory
+from tests.interpreted import interpreted
+
+G = 9.81
+THROWN = {
+    "bodies": {"b": {"mass": 2.0, "inertia": [1, 1, 1], "linear_velocity": [1.0, 0.0, 3.0]}},
+    "effects": {"weight": {"type": "gravity"}},
+    "simulation": {"duration": 0.5, "rate": 10, "method": "rk4", "step": 0.01},
+}
+DROPPED = {
+    "bodies": {
+        "b": {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0, 0, 0.5]}
+    },
+    "constraints": {"floor": {"type": "contact", "body": "b", "restitution": 0.5}},
+    "effects": {"weight": {"type": "gravity"}},
+    "simulation": {"duration": 0.4, "rate": 10, "method": "rk4", "step": 0.01},
+}
+
+
+def _at():
+    simulation = Simulation(THROWN, announce=None)
+    times = [0.0, 0.123, 1.0 / 3.0, 0.77]
+    first = simulation.run(at=times)
+    second = simulation.run(at=[0.8, 0.9])
+    simulation.reset()
+    return first, second, simulation.run(), repr(simulation), simulation.sample()
+
+
+def test_samples_lie_at_the_instants_given():
+    first, second, whole, said, sample = interpreted(_at)
+    assert first.t.tolist() == [0.0, 0.123, 1.0 / 3.0, 0.77] and second.t.tolist() == [0.8, 0.9]
+    for run in (first, second, whole):
+        t = run.t
+        expected = np.c_[t, 0 * t, 3.0 * t - 0.5 * G * t**2]  # rk4 is exact on a parabola
+        np.testing.assert_allclose(run.position["b"], expected, atol=1e-14)
+    assert isinstance(sample, Trajectory) and sample.t.tolist() == [0.5]
+    assert "rk4, step 0.01 s" in said and "b" in said
+    assert repr(whole).startswith("<Trajectory of scene: b; 6 samples, t = 0 to 0.5 s; rk4, step")
+    assert repr(sample).startswith("<Trajectory of scene: b; 1 sample, t = 0.5 s; rk4, step 0.01")
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        ([], "got none"),
+        ([[0.0, 1.0]], "got no list of numbers"),
+        ([0.1, 0.1], "got 0.1 after 0.1"),
+        ([-0.1, 0.1], "got -0.1"),
+        ([0.1, np.nan], "got nan"),
+        (["soon"], "got ['soon']"),
+    ],
+)
+def test_instants_that_will_not_do(at, said):
+    simulation = Simulation(THROWN, announce=None)
+    with pytest.raises(RbSimError, match="^at: must be increasing finite numbers") as caught:
+        simulation.run(at=at)
+    assert said in str(caught.value)
+    with pytest.raises(RbSimError, match="without duration and rate"):
+        simulation.run(1.0, at=[0.1])
+
+
+def _events():
+    simulation = Simulation(DROPPED, announce=None)
+    plain = simulation.run()
+    simulation.reset()
+    return plain, simulation.run(events=True)
+
+
+def test_states_at_events():
+    """A ball that falls 0.4 m and bounces with e = 0.5: its speed just before and just after."""
+    plain, run = interpreted(_events)
+    fall, speed = np.sqrt(2 * 0.4 / G), np.sqrt(2 * G * 0.4)
+    (bounce,) = [found for found in run.at_events if found.event.kind == "impact"]
+    assert abs(bounce.event.t - fall) < 1e-13
+    assert abs(bounce.before.linear_velocity["b"][2] + speed) < 1e-12
+    assert abs(bounce.after.linear_velocity["b"][2] - 0.5 * speed) < 1e-12
+    assert bounce.before.t < bounce.event.t < bounce.after.t < bounce.before.t + 1e-13
+    shared = np.isin(run.t, plain.t)
+    np.testing.assert_array_equal(run.position["b"][shared], plain.position["b"])
+    assert run.events == plain.events
+    with pytest.raises(RbSimError, match="no sample lies beside the event at t = 0.285568"):
+        _ = plain.at_events
+
+
+PUSHED = {
+    **DROPPED,
+    "effects": {**DROPPED["effects"], "push": {"type": "commanded_wrench", "body": "b"}},
+}
+
+
+def _events_later():
+    simulation = Simulation(PUSHED, announce=None)
+    simulation.apply_wrench("b", (0.0, 0.0, -G), (0.0, 0.0, 0.0))
+    simulation.advance(0.1)
+    simulation.apply_wrench("b", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    simulation.set_state({"b": {"linear_velocity": [0.0, 0.0, -1.0]}})
+    simulation.advance(0.05)
+    return simulation.run(0.3, 10.0, events=True)
+
+
+def test_states_at_events_from_any_time_on():
+    """Pushed for 0.1 s with its weight, then thrown down at 1 m/s, looked at from 0.15 s on."""
+    run = interpreted(_events_later)
+    height = 0.4 - G * 0.1**2  # twice g/2
+    fall = (-1.0 + np.sqrt(1.0 + 2.0 * G * height)) / G
+    (bounce,) = [found for found in run.at_events if found.event.kind == "impact"]
+    assert abs(run.t[0] - 0.15) < 1e-15 and abs(bounce.event.t - (0.1 + fall)) < 1e-13
+    assert abs(bounce.before.linear_velocity["b"][2] + 1.0 + G * fall) < 1e-12
+    assert abs(bounce.after.linear_velocity["b"][2] - 0.5 * (1.0 + G * fall)) < 1e-12
+
+
+def test_compiling_is_told_once(monkeypatch):
+    from rb_sim.simulation import scene_in_motion
+
+    @contextmanager
+    def compiles(say):
+        say()
+        say()
+        yield
+
+    monkeypatch.setattr(scene_in_motion, "on_compilation", compiles)
+    lines = []
+    told = scene_in_motion.Announced("top", lines.append)
+    for _ in range(2):
+        with told:
+            pass
+    assert len(lines) == 1 and lines[0].startswith("compiling top (first use")
+    with scene_in_motion.Announced("top", None):
+        pass
+    assert len(lines) == 1
+
+
+def test_the_simulation_tells_where_it_compiles(monkeypatch):
+    """Every way into the kernel stands inside of the announcement."""
+    entered = []
+
+    class Listening:
+        def __enter__(self):
+            entered.append(True)
+
+        def __exit__(self, *_):
+            pass
+
+    simulation = Simulation(THROWN, announce=None)
+    monkeypatch.setattr(simulation, "_announced", Listening())
+    monkeypatch.setattr(simulation._motion, "run_to", lambda *_: None)
+    monkeypatch.setattr(simulation._motion, "warm", lambda: None)
+    monkeypatch.setattr(simulation._motion, "sample", lambda: np.zeros((1, 23)))
+    for count, act in enumerate(
+        (simulation.warm, simulation.sample, lambda: simulation.advance(0.1), simulation.run), 1
+    ):
+        act()
+        assert len(entered) == count
+
+
+@pytest.mark.parametrize("scene", ["heavy_top", "rolling_sphere_commanded", "bouncing_ball"])
+def test_a_step_with_its_sample_is_the_step_and_then_the_sample(scene):
+    """To the last bit: also where a command comes between, and with contacts."""
+    together, apart = Simulation(scene, announce=None), Simulation(scene, announce=None)
+    for k in range(20):
+        if k == 7 and together.layout.commanded:
+            for simulation in (together, apart):
+                simulation.apply_wrench(together.layout.commanded[0], (1, 2, 0), (0, 0, 0.1))
+        row = together.step_row(0.013)
+        assert apart.advance(0.013)
+        expected = apart.sample_row()
+        assert row is not None and row.t == expected.t
+        np.testing.assert_array_equal(row.row, expected.row)
+        np.testing.assert_array_equal(row.command, expected.command)
+
+
+def test_a_step_with_its_sample_ends_where_its_watch_says():
+    simulation = Simulation("heavy_top", announce=None)
+    assert simulation.step_row(1e4, lambda _: False) is None
+    assert simulation.time == 0.0
+    with pytest.raises(RbSimError, match="duration: got -1.0"):
+        simulation.step_row(-1.0)
