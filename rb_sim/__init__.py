@@ -11,6 +11,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.base import __version__ as __version__
+
 if TYPE_CHECKING:
     from rb_sim.base.errors import (
         AccuracyWarning,
@@ -52,7 +54,6 @@ __all__ = [
     "statics",
     "sweep",
 ]
-__version__ = "0.1.0"
 
 _HOMES = {
     "AccuracyWarning": "rb_sim.base.errors",

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from rb_sim import __version__
+from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
 from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.analyze import Analysis
+    from rb_sim.bags.analysis.result import Analysis
     from rb_sim.bags.compare import Differences
     from rb_sim.fit.unknowns import Fitted
     from rb_sim.linear import LinearModel

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rb_sim import __version__
 from rb_sim.accuracy.choice import listed
+from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.shares import undetermined_at_start
 

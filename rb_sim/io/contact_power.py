@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.graph.machine import interpreted
 from rb_sim.io.frames import rotate
-from rb_sim.numerics.kernels import for_python, part, pointer_to, where
+from rb_sim.numerics.kernels import for_python, interpreted, part, pointer_to, where
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim import __version__
+from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.catalogue.spec import one_of
 from rb_sim.mechanics.inputs import Family

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim import __version__
+from rb_sim.base import __version__
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.sweeps.expressions import final_units
 from rb_sim.sweeps.one_run import FAILED, GIVEN_UP

@@ -1,11 +1,16 @@
-"""Values by name that say which names there are."""
+"""The samples of a run by name: what tables, plots and wrenches are made of."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import UnknownNameError
+from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+
+if TYPE_CHECKING:
+    from rb_sim.scene.schema import Scene
 
 T = TypeVar("T")
 
@@ -28,3 +33,137 @@ class ByName(dict[str, T]):
 
     def __reduce__(self) -> tuple[type[ByName[T]], tuple[str, dict[str, T]]]:
         return ByName, (self._what, dict(self))
+
+
+class Reaction(NamedTuple):
+    """A wrench ON a body, world axes: BY a constraint, or by an effect."""
+
+    force: Array
+    """[N], shape (n, 3)."""
+    torque: Array
+    """about the anchor [N m], shape (n, 3)."""
+    anchor: Array
+    """anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
+
+
+class Record:
+    """Samples of a run by name, and the scene that moved; see `Trajectory`."""
+
+    def __init__(
+        self,
+        block: SampleBlock,
+        layout: SampleLayout,
+        scene: Any = None,
+        method: str = "",
+        findings: Sequence[Finding] = (),
+        error: GlobalError | None = None,
+    ) -> None:
+        self.block = block
+        self.layout = layout
+        self.scene: Scene | Any = scene
+        """the scene that moved; None where only samples are known."""
+        self.method = method
+        """how it was integrated, in words."""
+        self.findings = tuple(findings)
+        """what watches saw of lost accuracy in the run (rb_sim.base.diagnostic), by time."""
+        self.global_error = error
+        """how far a second, finer run is from this one; None where none was to be made."""
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    def _by_body(self, values: Array) -> Mapping[str, Array]:
+        return ByName("body", {name: values[:, i] for i, name in enumerate(self.layout.bodies)})
+
+    @property
+    def t(self) -> Array:
+        """Simulated time [s], shape (n,)."""
+        return self.block.t
+
+    @property
+    def position(self) -> Mapping[str, Array]:
+        """Centre of mass, world [m], shape (n, 3) each."""
+        return self._by_body(self.block.position)
+
+    @property
+    def orientation(self) -> Mapping[str, Array]:
+        """Unit quaternion [x, y, z, w], body to world, shape (n, 4) each."""
+        return self._by_body(self.block.orientation)
+
+    @property
+    def linear_velocity(self) -> Mapping[str, Array]:
+        """Of the centre of mass, world [m/s], shape (n, 3) each."""
+        return self._by_body(self.block.linear_velocity)
+
+    @property
+    def angular_velocity(self) -> Mapping[str, Array]:
+        """Body frame [rad/s], shape (n, 3) each."""
+        return self._by_body(self.block.angular_velocity)
+
+    @property
+    def reaction(self) -> Mapping[str, Reaction]:
+        """Reaction of each constraint; NAME/A and NAME/B are the bearings of a fixed axis."""
+        b = self.block
+        by_name = {
+            name: Reaction(b.reaction_force[:, i], b.reaction_torque[:, i], b.anchor[:, i])
+            for i, name in enumerate(self.layout.reactions)
+        }
+        return ByName("reaction", by_name)
+
+    @property
+    def command(self) -> Mapping[str, Array]:
+        """Commanded [force, torque] as applied, world axes, about the body origin, (n, 6) each."""
+        commands = {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
+        return ByName("commanded body", commands)
+
+    @property
+    def contact_state(self) -> Mapping[str, Array]:
+        """State of each point of contact: 0 open, 1 slip, 2 stick or roll, shape (n,) each."""
+        b = self.block
+        states = {name: b.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
+        return ByName("contact", states)
+
+    @property
+    def contact_work(self) -> Array:
+        """Work of all contacts since the start, impacts included [J], shape (n,)."""
+        return self.block.contact_work
+
+    @property
+    def events(self) -> tuple[ContactEvent, ...]:
+        """What happened to the contacts, in order of time."""
+        return self.block.events
+
+    @property
+    def energy(self) -> Array:
+        """Kinetic plus potential energy [J], shape (n,)."""
+        return self.block.energy
+
+    @property
+    def kinetic_energy(self) -> Array:
+        """Of all bodies [J], shape (n,)."""
+        return self.block.kinetic_energy
+
+    @property
+    def potential_energy(self) -> Array:
+        """Of the effects that have one [J], shape (n,)."""
+        return self.block.potential_energy
+
+    @property
+    def power(self) -> Array:
+        """Of the effects without potential and of the reactions [W], shape (n,)."""
+        return self.block.power
+
+    @property
+    def momentum(self) -> Array:
+        """Total linear momentum, world [kg m/s], shape (n, 3)."""
+        return self.block.momentum
+
+    @property
+    def angular_momentum(self) -> Array:
+        """Total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
+        return self.block.angular_momentum
+
+    @property
+    def residual(self) -> Array:
+        """Worst violation of a constraint, relative to the scene's scale, shape (n,)."""
+        return self.block.residual

@@ -14,7 +14,7 @@ from rb_sim.mechanics.samples import Array, ContactEvent
 from rb_sim.trajectory.record import ByName
 
 if TYPE_CHECKING:
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.trajectory.record import Record
 
 NEAR = 256.0
 """Roundings of the end time within which a sample lies beside an event."""
@@ -39,7 +39,7 @@ class EventState(NamedTuple):
     after: State
 
 
-def state_of(run: Trajectory, sample: int) -> State:
+def state_of(run: Record, sample: int) -> State:
     """The state at that sample of the run. Raises RbSimError where there is none such."""
     count = len(run)
     try:
@@ -60,7 +60,7 @@ def state_of(run: Trajectory, sample: int) -> State:
     return State(float(run.t[sample]), **{name: rows(name) for name in columns})
 
 
-def beside(run: Trajectory, event: ContactEvent) -> EventState:
+def beside(run: Record, event: ContactEvent) -> EventState:
     """The event with the states of the samples just before and just after it.
 
     Raises RbSimError where no samples lie there.
@@ -77,7 +77,7 @@ def beside(run: Trajectory, event: ContactEvent) -> EventState:
             f"no sample lies beside the event at t = {event.t:.9g} s: "
             "Simulation.run(events=True) samples there"
         )
-    return EventState(event, run.state(rows[0]), run.state(rows[1]))
+    return EventState(event, state_of(run, rows[0]), state_of(run, rows[1]))
 
 
 def roll_pitch_yaw(orientation: Array) -> Array:

@@ -12,7 +12,7 @@ from rb_sim.mechanics.samples import Array
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.trajectory.record import Record
 
 
 class Quantity(NamedTuple):
@@ -59,7 +59,7 @@ ACCELERATIONS = (
 """Not in a block: found from it where they are asked for."""
 
 
-def names_along(trajectory: Trajectory, along: str) -> tuple[str, ...]:
+def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
     """Names on an axis of the layout: bodies, reactions, commanded, contacts."""
     layout = trajectory.layout
     axes = {
@@ -71,7 +71,7 @@ def names_along(trajectory: Trajectory, along: str) -> tuple[str, ...]:
     return axes[along]
 
 
-def save_npz(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
+def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
     """Write `npz_columns`; raises SinkError where that is not possible."""
     columns = npz_columns(trajectory, accelerations)
     try:
@@ -81,7 +81,7 @@ def save_npz(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
         raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
 
 
-def npz_columns(trajectory: Trajectory, accelerations: bool = False) -> dict[str, Any]:
+def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, Any]:
     """t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
     columns: dict[str, Any] = {
         "t": trajectory.t,
@@ -105,7 +105,7 @@ def npz_columns(trajectory: Trajectory, accelerations: bool = False) -> dict[str
     return columns
 
 
-def _accelerations(trajectory: Trajectory) -> list[tuple[Quantity, str, Array]]:
+def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
     """(quantity, label, values of shape (n, 3)) of each body."""
     from rb_sim.trajectory.wrenches import accelerations
 
@@ -117,7 +117,7 @@ def _accelerations(trajectory: Trajectory) -> list[tuple[Quantity, str, Array]]:
     ]
 
 
-def to_pandas(trajectory: Trajectory, accelerations: bool = False) -> Any:
+def to_pandas(trajectory: Record, accelerations: bool = False) -> Any:
     """One column per number: position.top.x, reaction.tip.force.z, energy."""
     pandas = _library("pandas", "a DataFrame")
     columns, units = numbers(trajectory, accelerations)
@@ -126,7 +126,7 @@ def to_pandas(trajectory: Trajectory, accelerations: bool = False) -> Any:
     return frame
 
 
-def save_csv(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
+def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
     """t, then the columns of `to_pandas`, each number to its last bit; raises SinkError."""
     columns, _ = numbers(trajectory, accelerations)
     table = np.column_stack([trajectory.t, *columns.values()])
@@ -138,7 +138,7 @@ def save_csv(trajectory: Trajectory, path: Path, accelerations: bool) -> None:
         raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
 
 
-def numbers(trajectory: Trajectory, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
+def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
     """(column, unit) of every number, by QUANTITY.NAME.COMPONENT."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
@@ -152,7 +152,7 @@ def numbers(trajectory: Trajectory, accelerations: bool) -> tuple[dict[str, Arra
     return columns, units
 
 
-def _named(trajectory: Trajectory, quantity: Quantity) -> list[tuple[str, Array]]:
+def _named(trajectory: Record, quantity: Quantity) -> list[tuple[str, Array]]:
     """(label, values of shape (n,) or (n, components)) of each name that the quantity has."""
     values = getattr(trajectory.block, quantity.field)
     if not quantity.along:
@@ -163,7 +163,7 @@ def _named(trajectory: Trajectory, quantity: Quantity) -> list[tuple[str, Array]
     return [(f"{stem}.{name}{ending}", values[:, i]) for i, name in enumerate(names)]
 
 
-def to_xarray(trajectory: Trajectory) -> Any:
+def to_xarray(trajectory: Record) -> Any:
     """Variables named as in pandas, dots as underscores, with units and meaning as attributes."""
     xarray = _library("xarray", "a Dataset")
     variables: dict[str, Any] = {}

@@ -7,43 +7,22 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.diagnostic import Finding, GlobalError, findings_in, global_error_in, tell
+from rb_sim.base.diagnostic import findings_in, global_error_in, tell
 from rb_sim.base.errors import RbSimError
-from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout, concatenate
-from rb_sim.trajectory.record import ByName
+from rb_sim.mechanics.samples import Array, concatenate
+from rb_sim.trajectory.record import ByName, Reaction, Record
 from rb_sim.trajectory.states import EventState, State, beside, state_of
-from rb_sim.trajectory.wrenches import Reaction, Resultant
+from rb_sim.trajectory.wrenches import Resultant
 
 if TYPE_CHECKING:
-    from rb_sim.scene.schema import Scene
     from rb_sim.trajectory.views import Pages
 
 
-class Trajectory:
+class Trajectory(Record):
     """Samples of a run by name. SI units, quaternions [x, y, z, w] body to world.
 
     `position`, `reaction` and the like map names to arrays whose first axis is time.
     """
-
-    def __init__(
-        self,
-        block: SampleBlock,
-        layout: SampleLayout,
-        scene: Any = None,
-        method: str = "",
-        findings: Sequence[Finding] = (),
-        error: GlobalError | None = None,
-    ) -> None:
-        self.block = block
-        self.layout = layout
-        self.scene: Scene | Any = scene
-        """the scene that moved; None where only samples are known."""
-        self.method = method
-        """how it was integrated, in words."""
-        self.findings = tuple(findings)
-        """what watches saw of lost accuracy in the run (rb_sim.base.diagnostic), by time."""
-        self.global_error = error
-        """how far a second, finer run is from this one; None where none was to be made."""
 
     @classmethod
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
@@ -67,9 +46,6 @@ class Trajectory:
         method, error = method_text(reader.scene.simulation), global_error_in(reader.summary)
         return cls(block, reader.layout, scene, method, findings, error)
 
-    def __len__(self) -> int:
-        return len(self.block)
-
     def __repr__(self) -> str:
         name = f" of {self.scene.name}" if self.scene is not None else ""
         bodies = ", ".join(self.layout.bodies)
@@ -89,24 +65,6 @@ class Trajectory:
             parts.append(f"accuracy lost ({lost})")
         return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 
-    def _by_body(self, values: Array) -> Mapping[str, Array]:
-        return ByName("body", {name: values[:, i] for i, name in enumerate(self.layout.bodies)})
-
-    @property
-    def t(self) -> Array:
-        """Simulated time [s], shape (n,)."""
-        return self.block.t
-
-    @property
-    def position(self) -> Mapping[str, Array]:
-        """Centre of mass, world [m], shape (n, 3) each."""
-        return self._by_body(self.block.position)
-
-    @property
-    def orientation(self) -> Mapping[str, Array]:
-        """Unit quaternion [x, y, z, w], body to world, shape (n, 4) each."""
-        return self._by_body(self.block.orientation)
-
     @property
     def euler_angles(self) -> Mapping[str, Array]:
         """Roll, pitch, yaw [rad], shape (n, 3) each, as in ROS: the body is turned by roll about
@@ -118,16 +76,6 @@ class Trajectory:
         from rb_sim.trajectory.states import roll_pitch_yaw
 
         return self._by_body(roll_pitch_yaw(self.block.orientation))
-
-    @property
-    def linear_velocity(self) -> Mapping[str, Array]:
-        """Of the centre of mass, world [m/s], shape (n, 3) each."""
-        return self._by_body(self.block.linear_velocity)
-
-    @property
-    def angular_velocity(self) -> Mapping[str, Array]:
-        """Body frame [rad/s], shape (n, 3) each."""
-        return self._by_body(self.block.angular_velocity)
 
     @property
     def linear_acceleration(self) -> Mapping[str, Array]:
@@ -151,16 +99,6 @@ class Trajectory:
         return self._by_body(accelerations(self).angular)
 
     @property
-    def reaction(self) -> Mapping[str, Reaction]:
-        """Reaction of each constraint; NAME/A and NAME/B are the bearings of a fixed axis."""
-        b = self.block
-        by_name = {
-            name: Reaction(b.reaction_force[:, i], b.reaction_torque[:, i], b.anchor[:, i])
-            for i, name in enumerate(self.layout.reactions)
-        }
-        return ByName("reaction", by_name)
-
-    @property
     def effect(self) -> Mapping[str, Reaction]:
         """Wrench of each effect on each body, about its centre of mass: NAME, or NAME/BODY.
 
@@ -170,29 +108,6 @@ class Trajectory:
         from rb_sim.trajectory.wrenches import effect_wrenches
 
         return ByName("effect", effect_wrenches(self))
-
-    @property
-    def command(self) -> Mapping[str, Array]:
-        """Commanded [force, torque] as applied, world axes, about the body origin, (n, 6) each."""
-        commands = {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
-        return ByName("commanded body", commands)
-
-    @property
-    def contact_state(self) -> Mapping[str, Array]:
-        """State of each point of contact: 0 open, 1 slip, 2 stick or roll, shape (n,) each."""
-        b = self.block
-        states = {name: b.contact_state[:, c] for c, name in enumerate(self.layout.contacts)}
-        return ByName("contact", states)
-
-    @property
-    def contact_work(self) -> Array:
-        """Work of all contacts since the start, impacts included [J], shape (n,)."""
-        return self.block.contact_work
-
-    @property
-    def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts, in order of time."""
-        return self.block.events
 
     @property
     def at_events(self) -> tuple[EventState, ...]:
@@ -209,41 +124,6 @@ class Trajectory:
         Raises RbSimError where there is no such sample.
         """
         return state_of(self, index)
-
-    @property
-    def energy(self) -> Array:
-        """Kinetic plus potential energy [J], shape (n,)."""
-        return self.block.energy
-
-    @property
-    def kinetic_energy(self) -> Array:
-        """Of all bodies [J], shape (n,)."""
-        return self.block.kinetic_energy
-
-    @property
-    def potential_energy(self) -> Array:
-        """Of the effects that have one [J], shape (n,)."""
-        return self.block.potential_energy
-
-    @property
-    def power(self) -> Array:
-        """Of the effects without potential and of the reactions [W], shape (n,)."""
-        return self.block.power
-
-    @property
-    def momentum(self) -> Array:
-        """Total linear momentum, world [kg m/s], shape (n, 3)."""
-        return self.block.momentum
-
-    @property
-    def angular_momentum(self) -> Array:
-        """Total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
-        return self.block.angular_momentum
-
-    @property
-    def residual(self) -> Array:
-        """Worst violation of a constraint, relative to the scene's scale, shape (n,)."""
-        return self.block.residual
 
     def resultant(self, name: str, about: str | Sequence[float] | Array | None = None) -> Resultant:
         """The wrench of a constraint (or effect) on its body, reduced to another point.

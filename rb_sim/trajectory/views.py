@@ -14,7 +14,7 @@ from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.io.plots.plots import Plots, save
 
 if TYPE_CHECKING:
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.trajectory.record import Record
 
 
 # The plots of a trajectory as matplotlib figures, shown in a notebook or saved.
@@ -57,7 +57,7 @@ class Pages(Mapping[str, Any]):
         save(self._figures, path)
 
 
-def pages_of(trajectory: Trajectory) -> Pages:
+def pages_of(trajectory: Record) -> Pages:
     """The pages of a trajectory. Raises RbSimError without samples or a scene."""
     if trajectory.scene is None or not len(trajectory):
         missing = "samples" if trajectory.scene is not None else "scene"
@@ -76,7 +76,7 @@ def _png(figure: Any) -> str:
 # Shows a trajectory in the Rerun viewer: in a window, in a notebook, or saved for later.
 
 
-def view(trajectory: Trajectory, save: Path | None = None) -> None:
+def view(trajectory: Record, save: Path | None = None) -> None:
     """Save the run as .rrd, or show it: in a notebook its widget, else the viewer in a window.
 
     Raises MissingExtraError, SinkError; RbSimError for a trajectory without a scene.
@@ -95,7 +95,7 @@ def view(trajectory: Trajectory, save: Path | None = None) -> None:
         show(recording)
 
 
-def record(trajectory: Trajectory, path: Path) -> None:
+def record(trajectory: Record, path: Path) -> None:
     """Write the run as a Rerun recording."""
     from rb_sim.io.rerun.sink import RerunSink
 

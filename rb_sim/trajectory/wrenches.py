@@ -13,21 +13,10 @@ from rb_sim.io.frames import conjugate, cross, rotate
 from rb_sim.mechanics.samples import Array
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
+from rb_sim.trajectory.record import Reaction, Record
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
-    from rb_sim.trajectory.trajectory import Trajectory
-
-
-class Reaction(NamedTuple):
-    """A wrench ON a body, world axes: BY a constraint, or by an effect."""
-
-    force: Array
-    """[N], shape (n, 3)."""
-    torque: Array
-    """about the anchor [N m], shape (n, 3)."""
-    anchor: Array
-    """anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
 
 
 class Resultant(NamedTuple):
@@ -42,12 +31,12 @@ class Resultant(NamedTuple):
 
 
 def resultant(
-    trajectory: Trajectory, name: str, about: str | Sequence[float] | Array | None
+    trajectory: Record, name: str, about: str | Sequence[float] | Array | None
 ) -> Resultant:
     """As Trajectory.resultant."""
     acting = trajectory.reaction.get(name)
     if acting is None:
-        effects = trajectory.effect if trajectory.scene is not None else {}
+        effects = effect_wrenches(trajectory) if trajectory.scene is not None else {}
         if name not in effects:
             known = ", ".join((*trajectory.layout.reactions, *effects)) or "none"
             raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
@@ -57,7 +46,7 @@ def resultant(
     return Resultant(acting.force, torque, point)
 
 
-def _point(trajectory: Trajectory, about: Any, anchor: Array) -> Array:
+def _point(trajectory: Record, about: Any, anchor: Array) -> Array:
     if about is None:
         return anchor
     if isinstance(about, str):
@@ -78,7 +67,7 @@ def _point(trajectory: Trajectory, about: Any, anchor: Array) -> Array:
 # Wrenches of the effects at the samples of a trajectory: the catalogue's laws, evaluated there.
 
 
-def effect_wrenches(trajectory: Trajectory) -> Mapping[str, Reaction]:
+def effect_wrenches(trajectory: Record) -> Mapping[str, Reaction]:
     """NAME, or NAME/BODY where an effect acts on several bodies: force and torque about C.
 
     World axes, ON the body; on the parent of an effect the opposite, about the parent's C.
@@ -91,7 +80,7 @@ def effect_wrenches(trajectory: Trajectory) -> Mapping[str, Reaction]:
     return found
 
 
-def wrenches_by_body(trajectory: Trajectory) -> Mapping[str, Mapping[str, Reaction]]:
+def wrenches_by_body(trajectory: Record) -> Mapping[str, Mapping[str, Reaction]]:
     """By effect, then by the body on which it acts; as `effect_wrenches`."""
     scene = trajectory.scene
     if not isinstance(scene, Scene):
@@ -106,13 +95,13 @@ def wrenches_by_body(trajectory: Trajectory) -> Mapping[str, Mapping[str, Reacti
     }
 
 
-def _about_center(trajectory: Trajectory, body: str, force: Array, torque: Array) -> Reaction:
+def _about_center(trajectory: Record, body: str, force: Array, torque: Array) -> Reaction:
 
     return Reaction(force, torque, trajectory.position[body])
 
 
 def _of_effect(
-    trajectory: Trajectory, place: InitialPlace, spec: Any
+    trajectory: Record, place: InitialPlace, spec: Any
 ) -> dict[str, tuple[Array, Array]]:
     """(force, torque about C), world axes, shape (n, 3) each, by body."""
     if spec.type == "commanded_wrench":
@@ -133,7 +122,7 @@ def _add(totals: dict[str, tuple[Array, Array]], body: str, force: Array, torque
 
 
 def _of_row(
-    trajectory: Trajectory, place: InitialPlace, row: Any, body: str, parent: str | None
+    trajectory: Record, place: InitialPlace, row: Any, body: str, parent: str | None
 ) -> tuple[Array, Array]:
     """One row of the catalogue at every sample: its law takes one state at a time."""
     inertial = place.inertial(body)
@@ -148,7 +137,7 @@ def _of_row(
     return force, rotate(trajectory.orientation[body], torque_B)
 
 
-def _states(trajectory: Trajectory, body: str) -> list[BodyState]:
+def _states(trajectory: Record, body: str) -> list[BodyState]:
     columns = (
         trajectory.position[body],
         trajectory.orientation[body],
@@ -159,7 +148,7 @@ def _states(trajectory: Trajectory, body: str) -> list[BodyState]:
     return [BodyState(*map(tuple, row)) for row in rows]
 
 
-def _commanded(trajectory: Trajectory, place: InitialPlace, body: str) -> tuple[Array, Array]:
+def _commanded(trajectory: Record, place: InitialPlace, body: str) -> tuple[Array, Array]:
     """As recorded, about the body origin, taken to C."""
     command = trajectory.command[body]
     force, torque = command[:, :3], command[:, 3:]
@@ -184,7 +173,7 @@ class Accelerations(NamedTuple):
     """dw/dt, body axes [rad/s^2], shape (n, N, 3)."""
 
 
-def accelerations(trajectory: Trajectory) -> Accelerations:
+def accelerations(trajectory: Record) -> Accelerations:
     """The accelerations at every sample; at an impact without its jump.
 
     Raises RbSimError where the scene is not known, and for time_stepping, whose reactions are means
@@ -217,16 +206,15 @@ def accelerations(trajectory: Trajectory) -> Accelerations:
 def accelerating(scene: Scene, layout: SampleLayout) -> Callable[[SampleBlock], Accelerations]:
     """What gives the accelerations of blocks of a run. Raises RbSimError as `accelerations`."""
     from rb_sim.mechanics.samples import empty_block
-    from rb_sim.trajectory.trajectory import Trajectory
 
     def of(block: SampleBlock) -> Accelerations:
-        return accelerations(Trajectory(block, layout, scene))
+        return accelerations(Record(block, layout, scene))
 
     of(empty_block(0, layout))  # refuses what it cannot do, before the run
     return of
 
 
-def _wrenches(trajectory: Trajectory, scene: Scene) -> Iterator[tuple[str, Reaction]]:
+def _wrenches(trajectory: Record, scene: Scene) -> Iterator[tuple[str, Reaction]]:
     """(body, a wrench ON it) of all effects and constraints, those on parents included."""
     for by_body in wrenches_by_body(trajectory).values():
         yield from by_body.items()

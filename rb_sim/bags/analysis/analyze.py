@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rb_sim.bags.analysis.anybody import Anybody
 from rb_sim.bags.analysis.bodies import BodyFigures, Struck
 from rb_sim.bags.analysis.derivatives import Body
-from rb_sim.bags.analysis.figures import COLUMNS, Figures, sizes_beside, sizes_of
+from rb_sim.bags.analysis.figures import COLUMNS, Figures
 from rb_sim.bags.analysis.masses import bodies_of
+from rb_sim.bags.analysis.result import Analysis
 from rb_sim.bags.analysis.table import Aligned
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
@@ -86,50 +85,6 @@ class Loads:
 FEW, SHUFFLED = 3, 0.01
 """Steps back, and how many of a source's readings they are, from which on its messages lie in no
 order: a clock is not set so often."""
-
-
-@dataclass
-class Analysis:
-    """What was found; `figures` and `bodies` also give curves and spectra to draw."""
-
-    name: str
-    figures: dict[str, Figures] = field(default_factory=dict)
-    bodies: dict[str, BodyFigures] = field(default_factory=dict)
-    kinds: dict[str, str] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    balance: dict[str, Any] | None = None
-    """of a run of ours."""
-    balances: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """of somebody else's poses, by what they are of."""
-    constraints: dict[str, Any] | None = None
-    """errors of the constraints, recomputed from the poses."""
-    contacts: dict[str, Any] | None = None
-    other_topics: dict[str, str] = field(default_factory=dict)
-    length: float = 0.0
-    """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
-    bytes: int = 0
-    messages: int = 0
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON."""
-        sizes = sizes_of(self.figures.items(), self.length)
-        return {
-            "bag": self.name,
-            "notes": self.notes,
-            "sources": {
-                name: {
-                    "kind": self.kinds[name],
-                    **figures.as_dict(sizes_beside(name, figures, sizes)),
-                }
-                for name, figures in self.figures.items()
-            },
-            "bodies": {name: body.as_dict() for name, body in self.bodies.items()},
-            "balance": self.balance,
-            "balances": self.balances,
-            "constraints": self.constraints,
-            "contacts": self.contacts,
-            "other_topics": self.other_topics,
-        }
 
 
 def analyze(

@@ -19,7 +19,7 @@ from rb_sim.bags.transforms import carried_over, plain
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.analyze import Analysis
+    from rb_sim.bags.analysis.result import Analysis
     from rb_sim.bags.readings import Readings
     from rb_sim.scene.schema import Scene
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.analysis.analyze import Analysis
 from rb_sim.bags.analysis.figures import (
     RESIDUAL,
     ROUNDING,
@@ -21,6 +20,7 @@ from rb_sim.bags.analysis.figures import (
     sizes_of,
     unit_of,
 )
+from rb_sim.bags.analysis.result import Analysis
 from rb_sim.base.errors import MissingExtraError, SinkError
 
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;

@@ -15,7 +15,7 @@ from rb_sim.base.errors import MissingExtraError, RbSimError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rb_sim.bags.analysis.analyze import Analysis
+    from rb_sim.bags.analysis.result import Analysis
 
 SHOWN = 100
 """Sources, bodies and notes that the terminal shows at most."""

@@ -7,21 +7,21 @@ of many, go to their places in one indexed assignment; Python does nothing per f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rb_sim.io.frames import Origins, origins
-from rb_sim.io.messages.cdr import HEADER, NANO
+from rb_sim.io.messages.cdr import HEADER, NANO, Codec
+from rb_sim.io.messages.topic_names import NAMESPACE
 from rb_sim.mechanics.samples import SampleBlock, block_of, empty_block, row_width
 from rb_sim.numerics.kernels import helper, loop
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rb_sim.io.messages.topics import Topic
     from rb_sim.mechanics.samples import Array, SampleLayout
 
 
@@ -128,6 +128,26 @@ FIELDS = (
     "contact_work",
 )
 """Of a block, in the source, behind the motion of the body origins and the energy."""
+
+
+Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
+
+
+class Topic(NamedTuple):
+    """One topic.
+
+    name: relative to the node's name, or absolute with a leading slash.
+    values: numbers of the messages, shape (n, codec.size), from a block and its body origins.
+    """
+
+    name: str
+    ros_type: str
+    codec: Codec
+    values: Values
+
+    def full_name(self, namespace: str = NAMESPACE) -> str:
+        """Absolute name for a node called `namespace`."""
+        return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
 
 
 class Packer:

@@ -51,12 +51,11 @@ from rb_sim.io.messages import message_types as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.message_types import ACCEL_STAMPED
-from rb_sim.io.messages.packing import Packer
+from rb_sim.io.messages.packing import Packer, Topic, Values
 from rb_sim.io.messages.topic_names import (
     CLOCK,
     CONTACT_EVENTS,
     CONTACT_WORK,
-    NAMESPACE,
     TF,
     WORLD,
     anchor_frame,
@@ -67,8 +66,6 @@ from rb_sim.io.messages.topic_names import (
 from rb_sim.mechanics.samples import SampleRow, row_width
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -97,25 +94,6 @@ def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
 
 
 _NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
-
-Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
-
-
-class Topic(NamedTuple):
-    """One topic.
-
-    name: relative to the node's name, or absolute with a leading slash.
-    values: numbers of the messages, shape (n, codec.size), from a block and its body origins.
-    """
-
-    name: str
-    ros_type: str
-    codec: cdr.Codec
-    values: Values
-
-    def full_name(self, namespace: str = NAMESPACE) -> str:
-        """Absolute name for a node called `namespace`."""
-        return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
 
 
 class SampleMessages(NamedTuple):

@@ -12,12 +12,11 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.io.frames import conjugate, rotate
 from rb_sim.ros.build_interfaces import is_there
 from rb_sim.ros.offers import serve
-from rb_sim.ros.services.lockstep import Lockstep, StateMessages
+from rb_sim.ros.services.lockstep import Advancing, Commands, Lockstep, StateMessages
 from rb_sim.ros.services.services import INACTIVE
 from rb_sim.ros.serving import Turns
 
 if TYPE_CHECKING:
-    from rb_sim.ros.node import SimulationLoop
     from rb_sim.ros.stepper import Stepper
     from rb_sim.simulation.simulation import Simulation
     from rb_sim.simulation.state_override import Placement
@@ -233,8 +232,15 @@ class SimulationServices:
 OWN = "rb_sim_interfaces"
 
 
+class Served(Placing, Steered, Advancing, Protocol):
+    """What all optional services act on: the loop of the node."""
+
+    @property
+    def commands(self) -> Commands: ...
+
+
 def offer_services(
-    node: Node, loop: SimulationLoop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
+    node: Node, loop: Served, simulation: Simulation, stepper: Stepper, *, may_quit: bool
 ) -> None:
     """~/advance and ~/set_state, and those of simulation_interfaces, as far as there are types."""
 

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from rb_sim import __version__
+from rb_sim.base import __version__
 from rb_sim.io.messages.topic_names import CLOCK
 from rb_sim.ros.offers import offer
 

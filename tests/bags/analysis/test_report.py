@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rb_sim.bags.analysis import report
-from rb_sim.bags.analysis.analyze import Analysis
 from rb_sim.bags.analysis.figures import COLUMNS, Figures, sizes_of
+from rb_sim.bags.analysis.result import Analysis
 
 graph = pytest.importorskip("plotly.graph_objects")
 RATE, COUNT = 50.0, 400

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.bags.analysis.analyze import Analysis
 from rb_sim.bags.analysis.figures import Figures
+from rb_sim.bags.analysis.result import Analysis
 
 RATE = 100.0
 T = np.arange(400) / RATE
