@@ -18,6 +18,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     RimOnPlane,
 )
 from rb_sim.catalogue.types import Placed
+from rb_sim.mechanics.contact import constraint_tables as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_LINES,

@@ -23,6 +23,7 @@ from rb_sim.contact.events.search import (
 )
 from rb_sim.contact.events.stick_transition import FAINT, stop_that_is_due
 from rb_sim.contact.problem.order import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED, speed_apart
+from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
     ROLL_ENDS,

@@ -20,6 +20,7 @@ from rb_sim.contact.events.next_event import GRADE, begin_step, cut_grid, nearly
 from rb_sim.contact.events.stick_transition import before_stop
 from rb_sim.contact.problem.order import Doubts, note_missed, note_rounded_leans, weight
 from rb_sim.integrate.layout import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
+from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving
 from rb_sim.mechanics.contact.constraint_tables import write_joints
 from rb_sim.mechanics.contact.contact_bodies import (
