@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import ceil
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -405,15 +405,11 @@ class StepProbe:
             self._worst = self._worst._replace(strayed=worst)
 
     def _in_contact(self) -> Coarseness:
-        """What the loop has added up by itself: a probe would have to choose the modes anew."""
-        run = cast(Any, self.run)
-        if run.steps >= self._due:
-            self._due = 2 * run.steps
+        """The whole run again alone: a probe would have to choose the modes anew."""
+        if self.run.steps >= self._due:
+            self._due = 2 * self.run.steps
             self._take_again(None)
-        grown, (worst, share, t) = run.missed_by_steps, run.worst_step
-        most = int(np.argmax(grown))
-        names, strayed = self._bodies, self._worst.strayed
-        return Coarseness(share, t, names[worst], float(grown[most]), names[most], True, strayed)
+        return self._worst
 
     def _look_at_first_steps(self) -> None:
         """Probe the start, and what looks worst of the run, where it began as the scene says and

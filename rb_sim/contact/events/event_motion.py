@@ -44,7 +44,6 @@ from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounc
 from rb_sim.contact.problem.delassus import velocities
 from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal
 from rb_sim.contact.problem.modes import find_held
-from rb_sim.contact.problem.order import LENGTHS
 from rb_sim.mechanics.contact.contact_bodies import (
     JAMS,
     LIES_FLAT,
@@ -215,7 +214,7 @@ class ContactMotion(StrikingMotion):
         super().reset(y, time)
         forget_bounces(self._call.room)
         self._call.room.undetermined[:] = 0.0
-        self._lifted_off, self._in_order = LeftOpen(), LeftOpen()
+        self._lifted_off = LeftOpen()
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
         with told(self._laws_now):
@@ -238,7 +237,7 @@ class ContactMotion(StrikingMotion):
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
         widest = widest_of(self._call.room, self.names)
-        return max(widest, self._lifted_off, self._in_order, self._doubted)
+        return max(widest, self._lifted_off, self._doubted)
 
     def warm(self) -> None:
         super().warm()
@@ -259,8 +258,6 @@ class ContactMotion(StrikingMotion):
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
-        if code[1] == TOUCH_DOWN:
-            self._in_order = max(self._in_order, self._order_of(code[0]))
         at_once = self._chatter.at_once(t)
         self._hold_firmer(t, code[1])
         if at_once or self._chatter.is_dense(t, code[1]):
@@ -394,7 +391,7 @@ class ContactMotion(StrikingMotion):
 
     def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event that a slip or a rolling ends, once it has; or that it begins anew."""
-        arms = self._missed[:, LENGTHS:].reshape(-1, 3, 3)
+        arms = self._arms.reshape(-1, 3, 3)
         creep = self.system.touch[:, CREEPS]
         ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
         if stop(instant, ends, STOPS[code[1]], arms):

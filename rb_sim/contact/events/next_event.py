@@ -19,10 +19,8 @@ from rb_sim.contact.events.search import (
     level_at,
     level_of,
     note_levels,
-    note_short_dips,
 )
 from rb_sim.contact.events.stick_transition import FAINT, stop_that_is_due
-from rb_sim.contact.problem.order import BEGAN, LAG, LAG_TIME, NOT_TAKEN, PUSHED, speed_apart
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
@@ -68,8 +66,8 @@ from rb_sim.mechanics.contact.contact_table import (
 )
 from rb_sim.mechanics.contact.creep import SOON, fastest_creep, note_creep, rubs
 from rb_sim.mechanics.contact.event_functions import level_rates, roll_level, rolling, slip_level
-from rb_sim.mechanics.contact.near_flat_rims import end_for_rims, note_lean
-from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, vec
+from rb_sim.mechanics.contact.near_flat_rims import end_for_rims, note_lean, turned_by_rounding
+from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import dot, norm, scale, sub
 
@@ -141,32 +139,60 @@ LAGS, ERRORS = 0.1, 3.0
 in slips that are lost in errors. It is told where it is above both; 0.1 is 0.01 of the energy."""
 
 
+PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, KEPT = range(8)
+"""Columns by contact of what is kept of slips that are lost in errors: friction since then [N s],
+the body's speed then [m/s], what friction has not taken since [J]; the largest share of that speed,
+its time [s]; the largest angle [rad] by which rounding has turned the lean of a rim (see
+`near_flat_rims`), its time [s]. KEPT: how many."""
+
+
 @inline
-def note_slow_slips(system, doubts, grid):
+def speed_of(y, b, arms):
+    """|(v_C, A w)| of body b; arms: A by rows of each body (see `mechanics.error_scales`) [m]."""
+    total = 0.0
+    for i in range(3):
+        turned = 0.0
+        for j in range(3):
+            turned += arms[b, 3 * i + j] * y[WIDTH * b + 10 + j]
+        total += y[WIDTH * b + 7 + i] ** 2 + turned * turned
+    return total**0.5
+
+
+@inline
+def note_rounded_leans(touch, kept, t):
+    """Note how far rounding turns the leans of rims that hardly miss flat, in the step from t."""
+    for c in range(touch.shape[0]):
+        turned = turned_by_rounding(touch, c)
+        if turned > kept[c, ROUNDED]:
+            kept[c, ROUNDED], kept[c, ROUNDED_TIME] = turned, t
+
+
+@inline
+def note_slow_slips(system, kept, arms, grid):
     """Note what friction has missed in the last step, of slips that are lost in errors and turned.
 
     After the levels at its end, before what the next one starts from is noted.
     """
-    touch, slow = system.touch, doubts.grazes
+    touch = system.touch
     for c in range(touch.shape[0]):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
         followed = size > system.still or may_creep(system, c)
         if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
-            slow[c, PUSHED] = slow[c, NOT_TAKEN] = 0.0
+            kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
         mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, FORCE]
-        if slow[c, PUSHED] == 0.0:
-            slow[c, BEGAN] = speed_apart(grid.y0, np.zeros_like(grid.y0), b, doubts.missed)
+        if kept[c, PUSHED] == 0.0:
+            kept[c, BEGAN] = speed_of(grid.y0, b, arms)
         turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, AHEAD)))
-        slow[c, PUSHED] += push * (grid.t1 - grid.t0)
-        slow[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
-        if slow[c, PUSHED] > LASTING * mass * system.still:
-            speed = (2.0 * slow[c, NOT_TAKEN] / mass) ** 0.5
-            share = speed / slow[c, BEGAN] if slow[c, BEGAN] > speed else 1.0
-            if speed > ERRORS * system.still and share > max(slow[c, LAG], LAGS):
-                slow[c, LAG], slow[c, LAG_TIME] = share, grid.t0
+        kept[c, PUSHED] += push * (grid.t1 - grid.t0)
+        kept[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
+        if kept[c, PUSHED] > LASTING * mass * system.still:
+            speed = (2.0 * kept[c, NOT_TAKEN] / mass) ** 0.5
+            share = speed / kept[c, BEGAN] if kept[c, BEGAN] > speed else 1.0
+            if speed > ERRORS * system.still and share > max(kept[c, LAG], LAGS):
+                kept[c, LAG], kept[c, LAG_TIME] = share, grid.t0
 
 
 @inline
@@ -241,17 +267,16 @@ def is_none(width, t):
 
 
 @inline
-def next_event(method, system, grid, work, doubts):
+def next_event(method, system, grid, work, kept, arms):
     """(code of the first event within the last step or -1, the grid, cut there).
 
-    doubts: what near misses are noted in."""
+    kept: what the laws or errors leave open, by contact; arms: as `speed_of` takes them."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
     rates = level_rates(system, grid.t1, grid.y1)
-    late = first_dip(method, system, grid, rates, work, y, c, doubts)
+    late = first_dip(method, system, grid, rates, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
-        note_short_dips(system, grid, rates, doubts)
-        note_slow_slips(system, doubts, grid)
+        note_slow_slips(system, kept, arms, grid)
         lost = slip_that_is_lost(system, grid.t1 - grid.t0)
         look_ahead(system, rates)
         note_stiffness(system, grid.y1)

@@ -6,7 +6,6 @@ import numpy as np
 
 from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
 from rb_sim.contact.events.grid import reach
-from rb_sim.contact.problem.order import error_of_gap, note_graze, speed_of_dip, way_apart
 from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_bodies import FREE, line_of
@@ -245,6 +244,17 @@ def normals_of_step(system, grid, ends, i):
 
 
 @inline
+def way_apart(y, other, b, length):
+    """How far the places of body b are apart in two states, a turn by the length [m]."""
+    way, turn = 0.0, 0.0
+    for i in range(3):
+        way += (y[WIDTH * b + i] - other[WIDTH * b + i]) ** 2
+    for i in range(3, 7):
+        turn += (y[WIDTH * b + i] - other[WIDTH * b + i]) ** 2
+    return way**0.5 + 2.0 * length * turn**0.5
+
+
+@inline
 def way_of_surfaces(system, grid, ends, i):
     """Way that body and support of contact i may have gone in the step, towards each other [m].
 
@@ -361,14 +371,11 @@ def rate_of(system, t, y, i, k):
 
 
 @inline
-def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
+def dip_of(method, system, grid, spans, i, k, work, y, c):
     """The earliest time found in the span spans[0] at which the k-th event function of contact i
-    is negative; t1 if there is none. A gap that comes near it is noted."""
-    touch, top, grazed, when = system.touch, 1, 0.0, grid.t1
+    is negative; t1 if there is none."""
+    touch, top = system.touch, 1
     flies = k == 0 and touch[i, CLOSED] == 0.0
-    near = (
-        error_of_gap(system, doubts, grid.y1, i) if flies and spans[0, END_SIZE + 2] > 0.0 else 0.0
-    )
     for _ in range(ROUNDS):
         if top == 0:
             break
@@ -378,9 +385,6 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
         way = (a[3] + b[3]) * width / system.length if flies else 0.0
         s = next_place(a, b, spans[top, 2 * END_SIZE], width, way, flies)
         if s < 0.0:
-            speed = speed_of_dip(a[1], a[2], b[1], b[2], width, near) if way <= SHORT else 0.0
-            if speed > grazed:
-                grazed, when = speed, a[0]
             continue
         t = a[0] + s * width
         if not (a[0] < t < b[0]) or top + 2 > DEPTH:
@@ -390,14 +394,11 @@ def dip_of(method, system, grid, spans, i, k, work, y, c, doubts):
         if level < -SLACK:
             return t
         rate = rate_of(system, t, y, i, k)
-        if 0.0 < near and level < near and abs(rate) > grazed:
-            grazed, when = abs(rate), t
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
         n = normal_on_parent(system, y, i, vec(touch, i, NORMAL))
         middle = (t, level, rate, touch[i, FASTEST], n[0], n[1], n[2])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
-    note_graze(system, doubts, i, when, grazed, near)
     return grid.t1
 
 
@@ -412,25 +413,7 @@ def first_that_may_dip(system, grid, rates):
 
 
 @inline
-def note_short_dips(system, grid, rates, doubts):
-    """Note the gaps whose least is in a step so short that they change by less than they are, and
-    which errors may be as large as.
-
-    After `lowest_level` at t1 and `level_rates`, which has given `rates`.
-    """
-    touch, width = system.touch, grid.t1 - grid.t0
-    for i in range(touch.shape[0]):
-        a, ra = touch[i, LEVELS_BEFORE], touch[i, SLOPES_BEFORE]
-        if not ra < 0.0 < rates[i, 0] or may_dip(system, grid, touch, rates, i, 0):
-            continue
-        near = error_of_gap(system, doubts, grid.y1, i)
-        if a < near:
-            speed = speed_of_dip(a, ra, touch[i, LEVELS], rates[i, 0], width, near)
-            note_graze(system, doubts, i, grid.t0, speed, near)
-
-
-@inline
-def first_dip(method, system, grid, rates, work, y, c, doubts):
+def first_dip(method, system, grid, rates, work, y, c):
     """The earliest time found within the step at which an event function is negative that is not
     at its end; t1 if there is none.
 
@@ -454,7 +437,7 @@ def first_dip(method, system, grid, rates, work, y, c, doubts):
         )  # fmt: skip
         after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late, n[0], n[1], n[2])
         put_span(spans, 0, before, after, UNKNOWN)
-        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c, doubts))
+        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
     if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1, grid.c1)
         for i in range(touch.shape[0]):

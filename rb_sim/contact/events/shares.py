@@ -16,10 +16,10 @@ from rb_sim.contact.events.instant import (
     require_finite,
     singular_values,
 )
+from rb_sim.contact.events.next_event import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.problem.delassus import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
-from rb_sim.contact.problem.order import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, SPEED, TIME
 from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING, STATIC
@@ -71,8 +71,6 @@ class LeftOpen(NamedTuple):
 
 IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
 OPEN_SHARES = "accelerations that shares of a load leave open, of the largest,"
-ORDER = "speed of two impacts whose order hangs on step or tolerance, of the scene's,"
-GRAZE = "speed of an impact that step or tolerance may have missed, of the scene's,"
 LAGGED = (
     "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
 )
@@ -130,21 +128,17 @@ def widest_of(room: Room, names: Sequence[str]) -> LeftOpen:
     return max(told)
 
 
-def widest_doubt(grazes: Array, names: Sequence[str], speed: float) -> LeftOpen:
-    """The widest of what the table of `grazes` tells: the fastest impact that may have been missed,
-    over the scene's speed [m/s], or 1, since past an edge a gap bends so much that no speed is
-    told; what friction has missed of the slow slip that it followed least; and by how much rounding
-    has turned the lean of a rim that hardly missed flat."""
+def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
+    """The widest of what `next_event` kept: what friction has missed of a slow slip, and by
+    how much rounding has turned the lean of a rim that hardly missed flat."""
 
     def most(figure: int, time: int) -> tuple[float, float, str]:
-        c = int(np.argmax(grazes[:, figure]))
-        return float(grazes[c, figure]), float(grazes[c, time]), names[c]
+        c = int(np.argmax(kept[:, figure]))
+        return float(kept[c, figure]), float(kept[c, time]), names[c]
 
-    fast, t, name = most(SPEED, TIME)
-    missed = LeftOpen(min(1.0, fast / speed), t, name, GRAZE, by_setting=True)
     slow = LeftOpen(*most(LAG, LAG_TIME), LAGGED, by_setting=True)
     turned = LeftOpen(*most(ROUNDED, ROUNDED_TIME), TURNED_BY_ROUNDING, advice=NO_SETTING)
-    return max(missed, slow, turned)
+    return max(slow, turned)
 
 
 # Shares of the reactions that a rest does not determine: within every bound, and away from it.

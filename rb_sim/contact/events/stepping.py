@@ -16,21 +16,11 @@ from rb_sim.catalogue.types import WORLD
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import told
 from rb_sim.contact.events.limits import TOOL
-from rb_sim.contact.events.shares import ORDER, LeftOpen, widest_doubt
+from rb_sim.contact.events.next_event import KEPT
+from rb_sim.contact.events.shares import LeftOpen, widest_kept
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.contact.problem.event_workspace import STILL
-from rb_sim.contact.problem.order import (
-    GRAZES_WIDTH,
-    LARGEST,
-    LENGTHS,
-    MISSED_WIDTH,
-    SUM,
-    WORST_SHARE,
-    WORST_TIME,
-    missed_way,
-)
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
@@ -255,10 +245,11 @@ class EventStepping(GridMotion):
         self._pause = math.inf
         self._start = self._begun = time
         self._mark = 0, time
-        self._grazes = np.zeros((len(self.names), GRAZES_WIDTH))
-        self._missed = np.zeros((len(system.bodies), MISSED_WIDTH))
+        self._kept = np.zeros((len(self.names), KEPT))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
-        self._missed[:, LENGTHS:] = spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
+        self._arms = np.ascontiguousarray(
+            spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
+        )
 
     @abstractmethod
     def _event(self) -> None:
@@ -269,43 +260,14 @@ class EventStepping(GridMotion):
         return f"the laws of contact at t = {self.time:.9g} s"
 
     @property
-    def missed_by_steps(self) -> Array:
-        """What steps of fixed length miss of each body's velocities, over the largest of them, or
-        over the speed that is none if that is more."""
-        missed = self._missed
-        with np.errstate(all="ignore"):
-            size = np.maximum(missed[:, LARGEST], STILL * self.system.speed)
-            return np.nan_to_num(missed[:, SUM] / size)
-
-    @property
     def _fixed(self) -> bool:
         """True of a method whose steps have a fixed length."""
         return getattr(self.method, "tolerance", 0.0) == 0.0
 
-    def _order_of(self, c: int) -> LeftOpen:
-        """What the order of impacts leaves open where contact c strikes, at the grid's last point:
-        the speed of the slower of two, over the scene's."""
-        if len(self.names) == 1:
-            return LeftOpen()
-        t0, t, y, allowed = self._grid.t0, self._grid.t1, self._grid.y1, 0.0
-        if self._fixed:
-            self._call.room.far[:] = missed_way(self._missed, slice(None), t - self._start)
-        else:
-            allowed = self.method.tolerance * self.steps
-        speed = self._call.doubt(t, y, c, t - t0, allowed, self.compiled.one_by_one)
-        return LeftOpen(speed / self.system.speed, t, self.names[c], ORDER, by_setting=True)
-
     @property
     def _doubted(self) -> LeftOpen:
-        """The widest of what the table of doubts tells."""
-        return widest_doubt(self._grazes, self.names, self.system.speed)
-
-    @property
-    def worst_step(self) -> tuple[int, float, float]:
-        """(body, share of the change of its velocities that a step of fixed length missed, its
-        time [s]) of the worst of those looked at."""
-        worst = int(np.argmax(self._missed[:, WORST_SHARE]))
-        return worst, *self._missed[worst, [WORST_SHARE, WORST_TIME]].tolist()
+        """The widest of what was kept of slow slips and of rims that hardly missed flat."""
+        return widest_kept(self._kept, self.names)
 
     def _explain(self, status: int) -> str:
         """As Motion; also which slips an implicit method may not follow."""
@@ -344,8 +306,8 @@ class EventStepping(GridMotion):
             rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
-                bool(n) and out is not None, rows, self._work, self._due, self._missed,
-                self._grazes, self._steps_before, self._start,
+                bool(n) and out is not None, rows, self._work, self._due, self._kept,
+                self._arms,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])

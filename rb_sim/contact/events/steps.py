@@ -16,9 +16,15 @@ from rb_sim.contact.events.grid import (
     is_implicit,
     state_at,
 )
-from rb_sim.contact.events.next_event import GRADE, begin_step, cut_grid, nearly_stopped, next_event
+from rb_sim.contact.events.next_event import (
+    GRADE,
+    begin_step,
+    cut_grid,
+    nearly_stopped,
+    next_event,
+    note_rounded_leans,
+)
 from rb_sim.contact.events.stick_transition import before_stop
-from rb_sim.contact.problem.order import Doubts, note_missed, note_rounded_leans, weight
 from rb_sim.integrate.layout import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving
@@ -204,14 +210,11 @@ def _system_of(f, packed):
 
 
 @entry
-def record_contacts(
-    method, packed, grid, times, stop, sampling, out, work, code, missed, grazes, counted, begun
-):
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept, arms):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
-    packed: the system as its layout has it. code: the event at t1 that is due, or -1. missed: what
-    steps of fixed length miss; grazes: impacts that may be missed; counted: steps before those of
-    the grid; begun: when the run began [s].
+    packed: the system as its layout has it. code: the event at t1 that is due, or -1.
+    kept, arms: as `next_event` takes them.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
@@ -228,9 +231,6 @@ def record_contacts(
             if grid.steps >= last_step:
                 status = UNFINISHED
                 break
-            stands_for = weight(counted + grid.steps, grid.steps)
-            looked = method.setting[1] == 0.0 and stands_for > 0
-            before = system.touch.copy() if looked else system.touch
             choose_lines(system, grid.t1, grid.y1)
             choose_rank(system, grid.t1, grid.y1)
             grid, status = advance_grid(method, system, grid, stop, work)
@@ -253,15 +253,11 @@ def record_contacts(
             if status != FINE:
                 break
             if code < 0:
-                allowed = method.setting[1] * (counted + grid.steps)
-                doubts = Doubts(grazes, missed, grid.t1 - begun, allowed)
-                note_rounded_leans(system, doubts, grid.t0)
-                code, grid = next_event(method, system, grid, work, doubts)
+                note_rounded_leans(system.touch, kept, grid.t0)
+                code, grid = next_event(method, system, grid, work, kept, arms)
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break
-                if looked:
-                    note_missed(method, system, grid, before, work, missed, stands_for)
         if status != FINE:
             break
         y = state_at(method, system, grid, t, work)

@@ -30,7 +30,6 @@ from rb_sim.contact.problem.event_workspace import (
 from rb_sim.contact.problem.forces import answer_over
 from rb_sim.contact.problem.impacts import NOTHING, STRUCK, apply_impulses, strike, strike_in_rounds
 from rb_sim.contact.problem.modes import WHOLE, choose, may_share
-from rb_sim.contact.problem.order import speed_in_doubt
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import held_at
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
@@ -42,14 +41,14 @@ from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
 
 (
     WRITE, LINES, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
-    LEAVE, PASS, OVER, DOUBT,
-) = range(15)  # fmt: skip
+    LEAVE, PASS, OVER,
+) = range(14)  # fmt: skip
 """Tasks: write the lines of what is closed, or all of them as dense matrices; multipliers and
 accelerations; bring y back to the manifold; begin a step; arrive at an event (keep the modes before
 it, write all lines); rounds of impacts, or one of what the room names; add the impulses of the
 room, or note them; choose the modes; leave (note what has changed, find the time within which
-flights end); pass an event whole, where nothing but the laws is asked; impulses over a short time;
-the speed of impacts whose order is in doubt.
+flights end); pass an event whole, where nothing but the laws is asked; impulses over a short
+time.
 """
 DONE, AT_IMPACTS, AT_MODES = range(3)
 """How far PASS has come: to the end, or to where more than the laws is asked."""
@@ -125,9 +124,6 @@ def do_task(places):
         numbers[FOUND], status = time_of_flights(system, room, t, y, first == 1)
     elif task == PASS:
         status, numbers[FOUND] = pass_through(system, room, t, y, first, second == 1)
-    elif task == DOUBT:
-        span, allowed = numbers[FOUND], numbers[MORE]
-        numbers[FOUND] = speed_in_doubt(system, room, t, y, first, span, allowed, second == 1)
     else:
         u = np.empty_like(room.free_accelerations)
         read_velocities(system, y, u)
@@ -183,14 +179,6 @@ class Tasks:
         """The impulses of a short time, see `forces.answer_over`."""
         self._numbers[FOUND] = duration
         return self(OVER, t, y)
-
-    def doubt(
-        self, t: float, y: Array, contact: int, span: float, allowed: float, alone: bool
-    ) -> float:
-        """The speed of impacts whose order is in doubt, see `order.speed_in_doubt`."""
-        self._numbers[FOUND], self._numbers[MORE] = span, allowed
-        self(DOUBT, t, y, (contact, int(alone), 0))
-        return self.found
 
     @property
     def found(self) -> float:

@@ -156,9 +156,6 @@ class Room(NamedTuple):
     """how far apart two motions after an impact are that the laws leave open, relative to the
     largest velocity before it; the most of a run, its time and contact; the same three of what
     shares of a load leave open, (7,)."""
-    far: np.ndarray
-    """how far steps of fixed length may have taken each body from where it ought to be [m],
-    (N,)."""
     notes: np.ndarray
     """what has happened, (capacity, NOTE_WIDTH)."""
     written: np.ndarray
@@ -190,7 +187,6 @@ _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "rests": (REAL, ("contacts", 3)),
     "before": (REAL, ("contacts", MODES_WIDTH)),
     "undetermined": (REAL, (7,)),
-    "far": (REAL, ("bodies",)),
     "notes": (REAL, ("notes", NOTE_WIDTH)),
     "written": (INTEGER, (1,)),
 }
