@@ -135,12 +135,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "rb_sim/io/contact_power.py": ("tests/io/test_contact_power.py",),
     "rb_sim/contact/events/search.py": (
         "tests/contact/events/test_dips.py",
-        "tests/contact/events/test_grazes.py",
         "tests/contact/events/test_motion.py",
-    ),
-    "rb_sim/contact/problem/order.py": (
-        "tests/contact/events/test_grazes.py",
-        "tests/contact/events/test_order.py",
     ),
     "rb_sim/numerics/complementarity.py": (
         "tests/numerics/test_complementarity.py",

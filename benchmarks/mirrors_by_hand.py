@@ -97,10 +97,7 @@ BY_HAND |= {
         "tests/contact/events/test_rules_of_impact.py",
         "tests/contact/events/test_impacts.py",
     ),
-    "rb_sim/contact/problem/order.py": (
-        "tests/contact/events/test_missed_by_hand.py",
-        "tests/contact/events/test_notes.py",
-    ),
+    "rb_sim/contact/events/next_event.py": ("tests/contact/events/test_notes.py",),
     "rb_sim/contact/events/shares.py": (
         "tests/contact/events/test_shared_loads.py::test_the_bounds_of_contacts_by_hand",
     ),

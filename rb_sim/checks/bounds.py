@@ -95,10 +95,6 @@ STRAYED = 0.05
 run in half steps: an error of 0.1 at first order, where Euler errs by 1/n of the way of n steps
 under a constant load, and of 0.05 at higher ones."""
 
-GROWN_IN_CONTACT = 3e-3
-"""The same of all higher orders in contact, where bounces make some three times as much of it (up
-to five in random scenes, `python -m benchmarks.contact.settings`): a hundredth of the way."""
-
 RESIDUAL = 1e-9
 """Constraints are projected after every step to round-off; this is the relative violation above
 which the scene compiler, too, takes constraints for contradictory."""
@@ -164,8 +160,7 @@ class Effort(NamedTuple):
     def grown_bound(self) -> float:
         """What all steps may miss of the velocities of a body, added up, over the largest."""
         entry = METHODS.get(self.method)
-        higher = GROWN_IN_CONTACT if self.coarse.in_contact else GROWN_HIGHER
-        return GROWN.get(entry.order, higher) if entry else higher
+        return GROWN.get(entry.order, GROWN_HIGHER) if entry else GROWN_HIGHER
 
     @property
     def own_tolerance(self) -> float | None:

@@ -106,7 +106,7 @@ def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
 
     Of a step that `auto` chose the error of the motion has been measured.
     """
-    share, t, body, grown, where, _, strayed = effort.coarse
+    share, t, body, grown, where, strayed = effort.coarse
     bound, most = effort.coarse_bound, effort.grown_bound
     if effort.step is None or block.t[-1] <= effort.kept_to:
         return

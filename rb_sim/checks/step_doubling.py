@@ -112,8 +112,6 @@ class Coarseness(NamedTuple):
     grown: float = 0.0
     """what all steps so far miss of a body's velocities, over the largest of them."""
     grown_body: str = ""
-    in_contact: bool = False
-    """whether it was found between the events of contacts, which magnify what steps miss."""
     strayed: Strayed = Strayed()
     """how far the run is from the same in half steps, as far as it was taken again."""
 

@@ -37,8 +37,6 @@ def test_the_bounds_of_fixed_steps_by_the_order() -> None:
     assert [e.balance for e in (first, higher, foreign)] == [2e-2, 1e-3, 1e-3]
     assert [e.coarse_bound for e in (first, higher, foreign)] == [0.1, 1e-2, 1e-2]
     assert [e.grown_bound for e in (first, higher, foreign)] == [0.5, 0.1, 0.1]
-    touching = Coarseness(in_contact=True)
-    assert [fixed(m, coarse=touching).grown_bound for m in ("euler", "rk4")] == [0.5, 3e-3]
     assert higher.outcome_bound == 1e-3
 
 

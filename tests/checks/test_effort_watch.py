@@ -93,7 +93,7 @@ def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
     """What a step misses, what all do, what a run in half steps shows; of rk4 by 0.01, 0.1, 0.05:
     a figure 8 times its bound asks for half the step, one of 500 for a 5.6th."""
     strayed = Strayed(0.4, 0.7, "c", "way")
-    worst = Coarseness(5.0, 0.5, "a", 0.8, "b", False, strayed)
+    worst = Coarseness(5.0, 0.5, "a", 0.8, "b", strayed)
     fixed = Effort("rk4", 0.02, None, 50, 0, coarse=worst)
     finding = told(fixed)["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (5.0, 0.5, "a", 0.01)
@@ -102,7 +102,7 @@ def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
     assert finding.finer_step == 0.01
     finding = told(fixed._replace(coarse=worst._replace(share=0.0, grown=0.099)))["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (0.4, 0.7, "c", 0.05)
-    little = Coarseness(0.0099, 0.5, "a", 0.099, "b", False, Strayed(0.049, 0.7, "c", "way"))
+    little = Coarseness(0.0099, 0.5, "a", 0.099, "b", Strayed(0.049, 0.7, "c", "way"))
     assert told(fixed._replace(coarse=little)) == {}
     assert told(ADAPTIVE._replace(coarse=worst)) == {}
 

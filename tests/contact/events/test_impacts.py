@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.problem import order
 from rb_sim.contact.problem.impacts import NOTHING, STRUCK
 from tests.contact.scenes import ball, scene, touch
 from tests.interpreted import interpreted
@@ -135,84 +133,3 @@ def test_rounds_go_on_until_nothing_approaches(
     assert_allclose(late["rises"], 0.0, atol=1e-12)
     late = interpreted(struck, speeds, {}, False, -1, -1, (1, 50, 1))
     assert_allclose(late["rises"], 0.0, atol=1e-12)
-
-
-def apart(e: float, heavy: float, speeds: tuple[float, float]) -> tuple[list[float], list[float]]:
-    """By how much the two orders differ of a ball that strikes the floor as another one strikes it
-    from above, asked both ways, and what the ball above has besides: a slip of 3 m/s."""
-    from rb_sim import load_scene
-    from rb_sim.contact.events.instant import Instant
-    from rb_sim.contact.events.tasks import Tasks
-    from rb_sim.contact.problem.order import apart_in_order
-    from rb_sim.scene.compile import compile_scene
-
-    bodies = {"body": ball([0.0, 0.0, 0.1]), "upper": ball([0.0, 0.0, 0.3], mass=heavy)}
-    stack = {"type": "contact", "body": "upper", "parent": "body", "surface": {"type": "shape"}}
-    contacts = {"floor": touch(restitution=e), "stack": stack | {"restitution": e}}
-    compiled = compile_scene(load_scene(scene(bodies, contacts)))
-    y = np.array(compiled.y, dtype=float)
-    y[9], y[22], y[20] = *speeds, 3.0
-    at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
-    at.room.plastic[:] = at.room.together[:] = 1
-    lines = at.room.J.copy()
-    found = [
-        float(apart_in_order(at.system, at.room, 0.0, y, *order)) for order in ((0, 1), (1, 0))
-    ]
-    assert (at.room.J == lines).all()
-    return found, y[[9, 22, 20]].tolist()
-
-
-def ends(e: float, heavy: float, speeds: tuple[float, float], floor_first: bool) -> list[float]:
-    """Both velocities after impacts in turns, by Newton's rule."""
-    a, b = speeds
-    floor = floor_first
-    for _ in range(50):
-        if floor and a < 0.0:
-            a = -e * a
-        elif not floor and b < a:
-            middle, part = (a + heavy * b) / (1.0 + heavy), e * (a - b)
-            a, b = middle - part * heavy / (1.0 + heavy), middle + part / (1.0 + heavy)
-        floor = not floor
-    return [a, b]
-
-
-@pytest.mark.parametrize("e", [0.3, 0.5, 1.0])
-@pytest.mark.parametrize("heavy", [1.0, 2.0])
-@pytest.mark.parametrize("speeds", [(-1.0, -2.0), (-2.0, -2.5), (0.0, -1.0)])
-def test_two_impacts_in_both_orders(e: float, heavy: float, speeds: tuple[float, float]) -> None:
-    """Balls of the same mass that lose nothing end alike in both; what is there stays as it is."""
-    one, other = (np.array(ends(e, heavy, speeds, first)) for first in (True, False))
-    found, after = interpreted(apart, e, heavy, speeds)
-    if speeds[0] < 0.0:  # else the floor has no part at first
-        assert_allclose(found, np.abs(one - other).max(), atol=1e-12)
-        assert e < 1.0 or heavy > 1.0 or found[0] < 1e-12
-    assert after == [*speeds, 3.0]
-
-
-def test_a_series_without_end_is_taken_to_differ() -> None:
-    """A heavy ball on a light one that loses nothing: more than twenty impacts."""
-    assert interpreted(apart, 1.0, 5000.0, (-1.0, -2.0))[0] == [1e300, 1e300]
-
-
-@pytest.mark.parametrize(
-    ("followed", "wanted"), [((True, True), 5.0 + 0.5 * 13.0), ((True, False), 1e300)]
-)
-def test_turns_count_by_the_length_of_the_scene(
-    monkeypatch: pytest.MonkeyPatch, followed: tuple[bool, bool], wanted: float
-) -> None:
-    """Of the body whose velocities differ most: 5 m/s and 13 rad/s over 0.5 m, beside 6 m/s."""
-    ways = np.zeros((2, 12))
-    ways[0, 2], ways[:, 6:9], ways[:, 9:12] = 6.0, [[1, 3, 1], [1, 0, 5]], [[3, 1, 0], [0, 5, 12]]
-    asked: list[tuple[int, int]] = []
-
-    def end(system: Any, room: Any, t: float, y: Any, first: int, second: int, out: Any) -> bool:
-        out[:] = ways[len(asked)]
-        asked.append((first, second))
-        return followed[len(asked) - 1]
-
-    monkeypatch.setattr(order, "end_of_order", end)
-    monkeypatch.setattr(order, "write_lines", lambda *of: None)
-    system = SimpleNamespace(touch=np.zeros((4, 1)), bodies=np.zeros((2, 1)), length=0.5)
-    room = SimpleNamespace(free_accelerations=np.zeros(12), plastic=np.ones(4), together=np.ones(4))
-    assert order.apart_in_order(system, room, 0.0, None, 1, 3) == pytest.approx(wanted)
-    assert asked == [(1, 3), (3, 1)] and not room.plastic.any() and not room.together.any()

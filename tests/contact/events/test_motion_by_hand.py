@@ -54,10 +54,8 @@ def test_nothing_is_left_open_at_the_start() -> None:
 
 def test_the_widest_of_all_that_is_left_open_is_told() -> None:
     motion = flying(mu=0.3)
-    for name in ("_lifted_off", "_in_order"):
-        motion.reset()
-        setattr(motion, name, LeftOpen(0.5, 2.0, "floor", "figure"))
-        assert motion.left_open == LeftOpen(0.5, 2.0, "floor", "figure")
+    motion._lifted_off = LeftOpen(0.5, 2.0, "floor", "figure")
+    assert motion.left_open == LeftOpen(0.5, 2.0, "floor", "figure")
 
 
 def test_a_command_makes_another_motion_of_it() -> None:
@@ -348,7 +346,7 @@ def test_a_touch_down_is_put_together_from_where_laws_alone_do_not_decide(
 def test_an_event_is_that_of_its_contact(
     monkeypatch: pytest.MonkeyPatch, kind: int, at_once: bool, dense: bool, leaps: bool
 ) -> None:
-    """Events without end are leapt over; the order of impacts is asked of what touches down."""
+    """Events without end are leapt over."""
     motion = standing(1.0, 1.0)
     motion._grid, motion._due = motion._grid._replace(t1=4.0), EVENT_KINDS * 1 + kind
     motion._chatter = SimpleNamespace(
@@ -356,11 +354,8 @@ def test_an_event_is_that_of_its_contact(
     )
     added: list[Any] = []
     motion._progress = SimpleNamespace(add=lambda *told: added.append(told))
-    open_ = LeftOpen(0.5, 4.0, "on_b1")
-    asked = answering(monkeypatch, _order_of=open_, _hold_firmer=None, _leap=None, _happen=None)
+    asked = answering(monkeypatch, _hold_firmer=None, _leap=None, _happen=None)
     motion._event()
     assert added == [(4.0, "on_b1")] and motion._due == -1
-    order = [("_order_of", 1)] if kind == TOUCH_DOWN else []
     then = ("_leap", 1) if leaps else ("_happen", (1, kind))
-    assert asked == [*order, ("_hold_firmer", 4.0, kind), then]
-    assert motion._in_order == (open_ if order else LeftOpen())
+    assert asked == [("_hold_firmer", 4.0, kind), then]

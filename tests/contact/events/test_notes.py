@@ -13,6 +13,8 @@ from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.geometry.pairs import BallOnSolid
 from rb_sim.contact.events.event_motion import bearing, lifting
 from rb_sim.contact.events.limits import STALLED_EVENTS, Progress, pairs_of_solids, refuse_edges
+from rb_sim.contact.events.next_event import speed_of
+from rb_sim.contact.events.search import way_apart
 from rb_sim.contact.problem import event_workspace as journals
 from rb_sim.contact.problem.bounces import Chatter, at_one_instant
 from rb_sim.contact.problem.event_workspace import (
@@ -24,7 +26,6 @@ from rb_sim.contact.problem.event_workspace import (
     room_left,
     take_before,
 )
-from rb_sim.contact.problem.order import LENGTHS, MISSED_WIDTH, speed_apart, way_apart, weight
 from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
@@ -259,24 +260,16 @@ def test_who_lifts_off_at_one_instant() -> None:
     assert bearing(system, frozenset({0})) and not bearing(system, frozenset({0, 1, 2, 3, 5}))
 
 
-def test_how_far_two_states_are_apart() -> None:
-    """(dv, A dw) of 3 m/s and A (1, 0, 0) = (0, 4, 0) m/s; of places 3 m, and a turn by 4/5 in
+def test_the_speed_of_a_body_and_the_way_between_two_states() -> None:
+    """(v, A w) of 3 m/s and A (1, 0, 0) = (0, 4, 0) m/s; of places 3 m, and a turn by 4/5 in
     quaternions twice over the length of 5 m."""
-    y, other, missed = np.zeros(26), np.zeros(26), np.zeros((2, MISSED_WIDTH))
-    missed[1, LENGTHS + 3] = 4.0
-    y[20:26] = 1.0, 5.0, 2.0, 1.5, 7.0, 7.0
-    other[20:26] = 0.0, 3.0, 0.0, 0.5, 7.0, 9.0
-    assert speed_apart(y, other, 1, missed) == pytest.approx(5.0)
+    y, other, arms = np.zeros(26), np.zeros(26), np.zeros((2, 9))
+    arms[1, 3] = 4.0
+    y[20:26] = 1.0, 2.0, 2.0, 1.0, 7.0, 7.0
+    assert speed_of(y, 1, arms) == pytest.approx(5.0)
     y[13:20], other[13:20] = (
         (2.0, 1.0, 2.0, 0.6, 0.0, 0.0, 0.8),
         (0.0, 0.0, 0.0, 0.6, 0.0, 0.8, 0.8),
     )
     assert way_apart(y, other, 1, 5.0) == pytest.approx(3.0 + 2.0 * 5.0 * 0.8)
-    assert speed_apart(y, other, 0, missed) == way_apart(y, other, 0, 5.0) == 0.0
-
-
-def test_for_how_many_a_step_stands() -> None:
-    """The first hundred and two after an event for themselves, then one of 97 for all."""
-    assert [weight(n, 5) for n in (0, 96, 97, 99)] == [1] * 4
-    assert [weight(n, 5) for n in (100, 193, 194, 195, 291)] == [0, 0, 97, 0, 97]
-    assert [weight(200, n) for n in (0, 1, 2)] == [1, 1, 0]
+    assert speed_of(y, 0, arms) == way_apart(y, other, 0, 5.0) == 0.0

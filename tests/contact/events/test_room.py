@@ -26,7 +26,7 @@ SHAPES = {
     "limits": (WAYS * C,), "moves": (WAYS * C, 2), "taking_part": (C,), "plastic": (C,),
     "together": (C,), "rebounding": (C,), "opened": (C,), "parted": (C,), "moved": (C, WAYS),
     "bounces": (C + 1,), "rests": (C, 3), "before": (C, MODES_WIDTH), "undetermined": (7,),
-    "far": (BODIES,), "notes": (64 + 8 * C, NOTE_WIDTH), "written": (1,),
+    "notes": (64 + 8 * C, NOTE_WIDTH), "written": (1,),
 }  # fmt: skip
 INTEGERS = {
     "used", "place_of", "rules", "bounds", "moves", "taking_part", "plastic", "together",

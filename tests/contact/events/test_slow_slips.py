@@ -15,9 +15,16 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.contact.events.next_event import note_slow_slips
+from rb_sim.contact.events.next_event import (
+    BEGAN,
+    KEPT,
+    LAG,
+    LAG_TIME,
+    NOT_TAKEN,
+    PUSHED,
+    note_slow_slips,
+)
 from rb_sim.contact.events.shares import LAGGED
-from rb_sim.contact.problem.order import BEGAN, LAG, LAG_TIME, LENGTHS, NOT_TAKEN, PUSHED
 from rb_sim.mechanics.contact.contact_bodies import STOPPED
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
@@ -120,17 +127,16 @@ def noted(
         touch=touch, lines=lines.astype(int), bodies=bodies, first_row=np.array([0, 2, 3]),
         joints=2, still=STILL, speed=1.0,
     )  # fmt: skip
-    missed = np.zeros((2, LENGTHS + 9))
-    missed[:, LENGTHS : LENGTHS + 9] = np.diag([0.0, 0.0, 2.0]).ravel()
-    doubts = SimpleNamespace(grazes=np.zeros((1, 7)), missed=missed)
+    arms = np.tile(np.diag([0.0, 0.0, 2.0]).ravel(), (2, 1))
+    kept = np.zeros((1, KEPT))
     for k, turn in enumerate(turns):
         touch[0, SLIP : SLIP + 2] = size * np.cos(turn), size * np.sin(turn)
         y0 = np.zeros((2, 13))
         y0[:, 7], y0[:, 12] = 0.6 * began, 0.4 * began  # 0.6 and 2 0.4 make 1
         y0 *= 1.0 if k == 0 else 9.0
         t0 = 2.0 + 0.5 * k
-        note_slow_slips(system, doubts, SimpleNamespace(t0=t0, t1=t0 + 0.5, y0=y0.ravel()))
-    return doubts.grazes[0]
+        note_slow_slips(system, kept, arms, SimpleNamespace(t0=t0, t1=t0 + 0.5, y0=y0.ravel()))
+    return kept[0]
 
 
 @pytest.mark.parametrize(("parent", "mass"), [(-1, 3.0), (1, 2.0)])

@@ -12,31 +12,9 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError, StepTooLargeError
-from rb_sim.contact.events import stepping
 from rb_sim.contact.events.event_motion import ContactMotion
-from rb_sim.contact.events.shares import (
-    GRAZE,
-    LAGGED,
-    NO_SETTING,
-    ORDER,
-    TURNED_BY_ROUNDING,
-    LeftOpen,
-)
-from rb_sim.contact.problem.order import (
-    LAG,
-    LAG_TIME,
-    LARGEST,
-    LENGTHS,
-    ROUNDED,
-    ROUNDED_TIME,
-    SPEED,
-    SUM,
-    TIME,
-    WAY,
-    WORST_SHARE,
-    WORST_TIME,
-    missed_way,
-)
+from rb_sim.contact.events.next_event import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
+from rb_sim.contact.events.shares import LAGGED, NO_SETTING, TURNED_BY_ROUNDING, LeftOpen
 from rb_sim.integrate.layout import (
     FLOOR,
     IS_VELOCITY,
@@ -101,76 +79,31 @@ def test_each_motion_of_a_scene_has_tables_of_its_own() -> None:
     for i, name in enumerate(MASSES):  # |A w|^2 is w . I I w / (largest moment times mass)
         moments = np.array(MOMENTS[name])
         lengths = np.diag(moments / math.sqrt(moments.max() * MASSES[name]))
-        assert_allclose(found._missed[i, LENGTHS:].reshape(3, 3), lengths, rtol=1e-12)
-    assert not found._missed[:, :LENGTHS].any() and not found._grazes.any()
+        assert_allclose(found._arms[i].reshape(3, 3), lengths, rtol=1e-12)
+    assert not found._kept.any()
 
 
-def test_a_motion_that_starts_again_has_missed_nothing() -> None:
+def test_a_motion_that_starts_again_has_left_nothing_open() -> None:
     found = motion()
     y = np.array(found.compiled.y)
-    found._due, found._pause, found._grazes[:], found._missed[:] = 5, 1.0, 1.0, 1.0
+    found._due, found._pause, found._kept[:] = 5, 1.0, 1.0
     found.reset(y, 3.0)
     assert not found.as_compiled and found._start == found._begun == 3.0
     assert (found._due, found._mark) == (-1, (0, 3.0)) and found._pause > 3.0
-    assert not found._grazes.any() and not found._missed[:, :LENGTHS].any()
+    assert not found._kept.any()
     found.reset()
     assert found.as_compiled
 
 
-def test_what_steps_miss_is_relative_to_the_largest_velocity() -> None:
-    """Or to the speed that is none; of what is no number nothing is told."""
-    found = motion(fixed=True)
-    found._missed[:, SUM], found._missed[:, LARGEST] = (0.3, 0.2), (2.0, 0.0)
-    still = stepping.STILL * found.system.speed
-    assert_allclose(found.missed_by_steps, [0.15, 0.2 / still])
-    found._missed[0, SUM] = math.nan
-    assert found.missed_by_steps[0] == 0.0
-    found._missed[:, WORST_SHARE], found._missed[:, WORST_TIME] = (0.1, 0.4), (5.0, 6.0)
-    assert found.worst_step == (1, 0.4, 6.0)
-
-
-def test_impacts_and_slips_that_may_be_missed() -> None:
-    """The worst of all contacts, over the scene's speed; at most 1."""
+def test_the_widest_of_what_errors_leave_open_is_told() -> None:
+    """Of all contacts the slip that friction lags behind most, or the rim that rounding turned."""
     found = motion()
     assert found._doubted.figure == 0.0
-    found._grazes[:, SPEED], found._grazes[:, TIME] = (0.1, 0.2), (5.0, 6.0)
-    found._grazes[:, LAG], found._grazes[:, LAG_TIME] = (0.4, 0.3), (7.0, 8.0)
-    speed = found.system.speed
+    found._kept[:, LAG], found._kept[:, LAG_TIME] = (0.4, 0.3), (7.0, 8.0)
     assert found._doubted == LeftOpen(0.4, 7.0, "on_b0", LAGGED, by_setting=True)
-    found._grazes[:, LAG] = 0.5 * 0.2 / speed
-    assert found._doubted == LeftOpen(0.2 / speed, 6.0, "on_b1", GRAZE, by_setting=True)
-    found._grazes[1, ROUNDED], found._grazes[1, ROUNDED_TIME] = 0.21 / speed, 9.0
-    turned = LeftOpen(0.21 / speed, 9.0, "on_b1", TURNED_BY_ROUNDING, False, NO_SETTING)
-    assert found._doubted == turned
-    found._grazes[0, SPEED] = 2.0 * speed
-    assert found._doubted[:3] == (1.0, 5.0, "on_b0")
-    assert found.left_open.figure == 1.0
-
-
-@pytest.mark.parametrize("fixed", [True, False])
-def test_the_order_of_impacts_is_doubted_by_what_steps_may_have_missed(fixed: bool) -> None:
-    """A tolerance for each step; or how far steps of fixed length may have gone astray."""
-    found = motion(fixed=fixed)
-    asked: list[Any] = []
-
-    def doubt(*told: Any) -> float:
-        asked.append(told)
-        return 0.3 * float(found.system.speed)
-
-    far = np.full(2, 9.0)
-    found.__class__ = type("Told", (ContactMotion,), {
-        "_call": SimpleNamespace(doubt=doubt, room=SimpleNamespace(far=far))})  # fmt: skip
-    found._grid = found._grid._replace(t0=4.0, t1=4.5, steps=7)
-    found._missed[:, SUM], found._missed[:, WAY] = (0.3, 0.2), (0.1, 0.4)
-    found._start = 1.0
-    order = found._order_of(1)
-    assert order == LeftOpen(pytest.approx(0.3), 4.5, "on_b1", ORDER, True)
-    ((t, y, c, span, allowed, alone),) = asked
-    assert (t, c, span, alone) == (4.5, 1, 0.5, False) and y is found._grid.y1
-    assert allowed == (0.0 if fixed else 7.0 * TOLERANCE)
-    wanted = missed_way(found._missed, slice(None), 3.5) if fixed else [9.0, 9.0]
-    assert_allclose(far, wanted)
-    assert motion(balls=1)._order_of(0) == LeftOpen()
+    found._kept[1, ROUNDED], found._kept[1, ROUNDED_TIME] = 0.5, 9.0
+    turned = LeftOpen(0.5, 9.0, "on_b1", TURNED_BY_ROUNDING, False, NO_SETTING)
+    assert found._doubted == found.left_open == turned
 
 
 def test_why_an_implicit_method_finds_no_step() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,17 +9,14 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.events import tasks
-from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE
-from rb_sim.contact.problem.event_workspace import CHANGES, IMPACT
+from rb_sim.contact.problem.event_workspace import IMPACT
 from rb_sim.contact.problem.impacts import GOES_ON, NOTHING, STRUCK
-from rb_sim.contact.problem.modes import WHOLE
-from rb_sim.mechanics.contact.contact_bodies import TOUCH_DOWN
 
 T, Y, C = 2.5, np.arange(27.0), np.zeros(27)
 FUNCTIONS = (
     "write_rows", "write_lines", "contact_accelerations", "settle", "begin_step", "take_before",
     "strike_in_rounds", "strike", "note_impulses", "apply_impulses", "choose", "may_share",
-    "note_changes", "time_of_flights", "pass_through", "speed_in_doubt", "read_velocities",
+    "note_changes", "time_of_flights", "pass_through", "read_velocities",
     "answer_over", "room_left",
 )  # fmt: skip
 SYSTEM = SimpleNamespace()
@@ -116,61 +112,8 @@ def test_the_end_of_an_event(monkeypatch: pytest.MonkeyPatch, fixed: int) -> Non
     ]
 
 
-@pytest.mark.parametrize("alone", [0, 1])
-def test_a_doubt_and_a_leap(monkeypatch: pytest.MonkeyPatch, alone: int) -> None:
-    """Of what they are told in the places of what they find."""
-    asked = answering(monkeypatch, speed_in_doubt=0.75, answer_over=3)
-    assert done(tasks.DOUBT, 5, alone, before=(0.1, 1e-6))[:2] == (0, 0.75)
+def test_a_leap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its time stands where it gives what it finds."""
+    asked = answering(monkeypatch, answer_over=3)
     assert done(tasks.OVER, before=(0.2, 0.0))[0] == 3
-    assert asked == [
-        ("speed_in_doubt", SYSTEM, ROOM, T, 5, 0.1, 1e-6, bool(alone)),
-        ("read_velocities", SYSTEM),
-        ("answer_over", SYSTEM, ROOM, 0.2),
-    ]
-
-
-FINE: dict[str, Any] = {
-    "strike_in_rounds": (NOTHING, 2), "choose": WHOLE, "may_share": False,
-    "room_left": 2 * CHANGES, "time_of_flights": (0.125, 0),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("fixed", [False, True])
-def test_a_touch_down_that_the_laws_alone_decide(
-    monkeypatch: pytest.MonkeyPatch, fixed: bool
-) -> None:
-    """Rounds all at once, and the modes that follow the touch-down."""
-    asked = answering(monkeypatch, **FINE)
-    found = tasks.pass_through(SYSTEM, ROOM, T, Y, 1, fixed)
-    assert found == (tasks.DONE, 0.125)
-    assert asked == [
-        ("take_before", SYSTEM, ROOM),
-        ("write_lines", SYSTEM, T, ROOM),
-        ("strike_in_rounds", SYSTEM, ROOM, T, 0, EVENTS_AT_ONCE, 0),
-        ("choose", SYSTEM, ROOM, T, (1, TOUCH_DOWN)),
-        ("may_share", SYSTEM, ROOM),
-        ("room_left", ROOM),
-        ("note_changes", SYSTEM, ROOM, T),
-        ("time_of_flights", SYSTEM, ROOM, T, fixed),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("answer", "parted", "status"),
-    [
-        ({"strike_in_rounds": (GOES_ON, 2)}, (0, 0), tasks.AT_IMPACTS),
-        ({"choose": WHOLE + 1}, (0, 0), tasks.AT_MODES),
-        ({"may_share": True}, (0, 0), tasks.AT_MODES),
-        ({}, (0, 1), tasks.AT_MODES),
-        ({}, (1, 0), tasks.AT_MODES),
-        ({"room_left": 2 * CHANGES - 1}, (0, 0), tasks.AT_MODES),
-    ],
-)
-def test_one_that_they_do_not_is_left(
-    monkeypatch: pytest.MonkeyPatch, answer: Any, parted: Any, status: int
-) -> None:
-    """Before anything is noted."""
-    asked = answering(monkeypatch, **FINE | answer)
-    found = tasks.pass_through(SYSTEM, room(parted), T, Y, 1, False)
-    assert found == (status, math.inf)
-    assert "note_changes" not in [name for name, *_ in asked]
+    assert asked == [("read_velocities", SYSTEM), ("answer_over", SYSTEM, ROOM, 0.2)]
