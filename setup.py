@@ -80,6 +80,7 @@ setup(
         ("share/rb_sim/launch", sorted(glob("launch/*.launch.py"))),
     ],
     # The lower bounds are the versions that `make test-floor` runs with (requirements/floor.txt).
+    # Those of the extras below are the versions on which their tests were run by hand.
     # ROS wheels stay out of here: on a ROS installation apt provides rclpy.
     install_requires=[
         "numpy>=1.26",
@@ -95,15 +96,15 @@ setup(
     ],
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
-        "rerun": ["rerun-sdk>=0.41"],
-        "notebook": ["rerun-sdk[notebook]>=0.41"],
-        "analysis": ["pandas>=2.2", "xarray>=2024.1", "pyarrow>=18", "plotly>=7.1"],
+        "rerun": ["rerun-sdk>=0.40"],
+        "notebook": ["rerun-sdk[notebook]>=0.40"],
+        "analysis": ["pandas>=2.2", "xarray>=2024.1", "pyarrow>=18", "plotly>=5.24"],
         "sweep": [
-            "dask>=2026.8",
-            "distributed>=2026.8",
+            "dask>=2024.8",
+            "distributed>=2024.8",
             "pyarrow>=18",
-            "plotly>=7.1",
-            "SALib>=1.6",
+            "plotly>=5.24",
+            "SALib>=1.5",
         ],
         "cuda": ["cupy-cuda12x[ctk]>=14"],
         "peers": [
@@ -124,7 +125,7 @@ setup(
             "hypothesis",
             "rosbags>=0.11",
             "control",
-            "plotly>=7.1",
+            "plotly>=5.24",
             "pandas>=2.2",
             "xarray>=2024.1",
             "mkdocs-material>=9.5",
@@ -143,6 +144,7 @@ setup(
             "build",
             "colcon-core",
             "colcon-ros",
+            "colcon-package-information",
             "colcon-bash",
         ],
     },

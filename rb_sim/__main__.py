@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 
 from rb_sim.simulation.signals import EARLY
@@ -14,13 +15,16 @@ YOUNG = 50_000
 def main() -> None:
     """Load the verbs and hand over to them; leaves through sys.exit."""
     gc.set_threshold(YOUNG)
+    # Before numpy is imported. OpenBLAS shares matrices of some forty rows among threads, which
+    # takes longer than one thread does, and a sum in parts rounds otherwise on each machine.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         with EARLY:
             try:
                 from rb_sim.cli.main import main as run
 
                 run()
-            except (ImportError, AttributeError, TypeError):
+            except Exception:  # old packages fail in any way: typer 0.9 with RuntimeError
                 from rb_sim.base.installed import complaint
 
                 if not (line := complaint()):

@@ -9,6 +9,7 @@ mass distribution has. Vectors are tuples, so that a spec is hashable and cannot
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar
@@ -204,9 +205,19 @@ Positive = Annotated[Finite, Gt(0.0)]
 NonNegative = Annotated[Finite, Ge(0.0)]
 """A finite number >= 0."""
 Name = Annotated[
+    str,
+    StringConstraints(
+        strict=True,
+        pattern=r"^[\p{L}\p{N}]([\p{L}\p{M}\p{N}_ .:+()-]*[\p{L}\p{M}\p{N}_.:+()-])?$",
+        max_length=64,
+    ),
+]
+"""Name of a body, constraint or effect, as CAD programs give them; rb_sim.scene.names has what is
+made of it where less is allowed."""
+Identifier = Annotated[
     str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)
 ]
-"""Name of a body, constraint or effect: a letter, then letters, digits, underscores."""
+"""Name that stands in expressions: a letter, then letters, digits, underscores."""
 Vector3 = Annotated[
     tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
@@ -252,11 +263,28 @@ def _radians(angle: float) -> float:
     return angle
 
 
+_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(deg|rad)\s*")
+
+
+def _with_unit(angle: Any) -> Any:
+    """The radians of a text like "5 deg" or "0.1 rad"; any other value as it is."""
+    if not isinstance(angle, str):
+        return angle
+    match = _WITH_UNIT.fullmatch(angle)
+    try:
+        number = float(match[1]) if match else math.nan
+    except ValueError:
+        number = math.nan
+    if match is None or not math.isfinite(number):
+        raise refuse("a number of radians, or a text like 5 deg")
+    return math.radians(number) if match[2] == "deg" else number
+
+
 class AxisAngle(Spec):
-    """A rotation by `angle` [rad] about `axis` (brought to length 1)."""
+    """A rotation by `angle` [rad] about `axis` (brought to length 1); also read from "5 deg"."""
 
     axis: UnitVector3
-    angle: Annotated[Finite, AfterValidator(_radians)]
+    angle: Annotated[Finite, AfterValidator(_radians), BeforeValidator(_with_unit)]
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """[x, y, z, w] = [axis sin(angle/2), cos(angle/2)]."""

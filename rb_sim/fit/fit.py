@@ -27,6 +27,7 @@ from rb_sim.fit.unknowns import (
     Fitted,
     Free,
     Limits,
+    body_of,
     bounds,
     differenced,
     differences,
@@ -285,9 +286,7 @@ class _Problem:
     ) -> None:
         self.recording, self.scene, self.data, self.free = recording, scene, data, free
         self.limits = Limits(*bounds(free, data))
-        self.attitudes = {
-            n.key: scene.bodies[n.key.split(".")[1]].orientation for n in free if n.turn
-        }
+        self.attitudes = {n.key: scene.bodies[body_of(n.key)].orientation for n in free if n.turn}
         self.runs = 0
         self._options = scene.simulation
         self.smooth = True

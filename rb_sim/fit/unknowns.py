@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.io.bag.as_run import value_at
+from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import SimulationOptions
 
 # The numbers of a scene that a fit may change, as one vector of about unit size.
@@ -91,7 +92,7 @@ VELOCITIES = ("position", "linear_velocity", "angular_velocity")
 
 def _value(data: Mapping[str, Any], key: str) -> Any:
     head, _, last = key.rpartition(".")
-    if last in VELOCITIES and head.count(".") == 1 and head.startswith("bodies."):
+    if last in VELOCITIES and head.startswith("bodies") and len(keys_of(head) or ()) == 2:
         return value_at(data, head).get(last, [0.0, 0.0, 0.0])
     try:
         return value_at(data, key)
@@ -113,7 +114,7 @@ def with_numbers(
         if number.turn:
             turns.setdefault(number.key, np.zeros(3))[number.index or 0] = value
             continue
-        *path, last = number.key.split(".")
+        *path, last = keys_of(number.key) or (number.key,)
         at = changed
         for name in path:
             at = at[name]
@@ -124,10 +125,15 @@ def with_numbers(
             vector[number.index] = value
             at[last] = vector
     for key, turn in turns.items():
-        body = changed["bodies"][key.split(".")[1]]
+        body = changed["bodies"][body_of(key)]
         q = Rotation.from_rotvec(turn) * Rotation.from_quat(attitudes[key])
         body["orientation"] = q.as_quat().tolist()
     return changed
+
+
+def body_of(key: str) -> Any:
+    """The body of a path like `bodies.top.orientation`."""
+    return (keys_of(key) or ("", ""))[1]
 
 
 def _copy(value: Any) -> Any:

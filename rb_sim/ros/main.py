@@ -8,6 +8,7 @@ or once more after a second.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -39,9 +40,10 @@ Parameters:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of rb_sim_node. arguments: without the program's name; None: sys.argv."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy, as in rb_sim.__main__
     try:
         return _main(arguments)
-    except ImportError:
+    except Exception:  # old packages fail in any way
         from rb_sim.base.installed import complaint
 
         if not (line := complaint()):

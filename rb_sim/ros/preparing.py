@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.io.messages.topic_names import body_topic
 from rb_sim.ros import build_interfaces
 from rb_sim.ros.logs.folder import TIME_FIELD, out_folder, own_folder
 from rb_sim.ros.logs.process import LogProcess, unfinished
@@ -151,5 +152,5 @@ def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
     )
     say(f"scene {scene.name}: {scene.simulation.rate:g} samples per second, {pace}")
     name = node.get_fully_qualified_name()
-    topics = [f"{name}/{body}/wrench" for body in simulation.layout.commanded]
+    topics = [f"{name}/{body_topic(body, 'wrench')}" for body in simulation.layout.commanded]
     say(f"takes commands on: {', '.join(topics) or 'nothing (no commanded_wrench in the scene)'}")

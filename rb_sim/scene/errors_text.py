@@ -49,7 +49,10 @@ _ALLOWED = {
 }
 """What is allowed, by pydantic's type of error; filled in from the error's context."""
 
-NAME_RULE = "a name: a letter, then letters, digits or underscores (at most 64)"
+NAME_RULES = {
+    "name": "a name: a letter or digit, then letters, digits, spaces or _-.:+() (at most 64)",
+    "identifier": "a name: a letter, then letters, digits or underscores (at most 64)",
+}
 
 
 def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
@@ -153,7 +156,7 @@ def _allowed(detail: Mapping[str, Any]) -> str:
     if kind == "missing":
         return "given"
     if kind == "string_pattern_mismatch":
-        return NAME_RULE
+        return NAME_RULES["name" if "\\p{L}" in context["pattern"] else "identifier"]
     if kind in ("literal_error", "union_tag_invalid"):
         names = re.findall(r"'([^']*)'", str(context.get("expected") or context["expected_tags"]))
         return one_of(context.get("tag", detail["input"]), names)
@@ -200,10 +203,12 @@ def _number_text(value: float) -> str:
 
 
 def key_text(path: Path) -> str:
-    """Dotted key of a path: ("bodies", "ball", "position", 2) -> bodies.ball.position[2]."""
+    """Path as `keys_of` reads it: ("bodies", "ball", "position", 2) -> bodies.ball.position[2]."""
     key = ""
     for part in path:
         text = f"[{part}]" if isinstance(part, int) else shorten(part)
+        if "." in text:
+            text = f'["{text}"]'
         key += text if text.startswith("[") or not key else f".{text}"
     return key
 

@@ -18,10 +18,14 @@ from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
+from rb_sim.scene.names import ros_name
 from rb_sim.scene.schema import FIXED_STEP_METHODS, TOLERANCE_METHODS, Scene, SimulationOptions
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
 
+
+SHOWN = 12
+"""Names that one line lists."""
 
 FAR_FROM_UNIT = 1e-2
 """Of the length of a quaternion: two digits of each component leave less."""
@@ -34,6 +38,12 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         written = given.get("orientation") if isinstance(given, Mapping) else None
         if isinstance(written, (list, tuple)) and len(written) == 4:
             yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
+        elif isinstance(written, Mapping):
+            yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
+    called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
+    if others := [f"{name} -> {to}" for name, to in called.items() if name != to]:
+        more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+        yield f"names in ROS topics, frames and joints: {', '.join(others[:SHOWN])}{more}"
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
     if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
         yield (
@@ -52,6 +62,15 @@ def _quaternion(key: str, q: list[float]) -> Iterator[str]:
         yield (
             f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for roll, "
             "pitch, yaw or degrees write {axis: [x, y, z], angle: radians}"
+        )
+
+
+def _angle(key: str, angle: Any) -> Iterator[str]:
+    """A whole number beyond half a turn: as radians nobody writes it, as degrees many do."""
+    if isinstance(angle, (int, float)) and abs(angle) > math.pi and angle == round(angle):
+        yield (
+            f"{key}: {angle:g} is in radians, {math.degrees(angle):.4g} degrees; for {angle:g} "
+            f"degrees write {angle:g} deg, for radians {angle:g} rad"
         )
 
 

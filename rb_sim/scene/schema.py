@@ -37,6 +37,7 @@ from rb_sim.catalogue.spec import (
     spec_of_type,
 )
 from rb_sim.mechanics import methods
+from rb_sim.scene.names import clashes
 from rb_sim.scene.shapes import AnyShape, SymmetricInertia
 
 METHODS: tuple[str, ...] = (*methods.METHODS, "auto")
@@ -268,6 +269,18 @@ class Scene(Spec):
             data = {k: v for k, v in data.items() if v is not None or k not in optional}
             return {**data, **_each_body(data)}
         return data
+
+    @model_validator(mode="after")
+    def _names_differ_in_ros(self) -> Scene:
+        """Refuse two bodies, or constraints, whose topics would be called the same."""
+        problems: list[Any] = []
+        for section, taken in (("bodies", "world"), ("constraints", "")):
+            for name, other, called in clashes(getattr(self, section), taken):
+                allowed = refuse(f"another name: topics call both {other} and {name} {called}")
+                problems.append(((section, name), name, allowed))
+        if problems:
+            raise refuse_at(*problems)
+        return self
 
     @model_validator(mode="after")
     def _bodies_exist(self) -> Scene:

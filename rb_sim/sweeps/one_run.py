@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import re
 import struct
 import time
 from collections.abc import Mapping, Sequence
@@ -25,6 +24,7 @@ from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
+from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import expressions
@@ -37,26 +37,17 @@ from rb_sim.trajectory.trajectory import Trajectory
 
 Path = tuple[str | int, ...]
 
-_STEP = re.compile(r"\.?([A-Za-z_][A-Za-z0-9_]*)|\[(\d+)\]")
-
 
 def parse(text: str, file: str) -> Path:
     """The keys and indices that `text` names.
 
     Raises SceneError where it is no path.
     """
-    steps: list[str | int] = []
-    at = 0
-    while at < len(text):
-        match = _STEP.match(text, at)
-        if match is None or (at == 0 and match[0].startswith((".", "["))):
-            break
-        steps.append(match[1] if match[1] is not None else int(match[2]))
-        at = match.end()
-    if not text or at < len(text):
-        allowed = "must be a path like bodies.coin.position[2]"
+    keys = keys_of(text)
+    if keys is None:
+        allowed = """must be a path like bodies.coin.position[2] or bodies["v1.2"].mass"""
         raise SceneError(f"got {text!r}; {allowed}", key="path", file=file)
-    return tuple(steps)
+    return keys
 
 
 def replaced(data: Any, path: Path, value: Any, whole: str, file: str) -> Any:

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 from rb_sim.base.errors import MissingExtraError, RbSimError, SceneError
 from rb_sim.catalogue.spec import (
     Finite,
-    Name,
+    Identifier,
     NonNegative,
     Positive,
     Spec,
@@ -120,7 +120,7 @@ class Vary(Spec):
 class Correlation(Spec):
     """A correlation between two drawn numbers (of the normal variables behind them)."""
 
-    between: Annotated[tuple[Name, Name], Strict(False)]
+    between: Annotated[tuple[Identifier, Identifier], Strict(False)]
     coefficient: Annotated[Finite, Field(gt=-1.0, lt=1.0)]
 
 
@@ -144,7 +144,7 @@ class Plan(Spec):
     """a YAML file (relative to the plan), or the name of a shipped scene."""
     simulation: dict[str, Any] = Field(default_factory=dict)
     """duration, rate, method, step or tolerance instead of the scene's."""
-    vary: dict[Name, Vary] = Field(min_length=1)
+    vary: dict[Identifier, Vary] = Field(min_length=1)
     derived: dict[str, str] = Field(default_factory=dict)
     """path in the scene -> expression of the varied names."""
     draws: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
@@ -152,7 +152,9 @@ class Plan(Spec):
     sampling: Sampling = "random"
     seed: Annotated[int, Field(ge=0)] = 0
     correlations: Annotated[tuple[Correlation, ...], Strict(False)] = ()
-    outputs: dict[Name, Annotated[Output, BeforeValidator(_output)]] = Field(default_factory=dict)
+    outputs: dict[Identifier, Annotated[Output, BeforeValidator(_output)]] = Field(
+        default_factory=dict
+    )
     final_state: bool = False
     """keep position, orientation and velocities of every body at the end."""
     trajectories: Annotated[int, Field(ge=0, le=10_000)] = 0

@@ -65,3 +65,33 @@ def test_a_signal_while_the_command_line_is_read_ends_in_one_line(number):
         capture_output=True, text=True, timeout=PATIENCE,
     )  # fmt: skip
     assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", "interrupted\n")
+
+
+THREADS = """
+import os, sys
+sys.argv = ["rb_sim", "--help"]
+from {module} import main
+try:
+    main()
+except SystemExit:
+    pass
+import scipy.linalg
+print("threads:", len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.parametrize("module", ["rb_sim.__main__", "rb_sim.ros.main"])
+def test_small_matrices_are_not_shared_among_threads(module):
+    """OpenBLAS made one for each core, and the last digits of a bag hung on how many there were."""
+    if module == "rb_sim.ros.main":
+        pytest.importorskip("rclpy")
+    without = {k: v for k, v in environment().items() if k != "OPENBLAS_NUM_THREADS"}
+
+    def threads(environ: dict[str, str]) -> str:
+        ended = subprocess.run(
+            [sys.executable, "-c", THREADS.format(module=module)], env=environ,
+            capture_output=True, text=True, timeout=PATIENCE,
+        )  # fmt: skip
+        return ended.stdout.splitlines()[-1]
+
+    assert threads(without) == threads(without | {"OPENBLAS_NUM_THREADS": "1"})

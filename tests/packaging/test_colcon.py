@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +59,24 @@ def test_the_node_runs_with_ros_arguments(workspace: Path, environment):
     )
     assert result.returncode == 0, result.stderr
     assert (workspace / "here/bag/metadata.yaml").is_file()
+
+
+def test_a_workspace_with_the_link_of_the_docs_has_both_packages(source: Path, tmp_path):
+    """colcon looks for no package inside another one."""
+    text = (source / "docs/install.md").read_text()
+    (line,) = (each for each in text.splitlines() if "git clone URL rb_sim &&" in each)
+    link = line.partition("git clone URL rb_sim && ")[2]
+    (tmp_path / "src").mkdir()
+    shutil.copytree(source, tmp_path / "src/rb_sim")
+    listed = [str(Path(sys.executable).with_name("colcon")), "list", "--names-only"]
+
+    def names() -> list[str]:
+        done = subprocess.run(listed, cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert names() == ["rb_sim"]
+    subprocess.run(["bash", "-ec", link], cwd=tmp_path / "src", check=True)
+    assert names() == ["rb_sim", "rb_sim_interfaces"]
 
 
 def test_rb_sim_finds_the_shipped_scenes(workspace: Path, environment):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -41,6 +42,39 @@ def test_every_floor_is_the_lower_bound_of_setup():
     for requirement in bounds:
         name, lowest = requirement.split(",")[0].split(">=")
         assert (pinned[name] + ".").startswith(lowest + ".")
+
+
+def test_package_xml_and_pixi_have_the_bounds_of_setup():
+    bounds = ast.literal_eval(re.search(r"install_requires=(\[.*?\])", setup_text(), re.S)[1])
+    wanted = {}
+    for requirement in bounds:
+        name, _, rest = requirement.partition(">=")
+        wanted[name] = rest
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    keys = {"pyyaml": "yaml"}
+    declared = {one.text: one.get("version_gte") for one in package.iter("exec_depend")}
+    for name, rest in wanted.items():
+        key = f"python3-{keys.get(name, name)}"
+        assert declared.get(key, rest.split(",")[0]) == rest.split(",")[0]
+    assert "python3-pydantic" in declared
+    pixi = tomllib.loads((ROOT / "pixi.toml").read_text())
+    names = {"matplotlib": "matplotlib-base", "zstandard": "python-zstandard"}
+    given = pixi["dependencies"] | pixi["pypi-dependencies"]
+    for name, rest in wanted.items():
+        assert given[names.get(name, name)] == f">={rest}"
+    assert given["rb_sim"] == {"path": ".", "editable": True}
+
+
+def test_package_xml_names_every_ros_package_that_is_imported():
+    """Those of rb_sim's own and others' messages that a node does without are not among them."""
+    without = {"rb_sim_interfaces", "simulation_interfaces"}
+    text = "".join(path.read_text() for path in (ROOT / "rb_sim/ros").glob("*.py"))
+    found = re.findall(
+        r'(?:from |import |import_module\(")([a-z_]+_(?:msgs|srvs|interfaces))\.', text
+    )
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    declared = {one.text for one in package.iter("exec_depend")}
+    assert set(found) - without <= declared
 
 
 def test_launch_file_starts_the_installed_executable_with_the_installed_files():

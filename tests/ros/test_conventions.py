@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from tests.ros.client import NAME, Client, seconds, vector
 from tests.ros.test_topics import OFFSET
@@ -120,3 +123,41 @@ def test_what_nobody_asked_for_is_not_there(sphere, start, client: Client):
     client.listen(TwistStamped, "ball/twist")
     topics = {name for name, _ in client.node.get_topic_names_and_types()}
     assert not topics & {f"{NAME}/ball/odometry", f"{NAME}/joint_states"}
+
+
+CAD = """\
+bodies:
+  left-wheel: {mass: 1, inertia: [1, 1, 1], angular_velocity: [0, 0, 1]}
+  2nd gear: {mass: 2, inertia: [1, 1, 1], position: [1, 0, 0]}
+constraints:
+  hinge:1: {type: fixed_axis, body: left-wheel, axis_B: [0, 0, 1]}
+effects:
+  drive: {type: commanded_wrench, body: 2nd gear}
+simulation: {duration: 100, rate: 100}
+"""
+
+
+def test_names_from_cad_programs_are_called_as_ros_allows(tmp_path, start, client: Client):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(CAD)
+    asked = {"joint_states": True, "odometry": True, "imu": "left_wheel", "markers": True}
+    node = start(scene, robot_description=True, start_paused=True, **asked)
+    line = "left-wheel -> left_wheel, 2nd gear -> x2nd_gear, hinge:1 -> hinge_1"
+    assert len([each for each in node.text.splitlines() if line in each]) == 1
+    joints = client.listen(JointState, "joint_states")
+    applied = client.listen(WrenchStamped, "x2nd_gear/wrench_applied")
+    odometry = client.listen(Odometry, "left_wheel/odometry")
+    client.send(force=(1, 0, 0), frame="x2nd_gear", body="x2nd_gear")
+    client.step_until(lambda: joints and odometry and applied and applied[-1].wrench.force.x == 1.0)
+    assert joints[-1].name == ["hinge_1"]
+    assert odometry[-1].child_frame_id == "left_wheel"
+    assert applied[-1].header.frame_id == "x2nd_gear/origin"
+    topics = {name for name, _ in client.node.get_topic_names_and_types()}
+    assert {f"{NAME}/left_wheel/imu", f"{NAME}/reactions/hinge_1"} <= topics
+    texts: list[String] = []
+    latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    client.node.create_subscription(String, "robot_description", texts.append, latched)
+    client.until(lambda: texts, "robot_description")
+    robot = ElementTree.fromstring(texts[0].data)
+    assert {link.get("name") for link in robot.iter("link")} == {"world", "left_wheel", "x2nd_gear"}
+    assert {joint.get("name") for joint in robot.iter("joint")} == {"hinge_1", "x2nd_gear/free"}

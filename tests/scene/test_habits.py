@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -30,6 +31,30 @@ def test_an_angle_in_degrees_is_refused_with_its_radians():
     with pytest.raises(SceneError, match=r"angle: got 90.*radians.*90 degrees are 1\.5708"):
         load_scene(scene({"axis": [0, 0, 1], "angle": 90}))
     assert lines(scene({"axis": [0, 0, 1], "angle": -3.5})) == []
+
+
+@pytest.mark.parametrize("angle", [5, -4.0, 6])
+def test_a_whole_number_of_radians_beyond_half_a_turn_gets_one_line(angle):
+    (line,) = lines(scene({"axis": [0, 0, 1], "angle": angle}))
+    assert f"bodies.a.orientation.angle: {angle:g} is in radians" in line
+    assert f"write {angle:g} deg, for radians {angle:g} rad" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "radians"), [("5 deg", math.radians(5)), ("-1e2deg", math.radians(-100)), ("5 rad", 5)]
+)
+def test_an_angle_may_say_its_unit(text, radians):
+    given = scene({"axis": [0, 0, 1], "angle": text})
+    assert lines(given) == []
+    half = 0.5 * radians
+    q = load_scene(given).bodies["a"].orientation
+    assert q == pytest.approx((0, 0, math.sin(half), math.cos(half)), abs=1e-15)
+
+
+@pytest.mark.parametrize("text", ["5", "5 grad", "deg", "1.2.3 deg", "1e999 deg", ""])
+def test_a_text_that_is_no_angle_is_refused(text):
+    with pytest.raises(SceneError, match=r"angle: got .*must be a number of radians, or a text"):
+        load_scene(scene({"axis": [0, 0, 1], "angle": text}))
 
 
 @pytest.mark.parametrize(

@@ -143,9 +143,9 @@ MESSAGES = [
     ),
     (
         "ball:",
-        "1b:",
-        "bodies.1b: got '1b'; must be a name: a letter, then letters, digits or underscores "
-        "(at most 64)",
+        "b/1:",
+        "bodies.b/1: got 'b/1'; must be a name: a letter or digit, then letters, digits, spaces or "
+        "_-.:+() (at most 64)",
     ),
     (
         "body: ball",

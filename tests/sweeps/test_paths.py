@@ -12,10 +12,12 @@ SCENE = {"bodies": {"top": {"position": [1.0, 2.0, 3.0], "mass": 1.0}}, "effects
 
 def test_a_path_reads_as_keys_and_indices() -> None:
     assert parse("bodies.top.inertia[0][2]", "f") == ("bodies", "top", "inertia", 0, 2)
+    assert parse("bodies.2nd gear (1).mass", "f") == ("bodies", "2nd gear (1)", "mass")
+    assert parse('bodies["v1.2"].position[0]', "f") == ("bodies", "v1.2", "position", 0)
 
 
 @pytest.mark.parametrize(
-    "text", ["", "bodies..top", "[0]", ".bodies", "bodies.top[x]", "a b", "a."]
+    "text", ["", "bodies..top", "[0]", ".bodies", "bodies.top[x]", "a[0]b", "a."]
 )
 def test_what_is_no_path_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(SceneError, match="must be a path like"):

@@ -9,6 +9,7 @@ from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import Scene
 
 OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial", "impacts")
@@ -44,8 +45,8 @@ def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
     Raises RbSimError for a text that is no KEY=VALUE, and a key whose section does not exist.
     """
     key, equals, text = change.partition("=")
-    names = key.strip().split(".")
-    if not equals or not all(names) or len(names) < 2:
+    names = keys_of(key.strip())
+    if not equals or names is None or len(names) < 2:
         raise RbSimError(f"--set {change}: must be KEY=VALUE, as effects.weight.acceleration=9.8")
     try:
         value = yaml_reader.parse(f"value: {text}", "--set")["value"]
@@ -54,22 +55,40 @@ def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
     copy: dict[str, Any] = dict(data)
     at: Any = copy
     for name in names[:-1]:
-        if not isinstance(at, dict) or name not in at or not isinstance(at[name], (dict, list)):
-            allowed = ", ".join(map(str, at)) if isinstance(at, dict) else "a mapping"
-            raise RbSimError(f"--set {key}: there is no {name!r}; must be one of: {allowed}")
+        if not _has(at, name) or not isinstance(at[name], (dict, list)):
+            raise RbSimError(f"--set {key}: there is no {name!r}; must be one of: {_known(at)}")
         at[name] = dict(at[name]) if isinstance(at[name], dict) else list(at[name])
         at = at[name]
-    if isinstance(at, list):
-        raise RbSimError(f"--set {key}: {names[-2]} is a list; give all of it")
+    if not _takes(at, names[-1]):
+        raise RbSimError(f"--set {key}: there is no {names[-1]!r}; must be one of: {_known(at)}")
     at[names[-1]] = value
     return copy
 
 
+def _known(at: Any) -> str:
+    """The keys of a mapping, or the indices of a list, in words."""
+    if isinstance(at, list):
+        return f"[0] to [{len(at) - 1}]"
+    return ", ".join(map(str, at)) if isinstance(at, Mapping) else "a mapping"
+
+
+def _takes(at: Any, key: str | int) -> bool:
+    """Whether a value can be put there: a mapping takes new keys, too."""
+    return _has(at, key) if isinstance(at, list) else isinstance(key, str)
+
+
+def _has(at: Any, key: str | int) -> bool:
+    """Whether a mapping has the key, or a list the index."""
+    if isinstance(at, list):
+        return isinstance(key, int) and key < len(at)
+    return isinstance(at, Mapping) and key in at
+
+
 def value_at(data: Mapping[str, Any], key: str) -> Any:
-    """The value that a dotted key names. Raises RbSimError where there is none."""
+    """The value that a path names. Raises RbSimError where there is none."""
     at: Any = data
-    for name in key.split("."):
-        if not isinstance(at, Mapping) or name not in at:
+    for name in keys_of(key) or (key,):
+        if not _has(at, name):
             allowed = ", ".join(map(str, at)) if isinstance(at, Mapping) else "a number"
             raise RbSimError(f"{key}: there is no {name!r}; must be one of: {allowed}")
         at = at[name]

@@ -25,7 +25,7 @@ from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, check
 from rb_sim.io.frames import centers_of_mass, conjugate, cross, rotate
 from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.topic_names import CONTACT_WORK, TF, reaction_topic, state_topic
+from rb_sim.io.messages.topic_names import CONTACT_WORK, TF, body_topic, reaction_topic, state_topic
 from rb_sim.io.messages.topics import Topic, TopicTable, read_event
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import (
@@ -370,8 +370,8 @@ def _block(
 ) -> SampleBlock:
     """Samples from the numbers of each topic, shape (n, size)."""
     n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
-    pose = _stack([columns[f"{name}/pose"] for name in layout.bodies], n, 7)
-    twist = _stack([columns[f"{name}/twist"] for name in layout.bodies], n, 6)
+    pose = _stack([columns[body_topic(name, "pose")] for name in layout.bodies], n, 7)
+    twist = _stack([columns[body_topic(name, "twist")] for name in layout.bodies], n, 6)
     wrench = _stack([columns[reaction_topic(name)] for name in layout.reactions], n, 6)
     q, spin_W = pose[..., 3:], twist[..., 3:]
     r_OC_W = rotate(q, center_of_mass)
@@ -389,7 +389,9 @@ def _block(
         reaction_force=wrench[..., :3],
         reaction_torque=wrench[..., 3:],
         anchor=frames[:, bodies : bodies + reactions, :3],
-        command=_stack([columns[f"{name}/wrench_applied"] for name in layout.commanded], n, 6),
+        command=_stack(
+            [columns[body_topic(name, "wrench_applied")] for name in layout.commanded], n, 6
+        ),
         kinetic_energy=columns["energy/kinetic"][:, 0],
         potential_energy=columns["energy/potential"][:, 0],
         power=columns["power"][:, 0],

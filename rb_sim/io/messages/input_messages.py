@@ -12,7 +12,14 @@ import numpy as np
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages import message_types as types
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.topic_names import RESETS, STATE_COMMAND, WORLD, command_topic
+from rb_sim.io.messages.topic_names import (
+    RESETS,
+    STATE_COMMAND,
+    WORLD,
+    body_frame,
+    body_topic,
+    command_topic,
+)
 from rb_sim.mechanics.samples import Input
 
 if TYPE_CHECKING:
@@ -33,11 +40,11 @@ class InputTable:
     def __init__(self, layout: SampleLayout) -> None:
         self._bodies = layout.commanded
         self._world = cdr.wrench_stamped(WORLD)
-        self._own = {body: cdr.wrench_stamped(body) for body in layout.commanded}
+        self._own = {body: cdr.wrench_stamped(body_frame(body)) for body in layout.commanded}
         self._reset = cdr.clock()
         self._placed, self._state = layout.bodies, _state_codec()
         commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
-        states = [(f"{body}/{STATE_COMMAND}", types.JOINT_STATE) for body in layout.bodies]
+        states = [(body_topic(body, STATE_COMMAND), types.JOINT_STATE) for body in layout.bodies]
         self.topics = (*commands, (RESETS, types.CLOCK), *states)
 
     def message(self, given: Input) -> tuple[int, bytes]:

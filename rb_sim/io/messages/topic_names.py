@@ -1,6 +1,11 @@
-"""Names of topics and frames, as the table of topics (`topics.py`) has them."""
+"""Names of topics and frames, as the table of topics (`topics.py`) has them.
+
+Arguments are names of the scene; where ROS allows less, they are changed (`rb_sim.scene.names`).
+"""
 
 from __future__ import annotations
+
+from rb_sim.scene.names import ros_name
 
 NAMESPACE = "/rb_sim"
 WORLD = "world"
@@ -14,7 +19,19 @@ STATE_COMMAND = "state_command"
 
 def topic_path(name: str) -> str:
     """The name of a reaction or point of contact as part of a topic's."""
-    return "/".join(f"point_{part}" if part[0].isdigit() else part for part in name.split("/"))
+    own, *parts = name.split("/")
+    points = (f"point_{part}" if part[0].isdigit() else part for part in parts)
+    return "/".join((ros_name(own), *points))
+
+
+def body_topic(body: str, what: str) -> str:
+    """Topic of `what` of a body: BODY/pose."""
+    return f"{ros_name(body)}/{what}"
+
+
+def body_frame(body: str) -> str:
+    """Frame of a body, at its origin, in its axes."""
+    return ros_name(body)
 
 
 def state_topic(contact: str) -> str:
@@ -29,14 +46,15 @@ def reaction_topic(reaction: str) -> str:
 
 def origin_frame(body: str) -> str:
     """Frame with world axes at the origin of `body`."""
-    return f"{body}/origin"
+    return f"{body_frame(body)}/origin"
 
 
 def anchor_frame(reaction: str) -> str:
     """Frame with world axes at the anchor of `reaction`."""
-    return f"{reaction}/anchor"
+    own, *parts = reaction.split("/")
+    return "/".join((ros_name(own), *parts, "anchor"))
 
 
 def command_topic(body: str) -> str:
     """Topic of the commands for a body, as they came."""
-    return f"{body}/wrench_command"
+    return body_topic(body, "wrench_command")

@@ -59,6 +59,8 @@ from rb_sim.io.messages.topic_names import (
     TF,
     WORLD,
     anchor_frame,
+    body_frame,
+    body_topic,
     origin_frame,
     reaction_topic,
     state_topic,
@@ -179,11 +181,11 @@ def _check_names(entries: list[Topic]) -> None:
 def _body_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
     pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
     for i, name in enumerate(layout.bodies):
-        yield Topic(f"{name}/pose", types.POSE_STAMPED, pose, _pose(i))
-        yield Topic(f"{name}/twist", types.TWIST_STAMPED, twist, _twist(i))
+        yield Topic(body_topic(name, "pose"), types.POSE_STAMPED, pose, _pose(i))
+        yield Topic(body_topic(name, "twist"), types.TWIST_STAMPED, twist, _twist(i))
     for i, name in enumerate(layout.commanded):
         codec = cdr.wrench_stamped(prefix + origin_frame(name))
-        yield Topic(f"{name}/wrench_applied", types.WRENCH_STAMPED, codec, _command(i))
+        yield Topic(body_topic(name, "wrench_applied"), types.WRENCH_STAMPED, codec, _command(i))
 
 
 def _reaction_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
@@ -212,7 +214,7 @@ def _contact_topics(layout: SampleLayout) -> Iterator[Topic]:
 
 def _tf_topic(layout: SampleLayout, prefix: str) -> Topic:
     children = [
-        *layout.bodies,
+        *(body_frame(name) for name in layout.bodies),
         *(anchor_frame(name) for name in layout.reactions),
         *(origin_frame(name) for name in layout.commanded),
     ]
@@ -280,7 +282,7 @@ Asked = Callable[["Scene", "SampleLayout"], Accelerating]
 
 def accel_topic(body: str) -> str:
     """Topic of the accelerations of a body."""
-    return f"{body}/accel"
+    return body_topic(body, "accel")
 
 
 class AccelTable:

@@ -144,7 +144,7 @@ class Static:
         self._drawn = drawn_reactions(layout)
 
     def _log(self, entity: str, archetype: Any) -> None:
-        self._recording.log(entity, archetype, static=True)
+        self._recording.log(entity_path(entity), archetype, static=True)
 
     def log(self) -> None:
         """Send all of it."""
@@ -219,6 +219,11 @@ class Static:
 
     def _log_plot(self, entity: str, names: str) -> None:
         self._log(entity, _lines(list(names), AXES[: len(names)]))
+
+
+def entity_path(entity: str) -> str:
+    """The path with what Rerun does not take as it is, a space for one, escaped."""
+    return "/".join(map(rr.escape_entity_path_part, entity.split("/")))
 
 
 def drawn_reactions(layout: SampleLayout) -> list[int]:

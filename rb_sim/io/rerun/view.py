@@ -33,7 +33,7 @@ from rb_sim.io.extent import half_box
 from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.plots.panels import BODY_TITLES, FORCE_TITLE, TORQUE_TITLE
 from rb_sim.io.rerun.arrow_scales import Extent, Lengths, Resolved, clear_of, scales_of
-from rb_sim.io.rerun.static import Static, drawn_reactions
+from rb_sim.io.rerun.static import Static, drawn_reactions, entity_path
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline
 
@@ -198,7 +198,7 @@ def _spatial_view(layout: SampleLayout, center: Array, size: float, titled: bool
         titlebar=titled,
         eye_controls=eye,
         background=[22, 24, 30],
-        overrides={f"/world/trail/{name}": so_far for name in layout.bodies},
+        overrides={entity_path(f"/world/trail/{name}"): so_far for name in layout.bodies},
         line_grid=rrb.LineGrid3D(visible=True, spacing=_spacing(size), color=[255, 255, 255, 40]),
     )
 
@@ -237,7 +237,9 @@ def _reactions(layout: SampleLayout) -> Any:
 
 
 def _plot(origin: str, name: str) -> Any:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.Corner2D.LeftTop)
+    return rrb.TimeSeriesView(
+        origin=entity_path(origin), name=name, plot_legend=rrb.Corner2D.LeftTop
+    )
 
 
 TIMELINE = "sim_time"
@@ -319,7 +321,7 @@ class View:
         return replace(block, position=block.position - origin, anchor=block.anchor - origin)
 
     def _log(self, entity: str, archetype: Any) -> None:
-        self._recording.log(entity, archetype, static=True)
+        self._recording.log(entity_path(entity), archetype, static=True)
 
     def _send_motion(self, block: SampleBlock) -> None:
         motion = origins(block, self._center_of_mass)
@@ -414,10 +416,11 @@ class View:
             return
         index = [rr.TimeColumn(TIMELINE, duration=self._times[rows])]
         columns = rr.LineStrips3D.columns(strips=pieces)
-        self._recording.send_columns(f"world/trail/{self._layout.bodies[i]}", index, columns)
+        trail = entity_path(f"world/trail/{self._layout.bodies[i]}")
+        self._recording.send_columns(trail, index, columns)
 
     def _columns(self, entity: str, columns: Any) -> None:
-        self._recording.send_columns(entity, self._index, columns=columns)
+        self._recording.send_columns(entity_path(entity), self._index, columns=columns)
 
     def _arrows(self, entity: str, points: Array, vectors: Array) -> None:
         """Vectors in their own unit; how long a unit is drawn is known at the end of the run.

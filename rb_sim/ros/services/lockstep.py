@@ -16,7 +16,7 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.io.frames import Origins, centers_of_mass
 from rb_sim.io.messages.cdr import NANO, Layout, stamp_of
 from rb_sim.io.messages.packing import Packer
-from rb_sim.io.messages.topic_names import WORLD
+from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.io.messages.topics import Topic
 from rb_sim.ros.offers import serve
 from rb_sim.ros.services.services import INACTIVE
@@ -199,7 +199,7 @@ class Lockstep:
             named = ", ".join(known) or "none (no commanded_wrench effect)"
             return Refusal("unknown body", f"bodies that take a command: {named}")
         prefix = self._commands.prefix
-        frame = {prefix + WORLD: "world", prefix + one.body: "body"}.get(one.frame_id)
+        frame = {prefix + WORLD: "world", prefix + body_frame(one.body): "body"}.get(one.frame_id)
         if frame is None:
             return wrong_frame(one.frame_id, one.body, prefix)
         force, torque = _vector(one.wrench.force), _vector(one.wrench.torque)

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from rb_sim.catalogue.spec import STRONGEST
-from rb_sim.io.messages.topic_names import WORLD
+from rb_sim.io.messages.topic_names import WORLD, body_frame, body_topic
 from rb_sim.ros.topics.inbox import Inbox, Polled
 
 Vector = tuple[float, float, float]
@@ -86,7 +86,7 @@ class Reader:
 
     def __init__(self, body: str, prefix: str = "") -> None:
         self._body, self._prefix = body, prefix
-        self._frames = {prefix + WORLD: "world", prefix + body: "body"}
+        self._frames = {prefix + WORLD: "world", prefix + body_frame(body): "body"}
         self._layouts = [_layout(frame_id, axes) for frame_id, axes in self._frames.items()]
 
     def read(self, data: bytes) -> Command | Refusal:
@@ -133,7 +133,7 @@ def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
 
 def wrong_frame(frame_id: str, body: str, prefix: str) -> Refusal:
     """What is wrong with a frame that is neither the world's nor the body's."""
-    world, own, given = repr(prefix + WORLD), repr(prefix + body), repr(frame_id)
+    world, own, given = repr(prefix + WORLD), repr(prefix + body_frame(body)), repr(frame_id)
     if len(given) > LONGEST:
         given = f"{given[:LONGEST]}... ({len(frame_id)} characters)"
     if not frame_id:
@@ -164,7 +164,9 @@ class Commands:
         group = Polled()
         self._node = node
         self._warn = node.get_logger().warning
-        self._inboxes = {body: Inbox(node, f"~/{body}/wrench", group) for body in bodies}
+        self._inboxes = {
+            body: Inbox(node, f"~/{body_topic(body, 'wrench')}", group) for body in bodies
+        }
         self._readers = {body: Reader(body, prefix) for body in bodies}
         self._newest: dict[str, Command] = {}
         """what has come for a body since the last sample."""

@@ -17,10 +17,11 @@ from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.frames import centers_of_mass, conjugate, cross, origins, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.topic_names import WORLD
+from rb_sim.io.messages.topic_names import WORLD, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable
 from rb_sim.numerics.vectors import dot, quaternion_product
 from rb_sim.ros.offers import offer
+from rb_sim.scene.names import ros_name
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations
 
@@ -126,11 +127,14 @@ class Imu:
                 "parameter imu: method time_stepping has no accelerations; must be another method"
             )
         kind = import_module("sensor_msgs.msg").Imu
-        for body, _ in self._sensors:
-            if body not in layout.bodies:
-                known = ", ".join(layout.bodies)
+        called = {ros_name(body): body for body in layout.bodies}
+        for i, (body, point_B) in enumerate(self._sensors):
+            if body not in layout.bodies and body not in called:
+                known = ", ".join(called)
                 raise RbSimError(f"parameter imu: got body {body!r}; must be one of {known}")
-            name, frame = f"~/{body}/imu", self._settings.frame_prefix + body
+            self._sensors[i] = Sensor(called.get(body, body), point_B)
+            name = f"~/{body_topic(body, 'imu')}"
+            frame = self._settings.frame_prefix + body_frame(body)
             publisher = offer(self._node, kind, name, self._settings.publish_depth)
             self._publishers.append((publisher, imu_codec(frame)))
 
@@ -187,8 +191,10 @@ class Odometry:
         prefix, depth = self._settings.frame_prefix, self._settings.publish_depth
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         for body in layout.bodies:
-            publisher = offer(self._node, kind, f"~/{body}/odometry", depth)
-            self._publishers.append((publisher, odometry_codec(prefix + WORLD, prefix + body)))
+            publisher = offer(self._node, kind, f"~/{body_topic(body, 'odometry')}", depth)
+            self._publishers.append(
+                (publisher, odometry_codec(prefix + WORLD, prefix + body_frame(body)))
+            )
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
@@ -230,7 +236,7 @@ class JointStates:
         index = {name: i for i, name in enumerate(layout.bodies)}
         self._body = [index[c.body] for c in axes.values()]
         self._parent = [-1 if c.parent is None else index[c.parent] for c in axes.values()]
-        self._codec = joint_codec(list(axes))
+        self._codec = joint_codec([ros_name(name) for name in axes])
         kind = import_module("sensor_msgs.msg").JointState
         depth = self._settings.publish_depth
         self._publisher = offer(self._node, kind, "~/joint_states", depth)

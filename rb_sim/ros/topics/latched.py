@@ -11,9 +11,10 @@ import numpy as np
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import Weld
 from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
-from rb_sim.io.messages.topic_names import WORLD
+from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.numerics.vectors import quaternion_product
 from rb_sim.ros.offers import offer
+from rb_sim.scene.names import ros_name
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -69,7 +70,7 @@ def _tree(scene: Scene) -> dict[str, tuple[str, Any]]:
 
 
 def _link(name: str, body: Body) -> Element:
-    link = ElementTree.Element("link", name=name)
+    link = ElementTree.Element("link", name=body_frame(name))
     inertial = ElementTree.SubElement(link, "inertial")
     _origin(inertial, np.array(body.center_of_mass))
     ElementTree.SubElement(inertial, "mass", value=_text(body.mass))
@@ -116,27 +117,28 @@ def _join(
 ) -> None:
     """The joint, or two, between the body and what it hangs on."""
     position, orientation = poses[body]
+    link = body_frame(body)
     if hangs is None:
-        joint = _joint(robot, f"{body}/free", "floating", WORLD, body)
+        joint = _joint(robot, f"{link}/free", "floating", WORLD, link)
         _origin(joint, position, orientation)
         return
-    name, spec = hangs
-    parent = spec.parent or WORLD
-    p_A, q_A = poses.get(parent, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+    name, spec = ros_name(hangs[0]), hangs[1]
+    parent = body_frame(spec.parent or WORLD)
+    p_A, q_A = poses.get(spec.parent or WORLD, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
     turn = np.array(quaternion_product(conjugate(q_A), orientation))
     if isinstance(spec, Weld):
-        joint = _joint(robot, name, "fixed", parent, body)
+        joint = _joint(robot, name, "fixed", parent, link)
         _origin(joint, rotate(conjugate(q_A), position - p_A), turn)
         return
     point_B = np.array(spec.point_B)
-    bearing = f"{name}/bearing" if point_B.any() else body
+    bearing = f"{name}/bearing" if point_B.any() else link
     joint = _joint(robot, name, "continuous", parent, bearing)
     point = position + rotate(orientation, point_B)
     _origin(joint, rotate(conjugate(q_A), point - p_A), turn)
     ElementTree.SubElement(joint, "axis", xyz=_texts(spec.axis_B))
-    if bearing != body:
+    if bearing != link:
         ElementTree.SubElement(robot, "link", name=bearing)
-        _origin(_joint(robot, f"{name}/offset", "fixed", bearing, body), -point_B)
+        _origin(_joint(robot, f"{name}/offset", "fixed", bearing, link), -point_B)
 
 
 def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
@@ -233,7 +235,8 @@ class Markers:
         for number, (name, body) in enumerate(scene.bodies.items()):
             if body.shape is not None:
                 marker = _marker(types.Marker, body.shape)
-                marker.header.frame_id, marker.ns, marker.id = self._prefix + name, name, number
+                marker.header.frame_id = self._prefix + body_frame(name)
+                marker.ns, marker.id = name, number
                 array.markers.append(marker)
         self._publisher.publish(array)
 

@@ -1,0 +1,85 @@
+"""Beside apt's packages of Ubuntu 24.04: one line on what is too old, and the venv that works.
+
+A venv with apt's versions (requirements/apt.txt) stands for the system's Python.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def packages_of(folder: Path) -> Path:
+    """Where a venv has its packages."""
+    (found,) = folder.glob("lib/python3.*/site-packages")
+    return found
+
+
+def run(command: list[str], environment: dict[str, str], cwd: Path) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        command, env=environment, cwd=cwd, capture_output=True, text=True, timeout=600, check=False
+    )
+
+
+def pip(folder: Path, environment: dict[str, str], *arguments: str) -> None:
+    command = [str(folder / "bin/python"), "-m", "pip", "install", "--quiet", *arguments]
+    done = run(command, environment, folder)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def system(source: Path, environment, tmp_path_factory) -> Path:
+    """The system's Python with apt's packages, and rb_sim as colcon puts it there."""
+    folder = tmp_path_factory.mktemp("apt") / "system"
+    venv.create(folder, with_pip=True, symlinks=True)
+    pip(folder, environment, "--no-compile", "--requirement", str(ROOT / "requirements/apt.txt"))
+    wheels = folder / "wheels"
+    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(wheels), str(source)]
+    done = run(build, environment, folder)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = wheels.glob("rb_sim-*.whl")
+    pip(folder, environment, "--no-deps", str(wheel))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def beside(system: Path, environment) -> Path:
+    """The venv of docs/install.md: it sees the system's packages, and brings newer ones."""
+    folder = system.parent / "venv"
+    venv.create(folder, with_pip=True, symlinks=True)
+    # what --system-site-packages does for the Python that a venv is made from
+    (packages_of(folder) / "system.pth").write_text(f"{packages_of(system)}\n")
+    (wheel,) = (system / "wheels").glob("rb_sim-*.whl")
+    # the system's rb_sim has the same version and other dependencies to look at
+    pip(folder, environment, "--no-compile", "--ignore-installed", "--no-deps", str(wheel))
+    pip(folder, environment, "--no-compile", str(wheel))
+    return folder
+
+
+def test_a_start_on_apts_packages_says_in_one_line_what_is_too_old(system, environment, tmp_path):
+    done = run([str(system / "bin/rb_sim"), "run", "pendulum"], environment, tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    for wrong in ("pydantic is 1.10.14", "typer is 0.9.0", "matplotlib is 3.6.3"):
+        assert wrong in line
+    assert "mcap is not installed" in line and "numpy" not in line and "scipy" not in line
+    assert "pip install" in line and "--system-site-packages" in line
+
+
+def test_the_venv_beside_them_runs_on_apts_numpy(beside, environment, tmp_path):
+    command = [str(beside / "bin/rb_sim"), "run", "heavy_top", "--duration", "0.1", "--out", "here"]
+    done = run([*command, "--no-rerun", "--quiet"], environment, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "here/bag/metadata.yaml").is_file()
+    assert (tmp_path / "here/plots.png").is_file()
+    asked = "import numpy, scipy, pydantic; print(numpy.__version__, scipy.__version__)"
+    versions = run([str(beside / "bin/python"), "-c", asked], environment, tmp_path).stdout
+    assert versions.split() == ["1.26.4", "1.11.4"]
