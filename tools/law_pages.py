@@ -17,6 +17,7 @@ from pydantic_core import PydanticUndefined
 from rb_sim.catalogue import constraints, effects
 from rb_sim.catalogue.spec import Spec
 from tools.law_examples import EXAMPLES
+from tools.law_formulas import FORMULAS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "laws"
 
@@ -70,6 +71,7 @@ def page(kind: str, spec: type[Any]) -> str:
     """What it does, the equation, keys with units and defaults, an example."""
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
     parts += ["## Equation", f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
+    parts += [f"$$\n{FORMULAS[kind].strip()}\n$$"]
     parts += ["The symbols are those of [Laws](index.md).", *about(spec)]
     parts += ["## Keys", "\n".join(keys(spec))]
     for name, field in spec.model_fields.items():
@@ -118,6 +120,7 @@ def keys(spec: type[Any]) -> list[str]:
         key = field.alias or name
         need = "required" if field.is_required() else "optional"
         meaning = told.get(name) or field.description or ABOUT.get(name, "")
+        meaning = meaning.replace("] [", r"] \[")  # a unit behind a vector is no link of Markdown's
         rows.append(
             f"| `{key}` | {need} | {default(name, field)} | {meaning} |".replace("|c|", "c")
         )

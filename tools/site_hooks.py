@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-APART = ("hard-cases.md", "peers.md", "heaps.md", "thresholds.md", "steps.md", "mutants.md")
+APART = (
+    "hard-cases.md",
+    "peers.md",
+    "heaps.md",
+    "measurements.md",
+    "thresholds.md",
+    "steps.md",
+    "mutants.md",
+)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:

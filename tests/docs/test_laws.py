@@ -36,6 +36,13 @@ def test_a_page_gives_the_equation_of_its_law_alone(kind):
 
 
 @pytest.mark.parametrize("kind", SPECS)
+def test_a_page_has_its_equation_typeset(kind):
+    formula = made()[f"{kind}.md"].split("\n$$\n")[1]
+    assert formula.count("{") == formula.count("}")
+    assert not {"=", r"\ge"}.isdisjoint(formula.split())
+
+
+@pytest.mark.parametrize("kind", SPECS)
 def test_every_row_of_a_page_has_a_meaning(kind):
     rows = [row for row in made()[f"{kind}.md"].splitlines() if row.startswith("| `")]
     assert rows

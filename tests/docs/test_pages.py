@@ -6,39 +6,11 @@ import shlex
 from pathlib import Path
 
 import pytest
-import yaml
 from typer.main import get_command
-from typer.testing import CliRunner
 
-from rb_sim import load_scene
 from rb_sim.cli.main import app
-from rb_sim.statics import load_statics
-from tests.docs.blocks import PAGES, ROOT, Block, blocks, name_of
-
-SKETCH = "..."
-"""In a YAML block: it lists keys, and is no scene."""
-
-
-def _shell(block: Block) -> None:
-    for line in block.text.splitlines():
-        program, *arguments = shlex.split(line, comments=True)
-        assert program == "rb_sim", f"{line!r}: only rb_sim is run here"
-        done = CliRunner().invoke(app, arguments)
-        assert done.exit_code == 0, f"{line!r} (line {block.line}): {done.output}"
-
-
-def _scene(block: Block, write: bool) -> None:
-    data = yaml.safe_load(block.text)
-    if not isinstance(data, dict) or "bodies" not in data or SKETCH in block.text:
-        return
-    if "supports" in data:
-        load_statics(data)
-        return
-    load_scene(block.text)
-    if write:
-        with open("door.yaml", "w", encoding="utf-8") as file:
-            file.write(block.text)
-
+from tests.docs.blocks import PAGES, blocks, name_of
+from tests.docs.page_run import pictures, run_page
 
 RUN = [page for page in PAGES if any(b.language in ("python", "sh", "yaml") for b in blocks(page))]
 
@@ -46,16 +18,12 @@ RUN = [page for page in PAGES if any(b.language in ("python", "sh", "yaml") for 
 @pytest.mark.parametrize("page", RUN, ids=name_of)
 def test_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "config").symlink_to(ROOT / "config")  # as in the source tree
-    space: dict[str, object] = {"__name__": "page"}
-    for block in blocks(page):
-        if block.language == "python":
-            code = compile("\n" * (block.line - 1) + block.text, str(page), "exec")
-            exec(code, space)
-        elif block.language == "sh":
-            _shell(block)
-        elif block.language == "yaml":
-            _scene(block, write=page.name == "first-scene.md")
+    run_page(page)
+    if page.parent.name == "tutorials":
+        for name in pictures(page):
+            assert Path(name).stat().st_size > 3000, f"{name} is shown, but no block makes it"
+            kept = page.parent / "pictures" / page.stem / name
+            assert kept.exists(), f"{kept}: run python -m tools.tutorials {page.stem}"
     if page.name == "hour.md":
         assert page.read_text(encoding="utf-8").count("\n## ") == 10
         for block in blocks(page):

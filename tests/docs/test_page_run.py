@@ -1,0 +1,66 @@
+"""A page that shows what its blocks do not give fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.docs.page_run import pictures, run_page
+
+PAGE = """# A page
+
+```yaml
+# held.yaml
+bodies: {b: {mass: 1.0, inertia: [1, 1, 1]}}
+```
+
+```python
+import rb_sim
+
+print(rb_sim.load_scene("held.yaml").bodies["b"].mass, "kg")
+```
+
+```output
+1.0 kg
+```
+
+```sh
+rb_sim run held.yaml --duration 0.1 \\
+    --no-rerun --quiet
+```
+
+![A picture](pictures/page/a.png)
+"""
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """Gives what writes a page of this text, with an empty folder as the present one."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(text: str) -> Path:
+        (tmp_path / "page.md").write_text(text, encoding="utf-8")
+        return tmp_path / "page.md"
+
+    return write
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.SceneWarning")
+def test_a_page_runs_and_names_its_pictures(page):
+    assert pictures(page(PAGE)) == ["a.png"]
+    run_page(page(PAGE))
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.SceneWarning")
+@pytest.mark.parametrize(
+    "right, wrong, message",
+    [
+        ("```output\n1.0 kg", "```output\n2.0 kg", "'2.0 kg' is not in"),
+        ("--duration 0.1", "--duration -1", "line"),
+        ("rb_sim run", "ls", "only rb_sim is run here"),
+    ],
+)
+def test_a_page_that_is_wrong_fails(page, right, wrong, message):
+    with pytest.raises(AssertionError, match=message):
+        run_page(page(PAGE.replace(right, wrong)))

@@ -1,0 +1,73 @@
+"""Makes the pictures of the tutorials: python -m tools.tutorials [PAGE ...]
+
+Each page of docs/tutorials is run as the tests run it; pictures that its blocks save and that it
+shows go to docs/tutorials/pictures/PAGE, with as few colours as they need.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+from cycler import cycler
+from PIL import Image
+
+from rb_sim.io.plots.panels import AXES
+from tests.docs.page_run import pictures, run_page
+
+FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
+WIDTH = 1100
+"""Of a picture at most [px]."""
+COLOURS = 256
+STYLE = {
+    "figure.dpi": 110,
+    "savefig.dpi": 110,
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "legend.frameon": False,
+    "axes.prop_cycle": cycler(color=[*AXES[:3], "#e08a1e", "#6b6b6b"]),  # x, y, z as in plots.png
+    "figure.constrained_layout.use": True,
+}
+"""Of matplotlib, so that the pages need not say how a picture looks, only what it shows."""
+
+
+def draw(page: Path) -> None:
+    """Run the page in an empty folder and keep its pictures."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        with matplotlib.rc_context(STYLE):
+            run_page(page)
+        for name in pictures(page):
+            small(Path(name), FOLDER / "pictures" / page.stem / name)
+
+
+def small(source: Path, target: Path) -> None:
+    """Write the picture with WIDTH and COLOURS at most."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with Image.open(source) as image:
+        image = image.convert("RGB")
+        if image.width > WIDTH:
+            image.thumbnail((WIDTH, image.height), Image.Resampling.LANCZOS)
+        image.quantize(COLOURS, kmeans=1).save(target, optimize=True)
+    print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
+
+
+def main(names: list[str]) -> int:
+    """Pages by their names without suffix; all if none is given."""
+    for page in sorted(FOLDER.glob("*.md")):
+        if not names or page.stem in names:
+            draw(page)
+    return 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("RB_SIM_DRAFT", "1")
+    sys.exit(main(sys.argv[1:]))
