@@ -98,7 +98,13 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "rerun": ["rerun-sdk>=0.40"],
         "notebook": ["rerun-sdk[notebook]>=0.40"],
-        "analysis": ["pandas>=2.2", "xarray>=2024.1", "pyarrow>=18", "plotly>=5.24"],
+        "analysis": [
+            "pandas>=2.2",
+            "xarray>=2024.1",
+            "pyarrow>=18",
+            "plotly>=5.24",
+            "rosbags>=0.11",  # bags in SQLite storage
+        ],
         "sweep": [
             "dask>=2024.8",
             "distributed>=2024.8",

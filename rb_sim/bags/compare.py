@@ -172,15 +172,20 @@ def _pairs(a: Tracks, b: Tracks, match: dict[str, str]) -> dict[str, str]:
                 f"--match {name}={other}: the first must be one of {', '.join(a.bodies)}, "
                 f"the second one of {', '.join(b.bodies)}"
             )
-    pairs = match or {name: name for name in a.bodies if name in b.bodies}
-    if not pairs and len(a.bodies) == len(b.bodies) == 1:
-        pairs = {next(iter(a.bodies)): next(iter(b.bodies))}
+    pairs = match or {name: name for name in a.bodies if name in b.bodies} or _named(a, b)
     if not pairs:
         raise RbSimError(
             f"no body is in both: {a.name} has {', '.join(a.bodies)}; {b.name} has "
             f"{', '.join(b.bodies)}; say which is which with --match NAME=NAME"
         )
     return pairs
+
+
+def _named(a: Tracks, b: Tracks) -> dict[str, str]:
+    """Name in A to name in B where the one is the body that the other's topic or frame names, or
+    each has one body."""
+    pairs = {name: body for body, name in a.pairs_for(b.bodies)[0].items()}
+    return pairs or b.pairs_for(a.bodies)[0]
 
 
 def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -9,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from rb_sim.bags.alignment import Interpolated, stretches
-from rb_sim.bags.compare import UNITS, Differences
+from rb_sim.bags.compare import CALENDAR, UNITS, Differences
 from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
+from rb_sim.io.rerun.viewer import MOTION
 
 # The differences of two motions over time, as a picture.
 
@@ -61,13 +65,17 @@ def _above_floor(values: np.ndarray) -> np.ndarray:
     return np.where(values > FLOOR, values, hole)
 
 
-# Two motions in one Rerun recording: A in blue, B in orange, on the clock of A.
+# Motions as frames and trails in a Rerun recording: those of a bag of somebody else, or two beside
+# each other, A in blue, B in orange, on the clock of A.
 
 
 COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
 TIMELINE = "sim_time"
 TRAIL_POINTS = 20_000
 """Of a trail."""
+FRAME = 0.2
+"""Length of the axes of a frame, in sizes of the motion."""
+PALETTE = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
 EYE = np.array([0.9, -1.35, 0.85])
 """From the middle of the motion to the eye, in sizes of the motion."""
 
@@ -77,20 +85,18 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
 
     Raises MissingExtraError without rerun-sdk.
     """
-    try:
-        rr = import_module("rerun")
-        rrb = import_module("rerun.blueprint")
-    except ImportError:
-        raise MissingExtraError("rerun-sdk", "rerun", "an overlay") from None
+    rr, rrb = _rerun("an overlay")
     recording = rr.RecordingStream("rb_sim_compare")
     recording.save(str(path))
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    center, size = _extent(a, found)
+    center, size = _extent(a.bodies[name] for name in found.pairs)
     for name, other in found.pairs.items():
         if name not in found.t:
             continue
-        _motion(rr, recording, f"world/A/{name}", a.bodies[name], "A", size)
-        _motion(rr, recording, f"world/B/{name}", _on_clock(b.bodies[other], found), "B", size)
+        on_clock = _on_clock(b.bodies[other], found)
+        # axes of unequal length: neither hides the other
+        _motion(rr, recording, f"world/A/{name}", a.bodies[name], COLORS["A"], 0.25 * size)
+        _motion(rr, recording, f"world/B/{name}", on_clock, COLORS["B"], 0.2 * size)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
@@ -100,14 +106,83 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
     plots = [q for q in UNITS if any(q in series for series in found.series.values())]
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
+    scene = _view(rrb, "A blue, B orange", center, size)
+    _end(recording, rrb, rrb.Horizontal(scene, rrb.Vertical(*views)))
+
+
+def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float:
+    """Write FILE.rrd: frames and trails of the poses in a bag, and all numbers as plots; its span
+    [s]. motion_only: lay out nothing but the 3D view.
+
+    Of frames in a tree of transforms those in its root, without those that static ones hold.
+    Raises MissingExtraError without rerun-sdk.
+    """
+    rr, rrb = _rerun("a recording for Rerun")
+    recording = rr.RecordingStream("rb_sim")
+    recording.save(str(path))
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    shown = {name: tracks.bodies[name] for name in drawn(tracks)}
+    start, end = (float(pick(pick(track.t) for track in shown.values())) for pick in (min, max))
+    zero = start if abs(start) > CALENDAR else 0.0
+    center, size = _extent(shown.values())
+    plots: set[str] = set()
+
+    def plot(quantity: str, name: str, t: np.ndarray, values: np.ndarray | None) -> None:
+        if values is None:
+            return
+        entity = rr.new_entity_path(["plots", quantity, name])
+        parts = [f"{name} {axis}" for axis in "xyzw"[: values.shape[1]]]
+        recording.log(entity, rr.SeriesLines(names=parts), static=True)
+        rows = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
+        recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=t - zero)], rows)
+        plots.add(quantity)
+
+    for k, (name, track) in enumerate(shown.items()):
+        on_clock = replace(track, t=track.t - zero)
+        entity = rr.new_entity_path(["world", name])
+        _motion(rr, recording, entity, on_clock, PALETTE[k % len(PALETTE)], FRAME * size)
+        plot("position", name, track.t, track.position)
+        plot("orientation", name, track.t, track.orientation)
+        plot("velocity", name, track.t, track.linear_velocity)
+        plot("spin", name, track.t, track.angular_velocity)
+    for name, wrench in tracks.reactions.items():
+        plot("force", name, wrench.t, wrench.values[:, :3])
+        plot("torque", name, wrench.t, wrench.values[:, 3:])
+    scene = _view(rrb, MOTION, center, size)
+    units = {**UNITS, "orientation": "x, y, z, w"}
+    views = [
+        rrb.TimeSeriesView(origin=f"plots/{q}", name=f"{q} [{unit}]")
+        for q, unit in units.items()
+        if q in plots
+    ]
+    _end(recording, rrb, scene if motion_only else rrb.Horizontal(scene, rrb.Vertical(*views)))
+    return end - start
+
+
+def drawn(tracks: Tracks) -> list[str]:
+    """The poses that are drawn, all in one world: those of frames that do not stand in another."""
+    outer = [name for name in tracks.bodies if name not in tracks.composed]
+    return [name for name in outer if not is_static(name)] or outer
+
+
+def _rerun(what: str) -> tuple[Any, Any]:
+    try:
+        return import_module("rerun"), import_module("rerun.blueprint")
+    except ImportError:
+        raise MissingExtraError("rerun-sdk", "rerun", what) from None
+
+
+def _view(rrb: Any, name: str, center: np.ndarray, size: float) -> Any:
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * EYE,
         look_target=center,
         eye_up=(0, 0, 1),
     )
-    scene = rrb.Spatial3DView(origin="world", name="A blue, B orange", eye_controls=eye)
-    layout = rrb.Horizontal(scene, rrb.Vertical(*views))
+    return rrb.Spatial3DView(origin="world", name=name, eye_controls=eye)
+
+
+def _end(recording: Any, rrb: Any, layout: Any) -> None:
     panels = (
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
@@ -118,9 +193,9 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
     recording.disconnect()
 
 
-def _extent(a: Tracks, found: Differences) -> tuple[np.ndarray, float]:
-    """Middle and size [m] of the motion of A; at least 0.1 m, for bodies that only turn."""
-    places = np.concatenate([a.bodies[name].position for name in found.pairs])
+def _extent(tracks: Iterable[Track]) -> tuple[np.ndarray, float]:
+    """Middle and size [m] of motions; at least 0.1 m, for bodies that only turn."""
+    places = np.concatenate([track.position for track in tracks])
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     return (low + high) / 2.0, max(float((high - low).max()), 0.1)
 
@@ -132,17 +207,18 @@ def _on_clock(track: Track, found: Differences) -> Track:
     return Track(t, track.position, Interpolated(track).q, anew=track.anew)
 
 
-def _motion(rr: Any, recording: Any, entity: str, track: Track, which: str, size: float) -> None:
-    length = (0.25 if which == "A" else 0.2) * size  # unequal: neither hides the other
+def _motion(
+    rr: Any, recording: Any, entity: str, track: Track, color: tuple[int, int, int], length: float
+) -> None:
     recording.log(
         entity,
-        rr.Arrows3D(vectors=length * np.eye(3), colors=[COLORS[which]] * 3, radii=0.03 * length),
-        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.06 * length], colors=[COLORS[which]]),
+        rr.Arrows3D(vectors=length * np.eye(3), colors=[color] * 3, radii=0.03 * length),
+        rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.06 * length], colors=[color]),
         static=True,
     )
     stride = max(1, len(track.t) // TRAIL_POINTS)
     strips = [track.position[part][::stride] for part in stretches(track)]
-    line = rr.LineStrips3D(strips, colors=[COLORS[which]], radii=0.01 * length)
+    line = rr.LineStrips3D(strips, colors=[color], radii=0.01 * length)
     recording.log(f"{entity}_trail", line, static=True)
     columns = rr.Transform3D.columns(translation=track.position, quaternion=track.orientation)
     recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=track.t)], columns)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rb_sim.bags.message_rates import Rates
 from rb_sim.base.errors import SceneError, SinkError
-from rb_sim.io.bag.batches import BagScan, Messages
+from rb_sim.io.bag.batches import Messages, Scan, scan_of
 from rb_sim.io.bag.records import bag_paths, unlisted
 from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
@@ -91,7 +91,7 @@ class _Info:
         }
 
     def _read_file(self, path: Path) -> None:
-        scan = BagScan(path)
+        scan = scan_of(path)
         for batch in scan.batches():
             topics: dict[str, list[Messages]] = {}
             for number, messages in batch.items():
@@ -104,14 +104,14 @@ class _Info:
             self.rates.setdefault(channel.topic, Rates())
         self.damage += scan.missing.lines()
         self.metadata |= {record.name: record.metadata for record in scan.metadata}
-        self.chunks += scan.frames.chunks
-        self.unchecked += scan.frames.unchecked
+        self.chunks += scan.chunks
+        self.unchecked += scan.unchecked_chunks
         self.unchecked_messages += scan.unchecked
-        self.whole &= scan.frames.complete
+        self.whole &= scan.complete
         if scan.header is not None:
             self.library, self.profile = scan.header.library, scan.header.profile
 
-    def _add(self, scan: BagScan, topic: str, parts: list[Messages]) -> None:
+    def _add(self, scan: Scan, topic: str, parts: list[Messages]) -> None:
         """The messages of a topic, which may lie in several channels, in the order of the file."""
         if self.start is None:
             self.start = scan.missing.start or 0

@@ -170,8 +170,6 @@ def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
 
 NANO = 1_000_000_000
 _ENCAPSULATION = 4
-_ZSTD = b"\x28\xb5\x2f\xfd"
-"""A frame of zstd begins so (RFC 8878)."""
 _MOST = 10_000
 """Transforms in one message; more are taken for damage."""
 
@@ -250,11 +248,6 @@ def _parse(layout: str, data: bytes, ros_type: str) -> tuple[list[_Field], np.nd
     """Where the fields of a message are, and which bytes are the same in all like it."""
     if len(data) < _ENCAPSULATION:
         raise ValueError(f"a message of {len(data)} bytes is no {ros_type}")
-    if data[:4] == _ZSTD:
-        raise ValueError(
-            "its messages are compressed one by one by rosbag2 (zstd): convert the bag with "
-            "rosbags-convert"
-        )
     if data[:2] != b"\x00\x01":
         raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
     cursor = _Cursor(data, ros_type)

@@ -14,7 +14,7 @@ from rb_sim.bags.messages import LAYOUTS, Group, decode, layout_of
 from rb_sim.bags.sources import IMU, POSE, SCALAR, TRANSFORMS, TWIST, WRENCH, Piece, Sources
 from rb_sim.bags.transforms import Composed, FixedFrames, chains, is_static
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.batches import Batch, Messages, Scan, scan_of, unpacked
 from rb_sim.io.bag.records import bag_paths, unlisted
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ class Readings:
 
     def _batches(self) -> Iterator[list[Piece]]:
         for path in self.paths:
-            scan = BagScan(path)
+            scan = scan_of(path)
             for batch in scan.batches():
                 yield list(self._batch(scan, batch))
             self._damage += scan.missing.lines()
@@ -241,7 +241,7 @@ class Readings:
         """Topics that hold no readings, with their types."""
         return dict(self._unknown)
 
-    def _batch(self, scan: BagScan, batch: Batch) -> Iterator[Piece]:
+    def _batch(self, scan: Scan, batch: Batch) -> Iterator[Piece]:
         """The readings of a batch, of each source in the order of the file: a source may lie in
         several channels, and in messages with other strings between them."""
         parts: dict[str, list[tuple[np.ndarray, Piece]]] = {}
@@ -252,7 +252,7 @@ class Readings:
             yield from self._finite(_in_order(pieces))
 
     def _channel(
-        self, scan: BagScan, number: int, messages: Messages
+        self, scan: Scan, number: int, messages: Messages
     ) -> Iterator[tuple[np.ndarray, Piece]]:
         """Readings, and the index of the message of each."""
         channel = scan.channels[number]
@@ -273,7 +273,7 @@ class Readings:
             if schema is not None and schema.encoding == "ros2msg" and schema.data.strip():
                 layout = layout_of(ros_type, schema.data.decode("utf-8", "replace"))
             wrong = self._wrong.setdefault(topic, Counter())
-            for group in decode(ros_type, messages, wrong, layout):
+            for group in decode(ros_type, unpacked(messages), wrong, layout):
                 for piece in self._named(channel, ros_type, messages, group):
                     yield group.which, piece
             if wrong.total() > MOST_WRONG:

@@ -44,6 +44,8 @@ MOST = 16
 """Sources of one name; more are taken for a name that changes with every message."""
 MOST_OF_TOPIC = 1000
 TOLD = 3
+WORLD = ("", "world", "map", "odom")
+"""Frames that are the world's, besides that of the poses."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped")
 
 
@@ -107,5 +109,10 @@ class Sources:
 
 def words(source: str) -> set[str]:
     """The parts of a source's name that may be the name of a body."""
-    plain = source.partition(" (")[0]
+    plain = topic_of(source)
     return {source, plain, *plain.replace(":", "/").split("/")}
+
+
+def topic_of(source: str) -> str:
+    """The name of a source without what tells it from others of the same topic."""
+    return source.partition(" (")[0]

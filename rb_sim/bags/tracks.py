@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import hypot
@@ -13,10 +14,10 @@ import numpy as np
 
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
-from rb_sim.bags.transforms import plain
+from rb_sim.bags.transforms import FixedFrames, plain
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.io.bag.as_run import scene_as_run
-from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.extent import reach_of
 from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.sink import restarts
@@ -102,7 +103,7 @@ Array = np.ndarray
 TOLD = 3
 """Notes in the line that refuses a bag."""
 SAME = 1e-9
-"""[s]: times closer than this are the same instant."""
+"""[s]: times closer than this are the same instant; and of their size, positions the same place."""
 
 
 @dataclass
@@ -122,17 +123,22 @@ class Track:
     anew: tuple[int, ...] = ()
     """samples to which no smooth motion leads from the one before: a reset, a state that was set,
     an impact."""
+    frame: str = ""
+    """in which the poses are, and which is the body's; "" where the source does not tell it."""
+    child: str = ""
 
 
 class Wrenches(NamedTuple):
-    """A reaction over time."""
+    """A reaction over time, or any wrench in a bag of somebody else."""
 
     t: Array
     """increasing [s], shape (n,)."""
     values: Array
-    """force [N] and torque [N m], world axes, shape (n, 6)."""
+    """force [N] and torque [N m], shape (n, 6), in world axes, or in those of `frame`."""
     anew: tuple[int, ...] = ()
     """as of a Track."""
+    frame: str = ""
+    """of the messages of somebody else."""
 
 
 @dataclass
@@ -145,15 +151,49 @@ class Tracks:
     notes: list[str] = field(default_factory=list)
     length: float = 0.0
     """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
+    composed: dict[str, str] = field(default_factory=dict)
+    """sources whose poses come in the root of their transforms, too, and under which name."""
+    fixed: FixedFrames = field(default_factory=FixedFrames)
+    """the static transforms."""
+
+    def pairs_for(self, bodies: Iterable[str]) -> tuple[dict[str, str], dict[str, list[str]]]:
+        """By body the name of its poses, as topic or frame tells it, or as there is but one of
+        each; and the names of those bodies of which several may be the poses, which differ."""
+        pairs: dict[str, str] = {}
+        several: dict[str, list[str]] = {}
+        wanted = list(bodies)
+        for body in wanted:
+            found = self._named(body)
+            first = next((n for n in found if self.bodies[n].linear_velocity is not None), None)
+            if found and all(_same(self.bodies[found[0]], self.bodies[n]) for n in found[1:]):
+                pairs[body] = first or found[0]
+            elif found:
+                several[body] = found
+        counts = Counter(pairs.values())
+        for body, name in list(pairs.items()):
+            if counts[name] > 1:  # a topic that names two bodies is of none of them for sure
+                several[body] = [pairs.pop(body)]
+        outer = [name for name in self.bodies if name not in self.composed]
+        if not (pairs or several) and len(wanted) == len(outer) == 1:
+            pairs = {wanted[0]: outer[0]}
+        return pairs, several
+
+    def _named(self, body: str) -> list[str]:
+        """The poses of that name; else those whose frame has it, or their topic where the frame is
+        not told; else those whose topic or frame has it among its parts."""
+        child = {name: track.child for name, track in self.bodies.items()}
+        found = [name for name in child if name == body]
+        found = found or [
+            n for n, of in child.items() if of == body or (not of and body in words(n))
+        ]
+        found = found or [name for name in child if body in words(name)]
+        return [name for name in found if self.composed.get(name) not in found]
 
 
 def tracks_of_bag(bag: Path) -> Tracks:
     """The motion in a bag. Raises SinkError where there is no pose in it."""
-    try:
-        reader = BagReader(bag, unfinished=True)
-    except SinkError as error:
-        if "not recorded by rb_sim" not in str(error):
-            raise
+    reader = reader_of(bag, unfinished=True)
+    if reader is None:
         return _of_anybody(bag)
     return tracks_of_blocks(reader.blocks(), reader.scene, reader.layout, str(bag), reader)
 
@@ -213,7 +253,7 @@ def _of_anybody(bag: Path) -> Tracks:
     reactions = {}
     for name, parts in sources.items():
         if parts[0].kind == WRENCH:
-            reactions[name] = Wrenches(*_joined(parts))
+            reactions[name] = Wrenches(*_joined(parts), frame=plain(parts[0].frame))
     left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
     notes = [
         f"{name}: {count} poses left out: their stamps are not later than those before"
@@ -225,7 +265,11 @@ def _of_anybody(bag: Path) -> Tracks:
         for name, parts in sources.items()
         if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))
     ]
-    return Tracks(str(bag), bodies, reactions, [*readings.notes, *notes])
+    return Tracks(
+        str(bag), bodies, reactions, [*readings.notes, *notes],
+        composed={inner: name for inner, name in readings.composed.items() if name in bodies},
+        fixed=readings.fixed,
+    )  # fmt: skip
 
 
 def _joined(parts: list[Piece]) -> tuple[Array, Array]:
@@ -237,7 +281,8 @@ def _joined(parts: list[Piece]) -> tuple[Array, Array]:
 
 def _track(parts: list[Piece]) -> Track:
     t, values = _joined(parts)
-    return Track(t, values[:, :3], _unit(values[:, 3:7]))
+    frame, child = plain(parts[0].frame), plain(parts[0].child)
+    return Track(t, values[:, :3], _unit(values[:, 3:7]), frame=frame, child=child)
 
 
 def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
@@ -405,6 +450,16 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _same(one: Track, other: Track) -> bool:
+    """Whether both say the same, at the instants that both have, at least half of the fewer."""
+    _, i, j = np.intersect1d(one.t, other.t, return_indices=True)
+    if 2 * len(i) < min(len(one.t), len(other.t)):
+        return False
+    p, q = one.position[i], one.orientation[i]
+    near = np.abs(p - other.position[j]).max() <= SAME * max(1.0, np.abs(p).max())
+    return bool(near and np.abs(np.abs(np.sum(q * other.orientation[j], axis=1)) - 1).max() <= SAME)
 
 
 def _forward(t: Array) -> Array:

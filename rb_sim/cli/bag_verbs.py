@@ -10,12 +10,20 @@ import typer
 
 from rb_sim.cli import options as opt
 
-AnyBag = Annotated[Path, typer.Argument(metavar="BAG", help="A folder or an .mcap file.")]
+AnyBag = Annotated[Path, typer.Argument(metavar="BAG", help="A folder, an .mcap or a .db3 file.")]
+Wrench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[BODY=]TOPIC",
+        help="Bags of others: wrench that was commanded (several add up), or none.",
+        show_default="by frame and name",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 def replay(
-    bag: opt.Bag,
+    bag: AnyBag,
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Save the recording; no viewer.")
     ] = None,
@@ -96,6 +104,7 @@ def compare(
     match: Annotated[
         list[str] | None, typer.Option(metavar="NAME=NAME", help="Which body is which.")
     ] = None,
+    wrench: Wrench = None,
     max_position: Annotated[float | None, typer.Option(metavar="M", help="Else exit 1.")] = None,
     max_angle: Annotated[float | None, typer.Option(metavar="RAD", help="Likewise.")] = None,
     max_velocity: Annotated[float | None, typer.Option(metavar="M/S", help="Likewise.")] = None,
@@ -115,7 +124,8 @@ def compare(
              "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
     bounds = {name: value for name, value in given.items() if value is not None}
     pairs = tuple(match or ())
-    return beside(CompareOptions(a, b, out, json, align, pairs, bounds, screenshot))
+    acting = tuple(wrench or ())
+    return beside(CompareOptions(a, b, out, json, align, pairs, acting, bounds, screenshot))
 
 
 def analyze(
@@ -159,6 +169,7 @@ def fit(
     match: Annotated[
         list[str] | None, typer.Option(metavar="BODY=NAME", help="Which pose is of which body.")
     ] = None,
+    wrench: Wrench = None,
     noise: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="M RAD", help="Of positions and attitudes; else it is estimated."),
@@ -169,7 +180,8 @@ def fit(
     from rb_sim.cli.verbs.fit import FitOptions
     from rb_sim.cli.verbs.fit import fit as solve
 
-    return solve(FitOptions(bag, free, scene, out, tuple(match or ()), noise, json))
+    pairs, acting = tuple(match or ()), tuple(wrench or ())
+    return solve(FitOptions(bag, free, scene, out, pairs, acting, noise, json))
 
 
 def register(verb: Callable[..., Any]) -> None:

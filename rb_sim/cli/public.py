@@ -45,18 +45,23 @@ def compare(
     *,
     align: str | None = None,
     match: Mapping[str, str] | None = None,
+    wrenches: Sequence[str] = (),
 ) -> Differences:
     """A recorded motion beside a bag, a CSV file, or a scene simulated as it was recorded.
 
-    align: none, first, offset or clock; match: name in the bag to name in the other.
+    align: none, first, offset or clock; match: name in the bag to name in the other. wrenches: of a
+    bag of others, those that were commanded (TOPIC or BODY=TOPIC), or "none"; else by their names.
     """
     from rb_sim.bags.compare import differences
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs import compare as verb
 
-    options = verb.CompareOptions(Path(bag), str(other), align=align)
-    b = verb.other_tracks(options)
-    return differences(tracks_of_bag(Path(bag)), b, align=align, match=match)
+    pairs = tuple(f"{name}={of}" for name, of in (match or {}).items())
+    options = verb.CompareOptions(
+        Path(bag), str(other), align=align, match=pairs, wrench=tuple(wrenches)
+    )
+    a = tracks_of_bag(Path(bag))
+    return differences(a, verb.other_tracks(options, a), align=align, match=match)
 
 
 def analyze(
@@ -87,11 +92,13 @@ def fit(
     *,
     scene: str | PathLike[str] | None = None,
     match: Mapping[str, str] | None = None,
+    wrenches: Sequence[str] = (),
     noise: tuple[float, float] | None = None,
 ) -> Fitted:
     """The numbers of a scene, as bodies.top.mass, that make it follow a recorded motion.
 
-    scene: instead of that in the bag; match: body to pose; noise: of poses [m, rad].
+    scene: instead of that in the bag; match: body to pose; wrenches: as of `compare`; noise: of
+    poses [m, rad].
     """
     from rb_sim.cli.verbs import fit as verb
     from rb_sim.fit.fit import fit as solve
@@ -99,7 +106,9 @@ def fit(
     keys = [free] if isinstance(free, str) else list(free)
     pairs = tuple(f"{body}={name}" for body, name in (match or {}).items())
     named = None if scene is None else str(scene)
-    options = verb.FitOptions(Path(bag), ",".join(keys), named, match=pairs, noise=noise)
+    options = verb.FitOptions(
+        Path(bag), ",".join(keys), named, match=pairs, wrench=tuple(wrenches), noise=noise
+    )
     built, data, recording = verb.set_up(options)
     return solve(recording, built, data, keys, noise)
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rb_sim.bags.resim import Inputs, blocks
-from rb_sim.bags.tracks import Tracks
+from rb_sim.bags.sources import WORLD, topic_of, words
+from rb_sim.bags.tracks import Tracks, Wrenches
+from rb_sim.bags.transforms import carried_over
+from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check_list import Watched
-from rb_sim.mechanics.samples import SampleBlock
+from rb_sim.mechanics.samples import Input, SampleBlock
 from rb_sim.scene.schema import Scene
-from rb_sim.simulation.simulation import Simulation
+from rb_sim.simulation.simulation import Simulation, give
 
 
 @dataclass
@@ -20,8 +23,8 @@ class Recording:
     """What is to be followed.
 
     inputs: commands and resets by sample, with `count` samples and `node` as of bags.resim; or
-    None, where only the poses are known: the simulation starts at the earliest of them, and each
-    body has times of its own.
+    None in a bag of somebody else: the simulation starts at the earliest of the poses, each body
+    has times of its own, and `commands` act at theirs.
     """
 
     tracks: Tracks
@@ -30,6 +33,10 @@ class Recording:
     inputs: Inputs | None = None
     count: int = 0
     node: bool = False
+    commands: tuple[Input, ...] = ()
+    """what was commanded, by the time since the first pose."""
+    notes: list[str] = field(default_factory=list)
+    """which wrenches are commands."""
 
     @property
     def times(self) -> np.ndarray:
@@ -48,8 +55,17 @@ def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlo
     if recording.inputs is not None:
         yield from blocks(simulation, recording.inputs, recording.count, node=recording.node)
         return
-    times = recording.times
-    yield simulation.run(at=times - times[0], watched=False).block
+    times = recording.times - recording.times[0]
+    done = 0
+    for given in recording.commands:
+        reached = int(np.searchsorted(times, given.t, side="right"))
+        if reached > done:
+            yield simulation.run(at=times[done:reached], watched=False).block
+            done = reached
+        simulation.advance(max(0.0, given.t - simulation.time))
+        give(simulation, [given])
+    if done < len(times):
+        yield simulation.run(at=times[done:], watched=False).block
 
 
 def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
@@ -60,3 +76,212 @@ def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
     for _ in watched:
         pass
     return tuple(map(str, watched.findings))
+
+
+def pairs_of(
+    tracks: Tracks, bodies: Sequence[str], given: dict[str, str], option: str
+) -> tuple[dict[str, str], list[str]]:
+    """The poses of each body, as given or by their names, and lines on bodies left out.
+
+    option: how to say which is which. Raises RbSimError where no body is found.
+    """
+    names = ", ".join(tracks.bodies)
+    for body, name in given.items():
+        if body not in bodies or name not in tracks.bodies:
+            raise RbSimError(
+                f"--match: got the body {body} and the poses {name}; must be one of "
+                f"{', '.join(bodies)}, and one of {names}"
+            )
+    if given:
+        return given, []
+    pairs, several = tracks.pairs_for(bodies)
+    if not pairs:
+        raise RbSimError(
+            f"{tracks.name}: its poses are of {names}; the scene's bodies are "
+            f"{', '.join(bodies)}; say which is which with {option}"
+        )
+    return pairs, [
+        f"{body}: left out: its poses may be {' or '.join(found)}; say which with {option}"
+        for body, found in several.items()
+    ]
+
+
+def recorded_by_others(
+    tracks: Tracks, scene: Scene, pairs: dict[str, str], wrenches: Sequence[str] = ()
+) -> Recording:
+    """The poses of somebody else, and the wrenches that the scene's bodies were commanded.
+
+    wrenches: those that are commands, as TOPIC or BODY=TOPIC, or "none"; else by their frames and
+    names. Raises RbSimError where that is not clear.
+    """
+    recording = Recording(tracks, pairs)
+    times = recording.times
+    acting = _Acting(tracks, scene, pairs)
+    recording.notes = acting.choose(wrenches)
+    recording.commands = acting.inputs(float(times[0]), float(times[-1]))
+    return recording
+
+
+TOLD = 3
+"""Wrenches that a line names."""
+
+
+@dataclass
+class _Signal:
+    """What one topic commands a body, in turn: times [s], wrenches (n, 6), and of each whether it
+    is in the body's axes."""
+
+    t: np.ndarray
+    values: np.ndarray
+    own: np.ndarray
+
+    def held(self, t: np.ndarray) -> np.ndarray:
+        """The last wrench at each time; zero before the first."""
+        at = np.searchsorted(self.t, t, side="right")
+        return np.concatenate([np.zeros((1, 6)), self.values])[at]
+
+
+class _Acting:
+    """Which wrenches of a bag are commands of which bodies of a scene."""
+
+    def __init__(self, tracks: Tracks, scene: Scene, pairs: dict[str, str]) -> None:
+        self._tracks, self._scene = tracks, scene
+        self._topics: dict[str, list[Wrenches]] = {}
+        for source, wrench in tracks.reactions.items():
+            self._topics.setdefault(topic_of(source), []).append(wrench)
+        self._commanded = {
+            str(spec.body): name  # type: ignore[attr-defined]
+            for name, spec in scene.effects.items()
+            if spec.commandable
+        }
+        """bodies that take a command, and the names of those effects."""
+        paired = {body: tracks.bodies[name] for body, name in pairs.items()}
+        inner = {tracks.bodies[name].frame for name in tracks.composed}
+        self._world = {track.frame for track in paired.values()} | set(WORLD) - inner
+        self._frames = {
+            body: {body, paired[body].child if body in paired else ""} - {""}
+            for body in self._commanded
+        }
+        self._signals: dict[str, dict[str, _Signal]] = {}
+        """by body and topic."""
+
+    def choose(self, wrenches: Sequence[str]) -> list[str]:
+        """Take those, or what is clear; lines on what is a command, and what is not."""
+        if wrenches and list(wrenches) != ["none"]:
+            for text in wrenches:
+                self._take_named(text)
+        elif not wrenches:
+            for topic in self._topics:
+                body = None if words(topic) & set(self._scene.constraints) else self._body_of(topic)
+                if body is not None:
+                    self._take(body, topic)
+            for body, signals in self._signals.items():
+                if len(signals) > 1:
+                    raise RbSimError(
+                        f"{self._tracks.name}: {' and '.join(signals)} act on {body}: say which "
+                        "are its commands, which add up, with --wrench TOPIC, or --wrench none"
+                    )
+        taken = [(topic, body) for body, signals in self._signals.items() for topic in signals]
+        lines = [f"{topic} is what {body} was commanded" for topic, body in taken]
+        rest = [topic for topic in self._topics if topic not in dict(taken)]
+        if rest and not wrenches:
+            why = "the scene has no commanded_wrench that takes them"
+            if self._commanded:
+                why = "commands of a body are named with --wrench BODY=TOPIC"
+            some = ", ".join(rest[:TOLD]) + ", ..." * (len(rest) > TOLD)
+            lines.append(f"its wrenches ({some}) are not applied: {why}")
+        return lines
+
+    def inputs(self, start: float, end: float) -> tuple[Input, ...]:
+        """The commands from `start` to `end` [s] in their order; each holds until the next."""
+        found = [
+            given
+            for body, signals in self._signals.items()
+            for given in _inputs(body, _sum(body, signals), start, end)
+        ]
+        return tuple(sorted(found, key=lambda given: given.t))
+
+    def _take_named(self, text: str) -> None:
+        body, _, topic = text.rpartition("=")
+        takers = ", ".join(self._commanded) or "none (no commanded_wrench effect)"
+        if topic not in self._topics:
+            known = ", ".join(self._topics) or "none, there is no WrenchStamped in the bag"
+            raise RbSimError(f"--wrench {text}: the topic must be one of {known}")
+        if body and body not in self._commanded:
+            raise RbSimError(f"--wrench {text}: bodies that take a command: {takers}")
+        found = body or self._body_of(topic)
+        if found is None:
+            raise RbSimError(
+                f"--wrench {topic}: neither its frame nor its name tells of which body; give "
+                f"BODY={topic} (bodies that take a command: {takers})"
+            )
+        self._take(found, topic)
+
+    def _take(self, body: str, topic: str) -> None:
+        parts = []
+        for wrench in self._topics[topic]:
+            values = self._in_axes_of(body, wrench)
+            own = values is not None
+            if values is None:
+                if wrench.frame not in self._world:
+                    raise RbSimError(
+                        f"--wrench {body}={topic}: its frame {wrench.frame} is neither the body's "
+                        "nor that of its poses, and no static transform leads to the body's"
+                    )
+                values = wrench.values
+            parts.append((wrench.t, values, np.full(len(wrench.t), own)))
+        t, values, own = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.argsort(t, kind="stable")
+        signal = _Signal(t[order], values[order], own[order])
+        self._signals.setdefault(body, {})[topic] = signal
+
+    def _in_axes_of(self, body: str, wrench: Wrenches) -> np.ndarray | None:
+        """Its values about the body's origin in its axes; None where its frame is no part of it."""
+        if wrench.frame in self._frames[body]:
+            return wrench.values
+        carrier = self._tracks.fixed.carrier(wrench.frame, self._frames[body])
+        return None if carrier is None else carried_over(wrench.values, carrier[1])
+
+    def _body_of(self, topic: str) -> str | None:
+        """The body that takes a command and that all wrenches of a topic act on: whose frame they
+        are in, or that the topic names (or the effect) if they are in the world's."""
+        found = {self._of(wrench, topic) for wrench in self._topics[topic]}
+        return found.pop() if len(found) == 1 else None
+
+    def _of(self, wrench: Wrenches, topic: str) -> str | None:
+        own = [body for body in self._commanded if self._in_axes_of(body, wrench) is not None]
+        if own or wrench.frame not in self._world:
+            return own[0] if len(own) == 1 else None
+        parts = words(topic)
+        named = [body for body, effect in self._commanded.items() if {body, effect} & parts]
+        alone = len(self._scene.bodies) == 1
+        return named[0] if len(named) == 1 else next(iter(self._commanded), None) if alone else None
+
+
+def _sum(body: str, signals: dict[str, _Signal]) -> _Signal:
+    """All that acts on a body. Raises RbSimError where the axes differ."""
+    parts = list(signals.values())
+    if len(parts) == 1:
+        return parts[0]
+    own = np.concatenate([signal.own for signal in parts])
+    if own.any() != own.all():
+        raise RbSimError(
+            f"--wrench: {' and '.join(signals)} act on {body} in the world's axes and in its own; "
+            "must be in the same"
+        )
+    t = np.unique(np.concatenate([signal.t for signal in parts]))
+    total = np.sum([signal.held(t) for signal in parts], axis=0)
+    return _Signal(t, total, np.full(len(t), own[0]))
+
+
+def _inputs(body: str, signal: _Signal, start: float, end: float) -> Iterable[Input]:
+    """The commands of a signal, but for those that say the same again."""
+    t = np.maximum(signal.t - start, 0.0)
+    first = max(0, int(np.searchsorted(signal.t, start, side="right")) - 1)
+    before = None
+    for k in range(first, int(np.searchsorted(signal.t, end))):
+        fx, fy, fz, kx, ky, kz = signal.values[k].tolist()
+        now = "body" if signal.own[k] else "world", (fx, fy, fz), (kx, ky, kz)
+        if now != before:
+            yield Input(0, float(t[k]), body, *now)
+        before = now

@@ -27,7 +27,8 @@ def options(folder: Path, topics: tuple[str, ...]) -> FitOptions:
         for t in T[:12]:
             for topic in topics:
                 speed = 2.0 if "a" in topic.split("/") else 3.0
-                bag.add(topic, POSE, pose(t, P[0] * 0.0 + [speed * t, 0.0, 0.0], Q[0]), t)
+                aside = 0.1 * ("odom" in topic)
+                bag.add(topic, POSE, pose(t, P[0] * 0.0 + [speed * t, aside, 0.0], Q[0]), t)
     return FitOptions(folder / "x.mcap", "bodies.a.linear_velocity", scene=str(scene), as_json=True)
 
 
@@ -37,6 +38,11 @@ def test_by_the_parts_of_the_topic(tmp_path):
     assert interpreted(fit, chosen) == 0
 
 
+def test_two_that_say_the_same_are_one(tmp_path):
+    _, _, found = set_up(options(tmp_path, ("/a/pose", "/a/again", "/b/pose")))
+    assert found.pairs == {"a": "/a/pose", "b": "/b/pose"}
+
+
 def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
     chosen = options(tmp_path, ("/a/pose", "/a/odom", "/b/pose", "/b/odom"))
     with pytest.raises(RbSimError, match="say which is which with --match BODY=NAME"):
@@ -44,12 +50,12 @@ def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
 
 
 def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
-    """Somebody's recorded wrench is no command of the simulation."""
+    """A scene without a commanded_wrench takes no command."""
     set_up(options(tmp_path, ("/a/pose", "/b/pose")))
     assert "not applied" not in capsys.readouterr().err
     bag = with_wrenches(tmp_path / "bag", "map", "/body/push")
     scene = tmp_path / "cube.yaml"
     scene.write_text("bodies: {body: {mass: 2.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}")
     set_up(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
-    told = "its wrenches (/body/push) are not applied: the scene moves by its own effects alone"
-    assert f"warning: {told}\n" in capsys.readouterr().err
+    told = "its wrenches (/body/push) are not applied: the scene has no commanded_wrench that takes"
+    assert f"note: {told} them\n" in capsys.readouterr().err

@@ -95,12 +95,12 @@ def one_line(path) -> str:
 
 def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     assert one_line(tmp_path / "none") == ": no such bag"
-    assert one_line(tmp_path) == ": not a bag of rb_sim: no .mcap file in it"
+    assert one_line(tmp_path) == ": not a bag: no .mcap or .db3 file in it"
     (tmp_path / "text.mcap").write_text("hello")
     assert one_line(tmp_path / "text.mcap") == ": not an MCAP file"
     (tmp_path / "empty.mcap").write_text("")
     assert one_line(tmp_path / "empty.mcap") == ": not an MCAP file"
-    assert one_line(tmp_path).startswith(": not a bag of rb_sim: 2 .mcap files")
+    assert one_line(tmp_path).startswith(": not one bag: 2 .mcap files")
     bag = record("whole/bag")
     data = (bag / "bag_0.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])

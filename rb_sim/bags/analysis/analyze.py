@@ -17,7 +17,7 @@ from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import length_of
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout
 from rb_sim.scene.schema import Scene
@@ -100,12 +100,7 @@ def analyze(
     scene: that of the poses, for its constraints and effects, and for masses where none are given.
     table: gets the aligned samples. Raises SinkError for what is no bag, or has no readings.
     """
-    try:
-        reader = BagReader(bag, unfinished=True)
-    except SinkError as error:
-        if "not recorded by rb_sim" not in str(error):
-            raise
-        reader = None
+    reader = reader_of(bag, unfinished=True)
     found = Analysis(str(bag))
     if reader is None or topics is not None:
         if masses is None and scene is not None:

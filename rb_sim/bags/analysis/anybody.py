@@ -14,7 +14,7 @@ from rb_sim.bags.analysis.derivatives import Body, Motion
 from rb_sim.bags.analysis.masses import scene_with
 from rb_sim.bags.analysis.twists import Twists
 from rb_sim.bags.analysis.whole import Whole
-from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
+from rb_sim.bags.sources import POSE, TWIST, WORLD, WRENCH, Piece, words
 from rb_sim.bags.transforms import carried_over, plain
 from rb_sim.base.errors import RbSimError
 
@@ -76,10 +76,6 @@ class Fall:
                     f"poses in {unit}?"
                 )
         return ""
-
-
-WORLD = ("", "world", "map", "odom")
-"""Frames that are the world's, besides that of the poses."""
 
 
 MOST_EARLY = 4096

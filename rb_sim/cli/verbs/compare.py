@@ -13,6 +13,7 @@ from rb_sim.base.errors import RbSimError
 if TYPE_CHECKING:
     from rb_sim.bags.compare import Differences
     from rb_sim.bags.tracks import Tracks
+    from rb_sim.scene.schema import Scene
 
 TOO_FAR = 1
 """Exit code where a difference is larger than allowed."""
@@ -29,6 +30,8 @@ class CompareOptions:
     align: str | None = None
     """one of ALIGN; None: see `differences`."""
     match: tuple[str, ...] = ()
+    wrench: tuple[str, ...] = ()
+    """as `recorded_by_others` takes them."""
     bounds: dict[str, float] = field(default_factory=dict)
     """largest difference allowed, by quantity."""
     screenshot: Path | None = None
@@ -46,7 +49,7 @@ def compare(options: CompareOptions) -> int:
         if not bound >= 0.0:
             raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
     a = tracks_of_bag(options.a)
-    b = other_tracks(options)
+    b = other_tracks(options, a)
     warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
     found = differences(a, b, align=options.align, match=_pairs(options.match))
     told = summary(found, options.bounds)
@@ -71,28 +74,36 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
     return {text.partition("=")[0]: text.partition("=")[2] for text in texts}
 
 
-def other_tracks(options: CompareOptions) -> Tracks:
-    """The motion to lay beside the recorded one: of a CSV file, a bag, or a scene simulated."""
+def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
+    """The motion to lay beside A: of a CSV file, a bag, or a scene simulated."""
     from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
 
     path = Path(options.b)
-    if path.suffix in (".csv", ".txt", ".tum"):
+    is_bag = path.suffix in (".mcap", ".db3") or path.is_dir()
+    is_csv = path.suffix in (".csv", ".txt", ".tum")
+    if options.wrench and (is_bag or is_csv):
+        raise RbSimError(f"--wrench {options.wrench[0]}: only beside a scene, which is simulated")
+    if is_csv:
         return tracks_of_csv(path)
-    if path.suffix == ".mcap" or path.is_dir():
+    if is_bag:
         return tracks_of_bag(path)
-    return _of_scene(options)
+    return _of_scene(options, a)
 
 
-def _of_scene(options: CompareOptions) -> Tracks:
-    """The scene simulated as A was: with its commands and its times, if rb_sim recorded A."""
+def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
+    """The scene simulated as A was: with its commands and its times."""
     from rb_sim.bags.resim import resimulate
     from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.cli.verbs.fit import refuse_wrench
     from rb_sim.cli.verbs.replay import warn
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import reader_of
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
 
-    reader = BagReader(options.a, unfinished=True)
+    reader = reader_of(options.a, unfinished=True)
+    if reader is None:
+        return _beside_others(options, load_scene(find_scene(options.b)), a)
+    refuse_wrench(options.wrench)
     own = reader.scene.simulation
     scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
@@ -101,6 +112,33 @@ def _of_scene(options: CompareOptions) -> Tracks:
     warn(str(finding) for finding in findings)
     tracks.name = options.b
     return tracks
+
+
+def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
+    """The scene from the first pose of its bodies on, at the instants at which A saw them."""
+    from rb_sim.bags.compare import shown_offset
+    from rb_sim.bags.tracks import tracks_of_blocks
+    from rb_sim.checks.check_list import Watched
+    from rb_sim.cli.verbs.replay import note, warn
+    from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
+    from rb_sim.simulation.simulation import Simulation
+
+    given = {body: name for name, body in _pairs(options.match).items()}
+    pairs, left_out = pairs_of(a, list(scene.bodies), given, "--match NAME=BODY")
+    recording = recorded_by_others(a, scene, pairs, options.wrench)
+    warn(left_out)
+    note(recording.notes)
+    simulation = Simulation(scene)
+    watched = Watched(simulation, followed(simulation, recording))
+    found = tracks_of_blocks(watched, scene, simulation.layout, options.b)
+    warn(str(finding) for finding in watched.findings)
+    start = float(recording.times[0])
+    first = shown_offset(start)
+    note([f"{options.b} starts as the scene says, at the first pose, t = {first}"])
+    for track in found.bodies.values():
+        track.t = track.t + start
+    found.reactions = {n: w._replace(t=w.t + start) for n, w in found.reactions.items()}
+    return found
 
 
 def _print(told: dict[str, Any]) -> None:

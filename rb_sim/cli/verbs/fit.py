@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.base.errors import RbSimError
 from rb_sim.fit.fit import Fitted
 
 if TYPE_CHECKING:
@@ -45,10 +46,6 @@ def picture(found: Fitted, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-TOLD = 3
-"""Wrenches that a line names."""
-
-
 @dataclass(frozen=True)
 class FitOptions:
     """What the command line says."""
@@ -58,6 +55,8 @@ class FitOptions:
     scene: str | None = None
     out: Path | None = None
     match: tuple[str, ...] = ()
+    wrench: tuple[str, ...] = ()
+    """as `recorded_by_others` takes them."""
     noise: tuple[float, float] | None = None
     as_json: bool = False
 
@@ -88,20 +87,18 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     """The scene to fit, its YAML data, and the recorded motion that it is to follow."""
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
-    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.fit import Recording
+    from rb_sim.fit.recording import pairs_of, recorded_by_others
     from rb_sim.io.bag.as_run import scene_as_run
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import reader_of
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
 
     tracks = tracks_of_bag(options.bag)
     warn(tracks.notes)
-    try:
-        reader = BagReader(options.bag, unfinished=True)
-    except SinkError:
-        reader = None
+    reader = reader_of(options.bag, unfinished=True)
     if options.scene is not None:
         own = {}
         if reader is not None:
@@ -112,44 +109,30 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         scene = scene_as_run(reader)
     else:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
-    pairs = _pairs(options, list(scene.bodies), list(tracks.bodies))
-    recording = Recording(tracks, pairs)
-    if reader is not None and tracks.notes == reader.unlisted:
-        recording.inputs, recording.count = inputs_of(reader)
-        recording.node = reader.settings.get("by") == "node"
-    elif reader is not None and any(inputs_of(reader)[0].values()):
-        warn(["its commands and resets are left out, as the bag is damaged"])
-    elif reader is None and tracks.reactions:
-        some = list(tracks.reactions)[:TOLD]
-        more = ", ..." * (len(tracks.reactions) > TOLD)
-        warn([f"its wrenches ({', '.join(some)}{more}) are not applied: the scene moves by its own "
-              "effects alone"])  # fmt: skip
+    given = {body: name for body, _, name in (text.partition("=") for text in options.match)}
+    pairs, left_out = pairs_of(tracks, list(scene.bodies), given, "--match BODY=NAME")
+    warn(left_out)
+    if reader is None:
+        recording = recorded_by_others(tracks, scene, pairs, options.wrench)
+        note(recording.notes)
+    else:
+        refuse_wrench(options.wrench)
+        recording = Recording(tracks, pairs)
+        if tracks.notes == reader.unlisted:
+            recording.inputs, recording.count = inputs_of(reader)
+            recording.node = reader.settings.get("by") == "node"
+        elif any(inputs_of(reader)[0].values()):
+            warn(["its commands and resets are left out, as the bag is damaged"])
     return scene, yaml_reader.parse(scene.text, scene.file), recording
 
 
-def _pairs(options: FitOptions, bodies: list[str], names: list[str]) -> dict[str, str]:
-    from rb_sim.bags.sources import words
-
-    parts = [text.partition("=") for text in options.match]
-    pairs = {body: name for body, _, name in parts}
-    for body, name in pairs.items():
-        if body not in bodies or name not in names:
-            raise RbSimError(
-                f"--match {body}={name}: the first must be one of {', '.join(bodies)}, the second "
-                f"one of {', '.join(names)}"
-            )
-    for body in [] if pairs else bodies:
-        named = [name for name in names if name == body] or [n for n in names if body in words(n)]
-        if len(named) == 1:
-            pairs[body] = named[0]
-    if not pairs and len(bodies) == len(names) == 1:
-        pairs = {bodies[0]: names[0]}
-    if not pairs:
+def refuse_wrench(wrench: Sequence[str]) -> None:
+    """Raises RbSimError if the commands of a bag of rb_sim are named."""
+    if wrench:
         raise RbSimError(
-            f"{options.bag}: its poses are of {', '.join(names)}; the scene's bodies are "
-            f"{', '.join(bodies)}; say which is which with --match BODY=NAME"
+            f"--wrench {wrench[0]}: only for bags of others; this one is of rb_sim, and holds what "
+            "was commanded"
         )
-    return pairs
 
 
 def _print(found: Fitted) -> None:

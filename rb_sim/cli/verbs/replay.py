@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,11 +29,12 @@ def replay(
 ) -> None:
     """Show a recorded bag in the Rerun viewer, or save it as .rrd, as a picture, as a film.
 
-    bag: directory or .mcap file that rb_sim recorded.
-    Raises SinkError: no such bag, unfinished, not of rb_sim, wrong ending, nothing to draw with;
+    bag: directory or file that rb_sim recorded, or anybody's with poses in it, of which frames and
+    trails are drawn.
+    Raises SinkError: no such bag, unfinished, no pose in it, wrong ending, nothing to draw with;
     MissingExtraError without rerun-sdk.
     """
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import reader_of
     from rb_sim.io.rerun.viewer import save_screenshot, show
 
     check_ending(save, ".rrd")
@@ -42,16 +44,18 @@ def replay(
         from rb_sim.io.rerun.viewer import find_ffmpeg
 
         find_ffmpeg()  # said before the work begins
-    reader = BagReader(bag)
+    reader = reader_of(bag)
+    name = bag.stem if reader is None else reader.scene.name
+    draw = _others(bag) if reader is None else partial(convert, reader)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
-        recording = save or Path(folder) / f"{reader.scene.name}.rrd"
+        recording = save or Path(folder) / f"{name}.rrd"
         with _whole_or_none(recording):
-            convert(reader, recording)
-        warn(reader.left_out)
+            draw(recording)
+        warn([] if reader is None else reader.left_out)
         if screenshot is not None:
             save_screenshot(recording, screenshot)
         if video is not None:
-            _film(reader, Path(folder) / "motion.rrd", video)
+            _film(draw, Path(folder) / "motion.rrd", video)
         if save is None and screenshot is None and video is None:
             show(recording)
     for path in (save, screenshot, video):
@@ -81,11 +85,24 @@ def _changed(path: Path) -> int | None:
         return None
 
 
-def _film(reader: BagReader, recording: Path, video: Path) -> None:
+def _others(bag: Path) -> Callable[..., float]:
+    """What writes the motion in a bag of somebody else as a recording, as `convert` does."""
+    from rb_sim.bags.comparison_views import drawn, motion_of
+    from rb_sim.bags.tracks import tracks_of_bag
+
+    tracks = tracks_of_bag(bag)
+    warn(tracks.notes)
+    frames = dict.fromkeys(f for name in drawn(tracks) if (f := tracks.bodies[name].frame))
+    if len(frames) > 1:
+        warn([f"no transform connects the frames {', '.join(frames)}: drawn as if they were one"])
+    return partial(motion_of, tracks)
+
+
+def _film(draw: Callable[..., float], recording: Path, video: Path) -> None:
     """The 3D view alone, as a film; says how fast it is played."""
     from rb_sim.io.rerun.viewer import save_video
 
-    span = convert(reader, recording, motion_only=True)
+    span = draw(recording, motion_only=True)
     film = save_video(recording, video, span)
     print(
         f"{film.pictures} pictures, {film.seconds:g} s of film at {film.speed:.3g} times real time"
@@ -122,13 +139,16 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
         raise RbSimError(f"--rate: got {rate:g}; must be from 0 (no pacing) to {MOST_RATE:g}")
     if not 0.0 <= start < float("inf"):
         raise RbSimError(f"--start: got {start:g}; must be a time >= 0 [s]")
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import reader_of
     from rb_sim.ros.main import need_rclpy
 
+    reader = reader_of(bag)
+    if reader is None:
+        raise RbSimError(f"--publish: {bag} was not recorded by rb_sim; play it with "
+                         f"ros2 bag play --clock 100 {bag}")  # fmt: skip
     need_rclpy()
     from rb_sim.ros.replay import Playing, publish
 
-    reader = BagReader(bag)
     code = publish(reader, Playing(rate, options.loop, start))
     warn(reader.left_out)
     return code
@@ -155,6 +175,12 @@ def warn(lines: Iterable[str]) -> None:
     """Say what is missing in a bag."""
     for line in lines:
         print(f"warning: {line}", file=sys.stderr, flush=True)
+
+
+def note(lines: Iterable[str]) -> None:
+    """Say how something was read."""
+    for line in lines:
+        print(f"note: {line}", file=sys.stderr, flush=True)
 
 
 def check_ending(path: Path | None, ending: str) -> None:

@@ -103,7 +103,7 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
     from rb_sim.scene.load import load_scene, scene_from_mapping
 
     path = Path(name_or_path)
-    if not (path.suffix == ".mcap" or (path.is_dir() and any(path.glob("*.mcap")))):
+    if not (path.suffix in (".mcap", ".db3") or _holds_bag(path)):
         return load_scene(find_moving(name_or_path), **overrides)
     from rb_sim.io.bag.reader import BagReader
 
@@ -121,6 +121,14 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
         )
     except KeyError as missing:
         raise RbSimError(f"{path}: its record of the simulation lacks {missing}") from None
+
+
+def _holds_bag(path: Path) -> bool:
+    if not path.is_dir():  # then nobody waits for the library of bags to be loaded
+        return False
+    from rb_sim.io.bag.records import holds_bag
+
+    return holds_bag(path)
 
 
 def find_moving_or_at_rest(name_or_path: str) -> tuple[Path, bool]:

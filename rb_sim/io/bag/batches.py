@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,12 +27,17 @@ from rb_sim.io.bag.checked_records import (
 from rb_sim.io.bag.index import FRAME, count_entries, index_entries, name_of
 from rb_sim.io.bag.records import parse_record
 from rb_sim.io.bag.salvage import Unchecked
+from rb_sim.io.bag.sqlite import SqliteScan, is_sqlite
 
 # The messages among the bytes of a bag, as arrays.
 
 
 PATTERN = 64
 """Messages read one by one before those that follow are taken to repeat their lengths."""
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""How what zstd has compressed begins (RFC 8878); a message of CDR begins with a zero."""
+LARGEST = 1 << 27
+"""Bytes of a message that is decompressed; one that claims more is damage."""
 LONGEST = 32
 """Messages in a pattern, at most."""
 
@@ -76,6 +82,26 @@ def rows_at(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
         return np.empty((len(start), size), np.uint8)
     whole = np.ndarray((room,), np.dtype((np.void, size)), buffer, strides=(1,))  # copied at once
     return whole[start].view(np.uint8).reshape(len(start), size)
+
+
+def unpacked(messages: Messages) -> Messages:
+    """The messages as they were before rosbag2 compressed them one by one, where it did; what
+    cannot be decompressed stays as it is."""
+    if not len(messages.start) or messages.data(0)[: len(ZSTD)] != ZSTD:
+        return messages
+    zstandard = import_module("zstandard")
+    decompress = zstandard.ZstdDecompressor().decompress
+    parts = []
+    for k in range(len(messages.start)):
+        data = messages.data(k)
+        try:
+            small = zstandard.frame_content_size(data) <= LARGEST
+            parts.append(decompress(data, max_output_size=LARGEST) if small else data)
+        except zstandard.ZstdError:
+            parts.append(data)
+    size = np.array([len(part) for part in parts])
+    buffer = np.frombuffer(b"".join(parts), np.uint8)
+    return messages._replace(buffer=buffer, start=np.cumsum(size) - size, size=size)
 
 
 Batch = dict[int, Messages]
@@ -168,6 +194,21 @@ class BagScan:
         self.bytes = 0
         """of message data."""
         self._first: int | None = None
+
+    @property
+    def chunks(self) -> int:
+        """Whole chunks so far."""
+        return self.frames.chunks
+
+    @property
+    def unchecked_chunks(self) -> int:
+        """Chunks without a checksum so far."""
+        return self.frames.unchecked
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file ends as a finished one does."""
+        return self.frames.complete
 
     @property
     def missing(self) -> Missing:
@@ -360,3 +401,11 @@ class BagScan:
         parts.append((starts, sizes))
         start, size = (np.concatenate(column) for column in zip(*parts, strict=True))
         return start.astype(np.int64, copy=False), size.astype(np.int64, copy=False)
+
+
+Scan = BagScan | SqliteScan
+
+
+def scan_of(path: Path) -> Scan:
+    """The reader of one file of a bag, by its storage. Raises SinkError, MissingExtraError."""
+    return SqliteScan(path) if is_sqlite(path) else BagScan(path)

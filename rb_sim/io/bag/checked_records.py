@@ -30,7 +30,7 @@ from rb_sim.io.bag.index import (
 )
 from rb_sim.io.bag.salvage import MESSAGE_HEAD, Unchecked
 
-# What can be broken in an MCAP file, and how a reader tells it.
+# What can be broken in a file of a bag, and how a reader tells it.
 
 
 NO_RECORD = "no record can be read there"
@@ -41,6 +41,8 @@ OTHER_COUNT = "its own count of messages is another one"
 ONE_LENGTH = "one of its two lengths is broken, and the other was read"
 OTHER_NAME = "its name is not as written, and was taken from the index"
 NO_CHANNEL = "messages whose topic stood in a broken part"
+BROKEN_DATABASE = "damaged: the database cannot be read any further"
+JOURNAL = "its recorder was killed, and what stands in the journal (-wal) beside it is not read"
 
 
 class Damage(NamedTuple):
@@ -84,7 +86,7 @@ class Missing(NamedTuple):
         if damage.reason == OTHER_COUNT:
             return f"damaged: {damage.reason}, and no checksum tells which is right"
         where = f"damaged at byte {damage.offset}: {damage.reason}"
-        if damage.reason == NO_CHANNEL:
+        if damage.reason in (NO_CHANNEL, BROKEN_DATABASE, JOURNAL):
             where = damage.reason
         if damage.after is None and damage.before is None:
             return f"{where}; no message is missing there that the file knows of"

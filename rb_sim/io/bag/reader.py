@@ -196,12 +196,16 @@ class RecordedScene:
     simulation: Any
 
 
+class ForeignBagError(SinkError):
+    """A bag that rb_sim did not record."""
+
+
 class BagReader:
     """A recorded bag: `scene`, `layout`, `namespace`, `start` [ns], and its samples in blocks.
 
     bag: directory or .mcap file. unfinished: read also one that was never finished.
     missing: after `blocks`, what could not be read of each file that is not whole.
-    Raises SinkError with one clear line: missing, no MCAP, unfinished, not recorded by rb_sim.
+    Raises SinkError with one clear line: missing, no bag, unfinished; ForeignBagError.
     """
 
     def __init__(self, bag: Path, *, unfinished: bool = False) -> None:
@@ -213,7 +217,7 @@ class BagReader:
         self._broken_summary: list[str] = []
         record = _first_record(self.path)
         if record is None:
-            raise SinkError(f"{self.path}: not recorded by rb_sim")
+            raise ForeignBagError(f"{self.path}: not recorded by rb_sim")
         if record["format"] not in READABLE:
             raise SinkError(
                 f"{self.path}: its records have format {record['format']}; "
@@ -299,6 +303,17 @@ class BagReader:
                 raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
             block = _block(t, columns, self.scene, self.layout, center_of_mass)
             yield replace(block, events=events, inputs=tuple(given for _, given in rows.inputs))
+
+
+def reader_of(bag: Path, *, unfinished: bool = False) -> BagReader | None:
+    """The reader of a bag that rb_sim recorded; None for a bag of somebody else.
+
+    Raises SinkError for what is no bag, and as BagReader does.
+    """
+    try:
+        return BagReader(bag, unfinished=unfinished)
+    except ForeignBagError:
+        return None
 
 
 def metadata_of(path: Path, name: str) -> dict[str, str] | None:

@@ -1,4 +1,4 @@
-"""The records of an MCAP file one after the other, and what of it cannot be read."""
+"""The files of a bag, of either storage (MCAP, SQLite), and single records of an MCAP file."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.checked_records import NO_RECORD, Damage, Frame, Frames
+from rb_sim.io.bag.checked_records import Frames
 from rb_sim.io.bag.index import name_of
 from rb_sim.io.bag.salvage import WholeStream
+from rb_sim.io.bag.sqlite import SUFFIX, is_sqlite, span_of
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
 
@@ -32,12 +33,17 @@ _KINDS = {
     Opcode.ATTACHMENT: Attachment,
 }
 
+STORAGES = (".mcap", SUFFIX)
+"""Endings of the files of bags."""
+_COMPRESSED = ".zstd"
+"""What rosbag2 adds to the name of a file that it compressed as a whole."""
+
 _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The one in C where it was built: metadata.yaml holds every topic's QoS."""
 
 
 def bag_paths(bag: Path) -> list[Path]:
-    """The MCAP files of `bag` in their order: of a directory, or the file itself.
+    """The files of `bag` in their order: of a directory, or the file itself.
 
     Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
     without it all, if they follow each other in time. The order is that of their numbers, or of
@@ -47,19 +53,24 @@ def bag_paths(bag: Path) -> list[Path]:
     if not bag.is_dir():
         if not bag.exists():
             raise SinkError(f"{bag}: no such bag")
+        if bag.suffix == _COMPRESSED:
+            raise SinkError(_packed(bag, bag))
         return [bag]
     listed = _listed(bag / "metadata.yaml")
     there = [path for path in listed if path.exists()]
-    if listed and not there:
-        raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
-    found = there or sorted(bag.glob("*.mcap"), key=_number)
+    found = there or ([] if listed else _files(bag))
     if not found:
-        other = [path for kind in ("*.db3", "*.mcap.zstd", "*.db3.zstd") for path in bag.glob(kind)]
-        other.sort()
-        what = "no .mcap file in it"
-        if other:
-            what += f" but {other[0].name} (convert it to MCAP with rosbags-convert)"
-        raise SinkError(f"{bag}: not a bag of rb_sim: {what}")
+        packed = sorted(bag.glob(f"*{_COMPRESSED}"))
+        if packed:
+            raise SinkError(_packed(bag, packed[0]))
+        if listed:
+            raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
+        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it")
+    if len({path.suffix for path in found}) > 1:
+        raise SinkError(
+            f"{bag}: not one bag: files of two storages without metadata.yaml, as {found[0].name}"
+            f" and {found[-1].name}; name one of them"
+        )
     if len(found) == 1:
         return found
     numbered = all(path.stem.rpartition("_")[2].isdigit() for path in found)
@@ -71,10 +82,28 @@ def bag_paths(bag: Path) -> list[Path]:
         for one, two in zip(found, found[1:], strict=False):
             if spans[one][1] >= spans[two][0]:
                 raise SinkError(
-                    f"{bag}: not a bag of rb_sim: {len(found)} .mcap files without metadata.yaml,"
-                    f" of which {one.name} and {two.name} overlap in time; name one of them"
+                    f"{bag}: not one bag: {len(found)} {found[0].suffix} files without "
+                    f"metadata.yaml, of which {one.name} and {two.name} overlap in time; name one "
+                    "of them"
                 )
     return found
+
+
+def _files(bag: Path) -> list[Path]:
+    """All files of a folder that may be of a bag."""
+    return sorted((path for end in STORAGES for path in bag.glob(f"*{end}")), key=_number)
+
+
+def _packed(bag: Path, path: Path) -> str:
+    return (
+        f"{bag}: {path.name} was compressed as a whole by rosbag2; unpack it first: "
+        f"zstd -d {path.parent}/*{''.join(path.suffixes[-2:])}"
+    )
+
+
+def holds_bag(folder: Path) -> bool:
+    """Whether there are files of a bag in a folder."""
+    return bool(_files(folder))
 
 
 _TIMES, _HEAD = struct.Struct("<QQ"), struct.Struct("<HIQ")
@@ -86,6 +115,8 @@ _MAGIC = 8
 def _span(path: Path) -> tuple[int, int]:
     """Log times of the first and of the last message of a file, as its summary, or its first chunk
     or message, has them [ns]; (0, 0) for a file that has none."""
+    if is_sqlite(path):
+        return span_of(path)
     try:
         with path.open("rb") as file:
             try:
@@ -111,13 +142,13 @@ def _span(path: Path) -> tuple[int, int]:
 
 
 def unlisted(bag: Path) -> list[str]:
-    """Lines on the MCAP files of a folder that its metadata.yaml leaves out, which nobody reads,
+    """Lines on the files of a folder that its metadata.yaml leaves out, which nobody reads,
     and on those that it names and that are not there."""
     if not bag.is_dir():
         return []
     named = _listed(bag / "metadata.yaml")
     listed = {os.path.normpath(path) for path in named}
-    others = sorted(p.name for p in bag.glob("*.mcap") if os.path.normpath(p) not in listed)
+    others = sorted(p.name for p in _files(bag) if os.path.normpath(p) not in listed)
     lines = absent(bag)
     if listed and others:
         more = f" and {len(others) - 1} more" if len(others) > 1 else ""
@@ -131,24 +162,17 @@ def absent(bag: Path) -> list[str]:
     return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
 
 
-def bag_path(bag: Path) -> Path:
-    """The only MCAP file of `bag`. Raises SinkError where there is none or there are several."""
-    paths = bag_paths(bag)
-    if len(paths) > 1:
-        raise SinkError(f"{bag}: not a bag of rb_sim: {len(paths)} .mcap files in it")
-    return paths[0]
-
-
 def _listed(metadata: Path) -> list[Path]:
-    """The MCAP files that a metadata.yaml names; none if it cannot be read."""
+    """The files that a metadata.yaml names, as unpacked; none if it cannot be read."""
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
         # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
-        paths = [metadata.parent / PurePath(str(name)).name for name in names]
+        plain = [PurePath(str(name)).name.removesuffix(_COMPRESSED) for name in names]
+        paths = [metadata.parent / name for name in plain]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
-    return paths if all(path.suffix == ".mcap" for path in paths) else []
+    return paths if all(path.suffix in STORAGES for path in paths) else []
 
 
 def _number(path: Path) -> tuple[str, int]:
@@ -156,41 +180,8 @@ def _number(path: Path) -> tuple[str, int]:
     return (stem, int(number)) if number.isdigit() else (path.stem, 0)
 
 
-def read_records(path: Path, damages: list[Damage] | None = None) -> Iterator[Record]:
-    """Records of the data section in file order, those within chunks one by one.
-
-    What is broken is left out, and told at the end in `damages`.
-    Raises SinkError for a file that is no MCAP or cannot be opened.
-    """
-    frames = Frames(path)
-    for frame in frames:
-        try:
-            yield from _parse(frame)
-        except BrokenRecordError:
-            frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
-    if damages is not None:
-        damages += frames.damages
-
-
 class BrokenRecordError(Exception):
     """A record is not what its kind says."""
-
-
-def _parse(frame: Frame) -> Iterator[Record]:
-    if frame.opcode != Opcode.CHUNK:
-        record = parse_record(frame.opcode, frame.content)
-        if record is not None:
-            yield record
-        return
-    data, at = frame.content, 0
-    while at < len(data):
-        if at + _FRAME.size > len(data):
-            raise BrokenRecordError
-        opcode, length = _FRAME.unpack_from(data, at)
-        at += _FRAME.size + length
-        record = parse_record(opcode, data[at - length : at])
-        if record is not None:
-            yield record
 
 
 def parse_record(opcode: int, content: bytes) -> Record | None:
@@ -215,8 +206,10 @@ def _attachment_is_whole(content: bytes) -> bool:
 def read_metadata(path: Path) -> Iterator[Metadata]:
     """The metadata records of a file: those that its index names, else by reading all of it.
 
-    Raises SinkError as `read_records` does.
+    SQLite files have none. Raises SinkError for a file that is no MCAP or cannot be opened.
     """
+    if is_sqlite(path):
+        return
     frames = Frames(path)
     found = frames.named() if frames.index is not None else iter(frames)
     for frame in found:
@@ -232,13 +225,17 @@ def read_metadata(path: Path) -> Iterator[Metadata]:
 
 def metadata_names(path: Path) -> set[str]:
     """Of all metadata records that the index of a file names."""
+    if is_sqlite(path):
+        return set()
     frames = Frames(path)
     frames.close()
     return set() if frames.index is None else set(frames.index.names.values())
 
 
 def is_complete(path: Path) -> bool:
-    """True if the file ends as a finished one does."""
+    """True if the file ends as a finished one does; of SQLite files each does."""
+    if is_sqlite(path):
+        return True
     from mcap.writer import MCAP0_MAGIC
 
     with path.open("rb") as file:

@@ -11,7 +11,7 @@ import yaml
 
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag import records
-from rb_sim.io.bag.batches import BagScan, Batch
+from rb_sim.io.bag.batches import Batch, Scan, scan_of
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.sink import LIBRARY
 
@@ -40,7 +40,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
-    scans: list[BagScan] = []
+    scans: list[Scan] = []
     try:
         _check(sources)
         file = None
@@ -69,10 +69,12 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
 def _check(sources: list[Path]) -> None:
     """Refuse what is no ROS 2 bag or holds no message."""
     for source in sources:
-        for record in records.read_records(source):
-            if isinstance(record, records.Header) and record.profile != "ros2":
-                raise SinkError(f"{source}: not a ROS 2 bag: its profile is {record.profile!r}")
-            if isinstance(record, records.Message):
+        scan = scan_of(source)
+        for batch in scan.batches():
+            header = scan.header
+            if header is not None and header.profile != "ros2":
+                raise SinkError(f"{source}: not a ROS 2 bag: its profile is {header.profile!r}")
+            if batch:
                 return
     raise SinkError(f"{sources[0]}: nothing to recover: not one chunk of it was finished")
 
@@ -117,9 +119,9 @@ class _Copied:
         return not known
 
 
-def _copy(source: Path, copied: _Copied) -> BagScan:
+def _copy(source: Path, copied: _Copied) -> Scan:
     """Copy what can be read; the scan says what could not."""
-    scan = BagScan(source)
+    scan = scan_of(source)
     channels: dict[int, int] = {}
     metadata = attachments = 0
     for batch in scan.batches():
@@ -141,7 +143,7 @@ def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
         file.write(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
 
 
-def _copy_files(scan: BagScan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:
+def _copy_files(scan: Scan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:
     """Records and attachments that are new since `metadata` and `attachments` of them."""
     for record in scan.metadata[metadata:]:
         copied.metadata(record)

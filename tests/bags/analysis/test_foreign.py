@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as RosbagWriter
 
 from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.derivatives import Body
@@ -248,28 +246,6 @@ def test_a_compression_that_nobody_knows_is_no_wrong_checksum(tmp_path):
     path.write_bytes(data.replace(b"\x04\0\0\0zstd", b"\x04\0\0\0brot"))
     with pytest.raises(SinkError, match="its compression is none of zstd and lz4"):
         analyze(path)
-
-
-@pytest.mark.parametrize(
-    ("plugin", "mode", "line"),
-    [
-        (StoragePlugin.SQLITE3, CompressionMode.NONE, r"x\.db3 \(convert it to MCAP with rosbags"),
-        (StoragePlugin.SQLITE3, CompressionMode.FILE, r"x\.db3\.zstd \(convert it to MCAP with"),
-        (StoragePlugin.MCAP, CompressionMode.FILE, r"x\.mcap\.zstd \(convert it to MCAP with"),
-        (StoragePlugin.MCAP, CompressionMode.MESSAGE, "compressed one by one by rosbag2"),
-    ],
-)
-def test_what_has_to_be_converted_is_told(tmp_path, plugin, mode, line):
-    writer = RosbagWriter(tmp_path / "x", version=9, storage_plugin=plugin)
-    if mode != CompressionMode.NONE:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connection = writer.add_connection("/body", POSE, typestore=foreign.STORE)
-        for t, p, q in zip(T[:20], P[:20], Q[:20], strict=True):
-            data = foreign.STORE.serialize_cdr(pose(t, p, q), POSE)
-            writer.write(connection, round((foreign.EPOCH + t) * 1e9), bytes(data))
-    with pytest.raises(SinkError, match=line):
-        analyze(tmp_path / "x")
 
 
 @pytest.mark.parametrize(("n", "cut", "found"), [

@@ -12,7 +12,7 @@ from rb_sim import load_scene
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.contact.events.next_event import look_ahead
 from rb_sim.mechanics.contact import contact_bodies as kinds
-from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
+from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (

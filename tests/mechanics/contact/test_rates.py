@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
-from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
+from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401  # noqa: F401
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import CLOSED, GAP, SLIDE
 from rb_sim.mechanics.system import rate_into, sample, settle

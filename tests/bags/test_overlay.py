@@ -1,0 +1,87 @@
+"""Bags of others in the viewer: what of them is drawn, where and when."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from rb_sim.bags.comparison_views import drawn, motion_of
+from rb_sim.bags.tracks import tracks_of_bag
+from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
+from rb_sim.cli.verbs.replay import PlayOptions, play, replay
+from tests.bags.analysis import foreign
+from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
+from tests.bags.analysis.test_foreign import pose as stamped
+from tests.fit.test_foreign import poses, pushes, write
+from tests.io.test_rerun import column, needs_rerun, run
+
+
+@needs_rerun
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_replay_draws_the_poses_of_others_at_their_times(tmp_path, plugin, capsys):
+    """From the first pose on: times of a calendar are none that a viewer shows."""
+    bag = write(tmp_path / "bag", poses(), pushes(), plugin=plugin)
+    replay(bag, tmp_path / "x.rrd")
+    assert capsys.readouterr().out == f"wrote {tmp_path / 'x.rrd'}\n"
+    run("rrd", "verify", tmp_path / "x.rrd")
+    track = tracks_of_bag(bag).bodies["/cart/pose"]
+    times, rows = column(tmp_path / "x.rrd", "/world/\\/cart\\/pose", "Transform3D:translation")
+    assert np.abs(times * 1e-9 - (track.t - track.t[0])).max() < 1e-6
+    assert np.abs(np.array(rows)[:, 0] - track.position).max() < 1e-6
+    times, rows = column(tmp_path / "x.rrd", "/plots/force/\\/cart\\/push", "Scalars:scalars")
+    assert np.array(rows)[:, 0].tolist() == [3.0, -6.0, 0.0, 4.0]
+    assert times[0] == pytest.approx(-0.05e9, abs=1e3)
+
+
+def test_its_span_is_that_of_the_poses(tmp_path):
+    pytest.importorskip("rerun")
+    tracks = tracks_of_bag(write(tmp_path / "bag", poses()))
+    span = motion_of(tracks, tmp_path / "x.rrd", motion_only=True)
+    assert span == pytest.approx(1.94, abs=0.03)
+
+
+def test_frames_are_drawn_in_the_root_of_their_tree(tmp_path):
+    """`base` in `odom`, which moves in `map`: not at its place in `odom`, and no sensor on it."""
+    still = np.array([0.0, 0.0, 0.0, 1.0])
+    with writing(tmp_path / "x.mcap") as bag:
+        static = transforms(T[0], ("base", "lidar", np.array([0.0, 0.0, 1.0]), still))
+        bag.add("/tf_static", TF, static, T[0])
+        for t, p, q in zip(T, P, Q, strict=True):
+            odom = "map", "odom", np.array([t, 0.0, 0.0]), still
+            bag.add("/tf", TF, transforms(t, odom, ("odom", "base", p, q)), t)
+    tracks = tracks_of_bag(tmp_path / "x.mcap")
+    assert drawn(tracks) == ["/tf:odom", "/tf:base (in map by transforms)"]
+
+
+@needs_rerun
+def test_frames_that_nothing_connects_are_told(tmp_path, capsys):
+    with writing(tmp_path / "x.mcap") as bag:
+        for t, p, q in zip(T, P, Q, strict=True):
+            bag.add("/a", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "map"), t)
+            bag.add("/b", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "mocap"), t)
+    replay(tmp_path / "x.mcap", tmp_path / "x.rrd")
+    told = "warning: no transform connects the frames map, mocap: drawn as if they were one\n"
+    assert told in capsys.readouterr().err
+
+
+def test_without_poses_or_rerun_one_line_says_so(tmp_path, monkeypatch):
+    bag = write(tmp_path / "bag", pushes())
+    with pytest.raises(SinkError, match=r"no pose in it \(PoseStamped, Odometry or TF\)"):
+        replay(bag, tmp_path / "x.rrd")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'rb_sim\[rerun\]'"):
+        replay(write(tmp_path / "other", poses()), tmp_path / "x.rrd")
+    assert not Path(tmp_path / "x.rrd").exists()
+
+
+def test_topics_of_others_are_played_by_another_program(tmp_path):
+    bag = foreign.write(tmp_path / "bag")
+    with pytest.raises(RbSimError) as caught:
+        play(bag, PlayOptions())
+    assert str(caught.value) == (
+        f"--publish: {bag} was not recorded by rb_sim; play it with ros2 bag play --clock 100 {bag}"
+    )

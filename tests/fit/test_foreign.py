@@ -1,0 +1,271 @@
+"""Bags of others beside a scene: which pose is of which body, and what its bodies were commanded.
+
+A cart of mass M is pushed by forces that were commanded step by step: its motion is known.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from rb_sim import compare, fit
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.compare import TOO_FAR, CompareOptions
+from rb_sim.cli.verbs.compare import compare as compare_verb
+from tests.bags.analysis import foreign
+
+M, V = 2.5, 0.4
+"""Mass of the cart, and its first velocity along x."""
+AT = np.array([0.0, 0.35, 0.8, 1.23])
+"""Times of the commands, not those of the poses."""
+FORCE = np.array([3.0, -6.0, 0.0, 4.0])
+T = np.arange(0.05, 2.0, 0.02)
+SPIN = 0.9
+"""Of the cart about z."""
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+
+
+def along(t):
+    """Place and velocity along x under the commands that came so far."""
+    edges = np.append(AT, np.inf)
+    x, v = np.zeros_like(t), np.full_like(t, V)
+    for k, force in enumerate(FORCE):
+        span = np.clip(np.minimum(t, edges[k + 1]) - edges[k], 0.0, None)
+        x += v * span + force / M * span**2 / 2
+        v = v + force / M * span
+    return x, v
+
+
+def wrench(t: float, frame: str, force, torque=(0.0, 0.0, 0.0)):
+    types = foreign.STORE.types
+    vectors = [types["geometry_msgs/msg/Vector3"](*map(float, a)) for a in (force, torque)]
+    acting = types["geometry_msgs/msg/Wrench"](*vectors)
+    return WRENCH, types[WRENCH](header=foreign.header(t, frame), wrench=acting)
+
+
+def attitude(t: float):
+    return np.array([0.0, 0.0, np.sin(SPIN * t / 2), np.cos(SPIN * t / 2)])
+
+
+def poses(make=foreign.pose_stamped, topic: str = "/cart/pose"):
+    x, _ = along(T)
+    return [(t, topic, *make(t, [x[k], 0.0, 0.0], attitude(t))) for k, t in enumerate(T)]
+
+
+def pushes(topic: str = "/cart/push", frame: str = "map", part: float = 1.0):
+    both = zip(AT, FORCE, strict=True)
+    return [(t, topic, *wrench(t, frame, [part * force, 0.0, 0.0])) for t, force in both]
+
+
+def write(folder: Path, *streams, plugin=StoragePlugin.SQLITE3) -> Path:
+    """A bag of (t, topic, type, message), in the order of their times."""
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connections = {}
+        for t, topic, kind, message in sorted(sum(streams, []), key=lambda entry: entry[0]):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=foreign.STORE)
+            data = bytes(foreign.STORE.serialize_cdr(message, kind))
+            writer.write(connections[topic], round((foreign.EPOCH + t) * 1e9), data)
+    return folder
+
+
+def scene(folder: Path, mass: float = M, turning: bool = True, **more) -> str:
+    """The cart at the time of the first pose."""
+    (x,), (v,) = along(T[:1])
+    cart = {
+        "mass": mass, "inertia": [0.1, 0.1, 0.1], "position": [float(x), 0.0, 0.0],
+        "linear_velocity": [float(v), 0.0, 0.0],
+        "orientation": attitude(T[0]).tolist() if turning else [0.0, 0.0, 0.0, 1.0],
+        "angular_velocity": [0.0, 0.0, SPIN if turning else 0.0],
+    }  # fmt: skip
+    path = folder / "cart.yaml"
+    effects = {"push": {"type": "commanded_wrench", "body": "cart"}}
+    options = {"method": "dopri853", "tolerance": 1e-10}
+    text = {"bodies": {"cart": cart}, "effects": effects, "simulation": options} | more
+    path.write_text(json.dumps(text))
+    return str(path)
+
+
+def largest(found) -> float:
+    return max(float(series["position"].max()) for series in found.series.values())
+
+
+STAMP = 5e-7
+"""Rounding of calendar times in seconds, times velocities of the cart [m]."""
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_a_scene_follows_the_bag_of_somebody_else_with_its_commands(tmp_path, plugin):
+    bag = write(tmp_path / "bag", poses(), pushes(), plugin=plugin)
+    found = compare(bag, scene(tmp_path))
+    assert found.pairs == {"/cart/pose": "cart"} and found.align == "none"
+    assert len(found.t["/cart/pose"]) == len(T)
+    assert largest(found) < STAMP
+    assert largest(compare(bag, scene(tmp_path), wrenches=["none"])) > 0.1
+    (x,), (v,) = along(T[:1])
+    pushed = np.abs(along(T)[0] - x - v * (T - T[0])).max()
+    heavy = largest(compare(bag, scene(tmp_path, 1.1 * M)))
+    assert heavy == pytest.approx(pushed * 0.1 / 1.1, rel=1e-5)
+
+
+def test_a_fit_finds_the_mass_from_the_wrenches_that_were_recorded(tmp_path):
+    bag = write(tmp_path / "bag", poses(), pushes())
+    found = fit(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0))
+    assert found.values[0] == pytest.approx(M, rel=1e-6)
+    assert found.errors[0] < 1e-5
+    lost = fit(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0), wrenches=["none"])
+    assert lost.undetermined == ["bodies.cart.mass"]
+
+
+def test_a_command_in_the_axes_of_the_body_turns_with_it(tmp_path):
+    """A force along its own x, and a moment about its z, which makes it spin faster."""
+    scene_of_body = scene(tmp_path)
+    torque = [(0.3, "/push", *wrench(0.3, "cart", [0, 0, 0], [0, 0, 0.05]))]
+    turns = [SPIN * t + 0.5 * (0.05 / 0.1) * max(0.0, t - 0.3) ** 2 for t in T]
+    (x0,), (v0,) = along(T[:1])
+    there = [(t, "/cart/pose", *foreign.pose_stamped(
+        t, [x0 + v0 * (t - T[0]), 0, 0], [0, 0, np.sin(a / 2), np.cos(a / 2)]))
+        for t, a in zip(T, turns, strict=True)]  # fmt: skip
+    found = compare(write(tmp_path / "bag", there, torque), scene_of_body)
+    assert max(series["angle"].max() for series in found.series.values()) < 1e-6
+    forward = [(0.3, "/push", *wrench(0.3, "cart", [1.0, 0, 0]))]
+    found = compare(write(tmp_path / "other", poses(), forward), scene_of_body)
+    assert largest(found) > 0.01
+
+
+def fixed(child: str, p, q, parent: str = "cart"):
+    kind, message = foreign.tf(0.0, p, q, child)
+    message.transforms[0].header.frame_id = parent
+    del message.transforms[1]
+    return [(0.0, "/tf_static", kind, message)]
+
+
+def test_a_wrench_in_a_frame_that_is_fixed_to_the_body_is_carried_over_to_its_origin(tmp_path):
+    """A thruster 0.2 m beside the origin that pushes along the body's y: force and moment."""
+    turn = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    thrust = [(0.3, "/thrust", *wrench(0.3, "nozzle", [0.5, 0.0, 0.0]))]
+    same = [(0.3, "/same", *wrench(0.3, "cart", [0.0, 0.5, 0.0], [0.0, 0.0, 0.1]))]
+    where = fixed("nozzle", [0.2, 0.0, 0.0], turn)
+    bag = write(tmp_path / "bag", poses(), where, thrust, same)
+    with pytest.raises(RbSimError, match="/thrust and /same act on cart: .* --wrench TOPIC"):
+        compare(bag, scene(tmp_path))
+    one, two = (compare(bag, scene(tmp_path), match={"/cart/pose": "cart"}, wrenches=[topic])
+                for topic in ("/thrust", "/same"))  # fmt: skip
+    for quantity in ("position", "angle"):
+        series = one.series["/cart/pose"][quantity]
+        assert series.max() > 0.01
+        assert np.abs(series - two.series["/cart/pose"][quantity]).max() < 1e-9
+
+
+def test_several_commands_add_up_as_they_hold(tmp_path):
+    """A third of the force on one topic and the rest on another one."""
+    halves = pushes("/cart/left", part=1 / 3), pushes("/cart/right", part=2 / 3)
+    bag = write(tmp_path / "bag", poses(), *halves)
+    found = compare(bag, scene(tmp_path), wrenches=["/cart/left", "cart=/cart/right"])
+    assert largest(found) < STAMP
+
+
+def test_a_topic_whose_commands_change_their_axes_is_one_command(tmp_path):
+    """The second command is in the axes of the body, which is not turned in this scene."""
+    x, _ = along(T)
+    there = [(t, "/cart/pose", *foreign.pose_stamped(t, [x[k], 0, 0], [0, 0, 0, 1]))
+             for k, t in enumerate(T)]  # fmt: skip
+    frames = ("map", "cart", "map", "cart")
+    mixed = [(t, "/cart/push", *wrench(t, frame, [f, 0, 0]))
+             for t, f, frame in zip(AT, FORCE, frames, strict=True)]  # fmt: skip
+    bag = write(tmp_path / "bag", there, mixed)
+    assert largest(compare(bag, scene(tmp_path, turning=False))) < STAMP
+
+
+@pytest.mark.parametrize(("make", "topic", "name"), [
+    (foreign.pose_stamped, "/lab/cart/pose", "/lab/cart/pose"),
+    (lambda t, p, q: foreign.tf(t, p, q, "cart"), "/tf", "/tf:cart"),
+    (foreign.pose_stamped, "/mocap", "/mocap"),
+])  # fmt: skip
+def test_whose_poses_they_are_is_told_by_topic_frame_or_there_being_one(
+    tmp_path, make, topic, name
+):
+    bag = write(tmp_path / "bag", poses(make, topic), pushes("/cart/push"))
+    found = compare(bag, scene(tmp_path))
+    assert found.pairs == {name: "cart"} and largest(found) < STAMP
+
+
+def test_odometry_is_of_the_body_that_its_child_frame_names(tmp_path):
+    def odometry(t, p, q):
+        kind, message = foreign.odometry(t, p, q)
+        message.child_frame_id = "cart"
+        return kind, message
+
+    other = poses(topic="/other")
+    bag = write(tmp_path / "bag", poses(odometry, "/odom"), other, pushes())
+    assert compare(bag, scene(tmp_path)).pairs == {"/odom": "cart"}
+
+
+def test_where_nothing_tells_one_line_names_the_option(tmp_path):
+    bag = write(tmp_path / "bag", poses(topic="/one"), poses(topic="/two"), pushes())
+    with pytest.raises(RbSimError) as caught:
+        compare(bag, scene(tmp_path))
+    assert str(caught.value) == (
+        f"{bag}: its poses are of /one, /two; the scene's bodies are cart; say which is which with "
+        "--match NAME=BODY"
+    )
+    with pytest.raises(RbSimError, match="say which is which with --match BODY=NAME"):
+        fit(bag, "bodies.cart.mass", scene=scene(tmp_path))
+    assert largest(compare(bag, scene(tmp_path), match={"/two": "cart"})) < STAMP
+
+
+@pytest.mark.parametrize(("wrenches", "line"), [
+    (["/pull"], "--wrench /pull: the topic must be one of /cart/push, /elsewhere, /hand$"),
+    (["lid=/hand"], "--wrench lid=/hand: bodies that take a command: cart$"),
+    (["/hand"], "--wrench /hand: neither its frame nor its name tells of which body; give "
+                r"BODY=/hand \(bodies that take a command: cart\)$"),
+    (["cart=/hand"], "--wrench cart=/hand: its frame hand is neither the body's nor that of its "),
+])  # fmt: skip
+def test_a_wrench_that_is_no_command_of_a_body_is_refused_in_one_line(tmp_path, wrenches, line):
+    others = [*pushes("/elsewhere", "map"), *pushes("/hand", "hand")]
+    bag = write(tmp_path / "bag", poses(), pushes(), others)
+    with pytest.raises(RbSimError, match=line):
+        compare(bag, scene(tmp_path), wrenches=wrenches)
+
+
+def test_a_reaction_that_was_measured_is_no_command(tmp_path, capsys):
+    """A wrench named as a constraint of the scene is what that constraint does."""
+    held = {"rail": {"type": "free", "body": "cart"}}
+    bag = write(tmp_path / "bag", poses(), pushes(), pushes("/cart/rail", "cart"))
+    assert largest(compare(bag, scene(tmp_path, constraints=held))) < STAMP
+    err = capsys.readouterr().err
+    assert "note: /cart/push is what cart was commanded\n" in err
+    assert "note: its wrenches (/cart/rail) are not applied: " in err
+
+
+def test_the_bound_of_a_wrong_model_is_exceeded(tmp_path, capsys):
+    bag = write(tmp_path / "bag", poses(), pushes())
+    bounds = {"position": 1e-3}
+    assert compare_verb(CompareOptions(bag, scene(tmp_path), bounds=bounds)) == 0
+    assert compare_verb(CompareOptions(bag, scene(tmp_path, 3.0), bounds=bounds)) == TOO_FAR
+    assert (
+        "starts as the scene says, at the first pose, t = 1700000000.050000 s"
+        in capsys.readouterr().err
+    )
+
+
+def test_a_bag_with_schemas_of_the_mcap_library(tmp_path):
+    """Without metadata.yaml, in one file."""
+    with (tmp_path / "x.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2", library="somebody")
+        channels = {}
+        for t, topic, kind, message in [*pushes()[:1], *poses(), *pushes()[1:]]:
+            if topic not in channels:
+                schema = writer.register_schema(kind, "ros2msg", b"")
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+            stamp = round((foreign.EPOCH + t) * 1e9)
+            data = bytes(foreign.STORE.serialize_cdr(message, kind))
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+    assert largest(compare(tmp_path / "x.mcap", scene(tmp_path))) < STAMP
