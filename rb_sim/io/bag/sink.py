@@ -249,7 +249,7 @@ class BagSink:
 
     def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
         """The file for a sample: another one if this one is large or long enough."""
-        if file.count == len(self._latched):
+        if file.first is None or file.count == len(self._latched):
             return file
         time = self._base + max(instant.stamp, self._last_stamp)
         if file.stream.tell() < self._split_size and time - file.first < self._split_after:
