@@ -23,7 +23,9 @@ from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ARRAYS, empty_block
 
 START = 1_700_000_000_000_000_000
-TOPICS = 16
+TOPICS = 17
+LATCHED = 2
+"""Messages that are recorded once."""
 
 
 def sha256(path: Path) -> str:
@@ -39,7 +41,7 @@ def test_rosbags_reads_it(record, samples, lone_file):
     block = samples(200)
     store = get_typestore(Stores.ROS2_JAZZY)
     with AnyReader([path], default_typestore=store) as reader:
-        assert reader.message_count == 200 * TOPICS
+        assert reader.message_count == 200 * TOPICS + LATCHED
         assert {c.topic for c in reader.connections} >= {"/rb_sim/ball/pose", "/tf", "/clock"}
         poses = [c for c in reader.connections if c.topic == "/rb_sim/ball/pose"]
         rows = [(t, reader.deserialize(data, c.msgtype)) for c, t, data in reader.messages(poses)]
@@ -52,7 +54,7 @@ def test_mcap_reads_it(record):
     with (record() / "bag_0.mcap").open("rb") as file:
         reader = mcap.reader.make_reader(file, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
-        assert sum(1 for _ in reader.iter_messages()) == 200 * TOPICS
+        assert sum(1 for _ in reader.iter_messages()) == 200 * TOPICS + LATCHED
         attachments = {a.name: a.data.decode() for a in reader.iter_attachments()}
         records = {m.name: m.metadata for m in reader.iter_metadata()}
         channels = {c.topic: c for c in reader.get_summary().channels.values()}
@@ -68,11 +70,11 @@ def test_rosbag2_metadata(record):
     bag = record(n=101)
     info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert info["version"] == 9 and info["storage_identifier"] == "mcap"
-    assert info["message_count"] == 101 * TOPICS
+    assert info["message_count"] == 101 * TOPICS + LATCHED
     assert info["duration"]["nanoseconds"] == 1_000_000_000
     assert info["starting_time"]["nanoseconds_since_epoch"] == START
     assert info["relative_file_paths"] == ["bag_0.mcap"]
-    assert {t["message_count"] for t in info["topics_with_message_count"]} == {101}
+    assert {t["message_count"] for t in info["topics_with_message_count"]} == {101, 1}
     with (bag / "bag_0.mcap").open("rb") as file:
         records = {m.name: m.metadata for m in mcap.reader.make_reader(file).iter_metadata()}
     assert yaml.safe_load(records["rosbag2"]["serialized_metadata"]) == info

@@ -20,7 +20,7 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.recover import recover_bag
 from tests.io.conftest import START
 
-TOPICS = 16
+TOPICS = 17
 N = 600
 
 

@@ -19,7 +19,9 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 
-TOPICS = 16
+TOPICS = 17
+LATCHED = 2
+"""Messages that are recorded once."""
 
 
 @pytest.fixture
@@ -48,12 +50,12 @@ def test_every_written_sample_is_in_the_file_before_its_chunk_ends(
     path = tmp_path / "bag" / "bag_0.mcap"
     for k in range(40):
         sink.write(samples(2, start=k / 50.0))
-        assert messages(path.read_bytes()) == 2 * (k + 1) * TOPICS
+        assert messages(path.read_bytes()) == 2 * (k + 1) * TOPICS + LATCHED
     result = recover_bag(tmp_path / "bag")
     t = np.concatenate([block.t for block in BagReader(result.directory).blocks()])
     np.testing.assert_allclose(t, np.arange(80) / 100.0, atol=1e-9)
     sink.close()
-    assert messages(path.read_bytes()) == 80 * TOPICS
+    assert messages(path.read_bytes()) == 80 * TOPICS + LATCHED
 
 
 def test_drafts_leave_no_trace(

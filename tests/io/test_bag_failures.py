@@ -21,7 +21,7 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 
-TOPICS = 16
+TOPICS = 17
 
 RECORD_FOREVER = """
 import sys

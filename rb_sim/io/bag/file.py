@@ -180,6 +180,8 @@ QOS: dict[str, Any] = {
     "avoid_ros_namespace_conventions": False,
 }
 """Offered by every topic. An endless time is the longest that rosbag2 can write."""
+LATCHED: dict[str, Any] = QOS | {"depth": 1, "durability": "transient_local"}
+"""Offered by topics whose last message is for who comes late, too."""
 
 ROS_DISTRO = "jazzy"
 _METADATA_VERSION = 9

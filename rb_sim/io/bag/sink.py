@@ -21,15 +21,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.file import CHUNK_SIZE, BagFile, mcap_path
+from rb_sim.io.bag.file import CHUNK_SIZE, LATCHED, BagFile, mcap_path
 from rb_sim.io.bag.writer import Rows
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import NANO, stamp_of
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.message_types import TYPE_HASHES, schema_text
-from rb_sim.io.messages.topic_names import NAMESPACE
-from rb_sim.io.messages.topics import AccelTable, Asked, SampleMessages, TopicTable, stamps_of
+from rb_sim.io.messages.joints import JointTable
+from rb_sim.io.messages.message_types import JOINT_STATE, TYPE_HASHES, schema_text
+from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE
+from rb_sim.io.messages.topics import (
+    AccelTable,
+    Asked,
+    SampleMessages,
+    TopicTable,
+    latched_messages,
+    stamps_of,
+)
 from rb_sim.scene.load import as_run_text
 
 if TYPE_CHECKING:
@@ -188,6 +196,9 @@ class BagSink:
         self._events: int | None = None
         self._asked = accelerations
         self._accel: AccelTable | None = None
+        self._joints: JointTable | None = None
+        self._latched: list[tuple[int, bytes]] = []
+        """channel and message of each topic that is sent once."""
         self._inputs: dict[int, int] = {}
         self._sample = 0
         self._base = 0
@@ -219,6 +230,12 @@ class BagSink:
         for name, ros_type in [] if self._accel is None else self._accel.topics:
             channel = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
             self._channels.append(channel)
+        joints = JointTable(scene, layout)
+        if joints.names:
+            self._joints = joints
+            name = f"{self._namespace}/{JOINT_STATES}"
+            self._channels.append(self._add_channel(self._file, name, JOINT_STATE))
+        self._scene, self._layout = scene, layout
         self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
             name, ros_type = self._table.event_topic
@@ -232,7 +249,7 @@ class BagSink:
 
     def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
         """The file for a sample: another one if this one is large or long enough."""
-        if file.first is None:
+        if file.first is None or file.count == len(self._latched):
             return file
         time = self._base + max(instant.stamp, self._last_stamp)
         if file.stream.tell() < self._split_size and time - file.first < self._split_after:
@@ -240,12 +257,27 @@ class BagSink:
         after = file.follow()
         self._file = after
         self._describe(after)
+        self._write_latched(after, time)
         return after
 
-    def _add_channel(self, file: BagFile, name: str, ros_type: str) -> int:
-        return file.add_channel(
-            name, ros_type, schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
-        )
+    def _add_channel(
+        self, file: BagFile, name: str, ros_type: str, qos: dict[str, Any] | None = None
+    ) -> int:
+        schema, type_hash = schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
+        return file.add_channel(name, ros_type, schema, type_hash, None if qos is None else [qos])
+
+    def _latch(self, file: BagFile, first: SampleBlock) -> None:
+        """Write what is sent once, before the first sample."""
+        messages = latched_messages(self._scene, self._layout, first, self._namespace)
+        self._latched = [
+            (self._add_channel(file, one.topic, one.ros_type, LATCHED), one.data)
+            for one in messages
+        ]
+        self._write_latched(file, self._base + int(stamps_of(first)[0]))
+
+    def _write_latched(self, file: BagFile, time: int) -> None:
+        for channel, data in self._latched:
+            file.write(channel, time, self._sample, data)
 
     def write(self, block: SampleBlock) -> None:
         """Append the samples of `block`; an empty one only sees that what waits is kept."""
@@ -255,6 +287,8 @@ class BagSink:
             self._drop()
             raise SinkError(f"{self.directory}: the bag was removed while it was written")
         try:
+            if len(block) and not self._latched:
+                self._latch(self._file, block)
             if self._is_plain(block):
                 self._write_plain(self._file, block)
             elif len(block):
@@ -279,6 +313,9 @@ class BagSink:
     def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
         """The samples, about a chunk's worth at a time, until the disk is full."""
         stamps, rows, bounds = self._table.packed(block)
+        if self._joints is not None:
+            joints, end = self._joints.rows(block), rows.shape[1]
+            rows, bounds = np.hstack([rows, joints]), [*bounds, (end, end + joints.shape[1])]
         some = max(1, self._chunk_size // max(1, rows.shape[1]))
         for first in range(0, len(rows), some):
             part = slice(first, first + some)
@@ -292,12 +329,15 @@ class BagSink:
     def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
         inputs = list(block.inputs)
         more = None if self._accel is None else self._accel.messages(block)
+        joints = None if self._joints is None else self._joints.messages(block)
         for k, instant in enumerate(self._table.messages(block)):
             file = self._split_before(file, instant)
             while inputs and inputs[0].index <= k:
                 self._write_input(file, inputs.pop(0))
             if more is not None:
                 instant.messages.extend(more[k])
+            if joints is not None:
+                instant.messages.append(joints[k])
             self._write_sample(file, instant)
             if file.stream.full:
                 return

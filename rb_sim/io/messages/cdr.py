@@ -140,6 +140,22 @@ class Codec:
             values[:, start:end] = part.view("<f8" if run.format.endswith("d") else "u1")
         return values
 
+    def pack_rows(
+        self, stamps: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> NDArray[np.uint8]:
+        """The bytes, shape (n, length), of n messages whose numbers are all doubles.
+
+        stamps: [ns], shape (n,); values: shape (n, size).
+        """
+        rows = np.tile(np.frombuffer(self.template, np.uint8), (len(values), 1))
+        times = np.stack([stamps // NANO, stamps % NANO], axis=1).astype("<u4").view(np.uint8)
+        for offset in self.stamps:
+            rows[:, offset : offset + _STAMP.size] = times
+        for run, offset, start, end in self._runs:
+            part = np.ascontiguousarray(values[:, start:end], "<f8")
+            rows[:, offset : offset + run.size] = part.view(np.uint8)
+        return rows
+
     def unpack_stamps(self, rows: NDArray[np.uint8]) -> NDArray[np.int64]:
         """The stamps [ns] of n messages of a type that has one, shape (n,)."""
         offset = self.stamps[0]

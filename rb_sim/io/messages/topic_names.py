@@ -14,6 +14,9 @@ CLOCK = "/clock"
 CONTACT_WORK = "contact_work"
 CONTACT_EVENTS = "contact_events"
 RESETS = "resets"
+JOINT_STATES = "joint_states"
+DESCRIPTION = "description"
+ROBOT_DESCRIPTION = "robot_description"
 STATE_COMMAND = "state_command"
 
 

@@ -18,6 +18,9 @@
 | BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
 | BODY/state_command     | JointState    | state that was set; in bags only  | world             |
 | resets                 | Clock         | back to the start; in bags only   |                   |
+| joint_states           | JointState    | angle and rate of each fixed_axis |                   |
+| description            | String        | what is simulated, JSON; latched  |                   |
+| robot_description      | String        | URDF; latched, beside the node    |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
 
@@ -33,17 +36,25 @@ name may begin with a digit. An event has its own instant as stamp, the contact 
 as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s],
 each to the last digit. It is sent before the first sample that is not earlier.
 
+A bag has `joint_states` if the scene has a joint, the node if parameter `joint_states` asks for it;
+the angles go on from sample to sample (`joints.py`). What is latched is sent once, with the first
+sample, and has durability transient_local also in a bag, so that it can be drawn on the frames of
+/tf by a viewer that comes late or begins in the middle. `robot_description` is in the namespace of
+the node, not under its name, since that is where viewers look for it.
+
 A bag also records what came from outside, each before the sample that it acts on first: a command
 in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base import __version__
 from rb_sim.base.errors import SinkError
 from rb_sim.io.frames import Origins, centers_of_mass, cross, rotate
 from rb_sim.io.messages import cdr
@@ -52,10 +63,13 @@ from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.message_types import ACCEL_STAMPED
 from rb_sim.io.messages.packing import Packer, Topic, Values
+from rb_sim.io.messages.robot_description import urdf
 from rb_sim.io.messages.topic_names import (
     CLOCK,
     CONTACT_EVENTS,
     CONTACT_WORK,
+    DESCRIPTION,
+    ROBOT_DESCRIPTION,
     TF,
     WORLD,
     anchor_frame,
@@ -306,3 +320,42 @@ class AccelTable:
             [pack(stamp_of(t), numbers) for numbers in row]
             for t, row in zip(block.t.tolist(), values.tolist(), strict=True)
         ]
+
+
+# What is latched: sent once, for who comes late.
+
+
+class Latched(NamedTuple):
+    """A message that is sent once."""
+
+    topic: str
+    """its full name."""
+    ros_type: str
+    data: bytes
+
+
+def latched_messages(
+    scene: Scene, layout: SampleLayout, initial: SampleBlock, namespace: str
+) -> list[Latched]:
+    """Those of a scene. initial: its first sample; namespace: name of the node."""
+    beside = namespace.rpartition("/")[0]
+    document = urdf(scene, layout, initial)
+    return [
+        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(description(scene))),
+        Latched(f"{beside}/{ROBOT_DESCRIPTION}", types.STRING, cdr.string(document)),
+    ]
+
+
+def description(scene: Scene) -> str:
+    """What is simulated, as JSON."""
+    document = {
+        "rb_sim": __version__,
+        "scene": scene.name,
+        "description": scene.description,
+        "bodies": {name: {"mass": body.mass} for name, body in scene.bodies.items()},
+        "constraints": {name: spec.type for name, spec in scene.constraints.items()},
+        "effects": {name: spec.type for name, spec in scene.effects.items()},
+        "rate": scene.simulation.rate,
+        "method": scene.simulation.method,
+    }
+    return json.dumps(document)

@@ -1,7 +1,7 @@
 """Topics that other ROS programs expect, published where a parameter asks for them.
 
 They repeat numbers that the bag has under the names of `rb_sim.io.messages.topics`, so no log has
-them.
+them, but for `joint_states`, `accel` and `robot_description`, which are in the table itself.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.frames import centers_of_mass, conjugate, cross, origins, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.topic_names import WORLD, body_frame, body_topic
+from rb_sim.io.messages.joints import JointTable
+from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable
-from rb_sim.numerics.vectors import dot, quaternion_product
 from rb_sim.ros.offers import offer
 from rb_sim.scene.names import ros_name
 from rb_sim.trajectory.trajectory import Trajectory
@@ -215,67 +214,29 @@ class Odometry:
 
 
 class JointStates:
-    """Publishes joint_states: angle [rad] and rate [rad/s] of each fixed axis, by its name.
-
-    The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
-    initial state and goes on beyond a full turn. How many turns lie between two samples is told by
-    the mean of their rates: it may be wrong only where that is off by half a turn, as an impact can
-    make it.
-    """
+    """Publishes joint_states, as the bag has them (`rb_sim.io.messages.joints`)."""
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publisher: Publisher | None = None
-        self._last: tuple[float, Array, Array] | None = None
-        """time [s], angles [rad] and rates [rad/s] of the last sample, shape (J,)."""
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher, also where no axis is there: then the message is empty."""
-        axes = {n: c for n, c in scene.constraints.items() if isinstance(c, FixedAxis)}
-        self._axis_B = np.array([c.axis_B for c in axes.values()]).reshape(-1, 3)
-        index = {name: i for i, name in enumerate(layout.bodies)}
-        self._body = [index[c.body] for c in axes.values()]
-        self._parent = [-1 if c.parent is None else index[c.parent] for c in axes.values()]
-        self._codec = joint_codec([ros_name(name) for name in axes])
-        kind = import_module("sensor_msgs.msg").JointState
-        depth = self._settings.publish_depth
-        self._publisher = offer(self._node, kind, "~/joint_states", depth)
+        self._table = JointTable(scene, layout)
+        kind, depth = import_module("sensor_msgs.msg").JointState, self._settings.publish_depth
+        self._publisher = offer(self._node, kind, f"~/{JOINT_STATES}", depth)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         assert self._publisher is not None
-        restarts = {given.index for given in block.inputs if not given.body}
-        placed = {given.index for given in block.inputs if given.state}
-        orientation, spin = block.orientation, block.angular_velocity
-        for k, t in enumerate(block.t):
-            parent, relative = self._relative(orientation[k])
-            own = np.sum(spin[k, self._body] * self._axis_B, axis=1)
-            axis_W = rotate(orientation[k, self._body], self._axis_B)
-            carried = rotate(parent, _of_parents(spin[k], self._parent, (0.0, 0.0, 0.0)))
-            rate = own - np.sum(carried * axis_W, axis=1)
-            if self._last is None or k in restarts:
-                self._initial, self._last = relative, (t, np.zeros(len(self._body)), rate)
-            before, angle, rate_before = self._last
-            if k not in placed:
-                angle = angle + 0.5 * (t - before) * (rate_before + rate)
-            # the turn from the initial pose in the axes of the body: about axis_B alone
-            x, y, z, w = quaternion_product(conjugate(self._initial).T, relative.T)
-            turn = 2.0 * np.arctan2(dot((x, y, z), self._axis_B.T), w)
-            angle = turn + 2.0 * np.pi * np.round((angle - turn) / (2.0 * np.pi))
-            self._last = t, angle, rate
-            self._publisher.publish(self._codec.pack(stamp_of(t), (*angle, *rate)))
+        for data in self._table.messages(block):
+            self._publisher.publish(data)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
         self._publisher = None
-
-    def _relative(self, orientation: Array) -> tuple[Array, Array]:
-        """Orientation of the parents in the world, and of the bodies in their parents' axes."""
-        parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
-        relative = quaternion_product(conjugate(parent).T, orientation[self._body].T)
-        return parent, np.transpose(relative)
 
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
@@ -297,19 +258,3 @@ def odometry_codec(frame_id: str, child_frame_id: str) -> cdr.Codec:
     """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
     layout = cdr.Layout().stamp().text(frame_id).text(child_frame_id)
     return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
-
-
-def joint_codec(names: list[str]) -> cdr.Codec:
-    """sensor_msgs/JointState: positions, then velocities; efforts are left out."""
-    layout = cdr.Layout().stamp().text("").count(len(names))
-    for name in names:
-        layout.text(name)
-    for _ in range(2):
-        layout.count(len(names)).doubles(len(names))
-    return layout.count(0).codec()
-
-
-def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...]) -> Array:
-    """Rows by body, for each parent; -1: the world."""
-    rows = [of_world if i < 0 else of_bodies[i] for i in parents]
-    return np.array(rows, dtype=float).reshape(-1, len(of_world))

@@ -4,182 +4,18 @@ from __future__ import annotations
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
-import numpy as np
-
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
-from rb_sim.catalogue.constraints.joints import Weld
-from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
-from rb_sim.io.messages.topic_names import WORLD, body_frame
-from rb_sim.numerics.vectors import quaternion_product
+from rb_sim.io.messages.robot_description import from_z, length_and_radius, urdf
+from rb_sim.io.messages.topic_names import body_frame
 from rb_sim.ros.offers import offer
-from rb_sim.scene.names import ros_name
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.publisher import Publisher
 
-    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.ros.parameters import Settings
-    from rb_sim.scene.schema import Body, Scene
-
-
-# URDF of a scene: links with their inertia and shape, joints where URDF has them.
-#
-# A `fixed_axis` becomes a continuous joint of its name, whose position is that in `joint_states`; a
-# `weld` a fixed joint; any other body hangs on the world by a floating joint, and the pose on /tf
-# is its own. URDF wants a tree and joints at the child's origin: a constraint that would close a
-# loop is left out, and a bearing beside the body's origin is a link of its own, CONSTRAINT/bearing.
-
-
-Element = ElementTree.Element
-THIN = 0.03
-"""Thickness of a disk, in radii."""
-
-
-def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
-    """The URDF document. initial: the first sample, from which zero angles are counted."""
-    robot = ElementTree.Element("robot", name=scene.name)
-    ElementTree.SubElement(robot, "link", name=WORLD)
-    motion = origins(initial, centers_of_mass(scene.bodies, layout.bodies))
-    poses = {
-        name: (motion.position[0, i], initial.orientation[0, i])
-        for i, name in enumerate(layout.bodies)
-    }
-    joints = _tree(scene)
-    for name, body in scene.bodies.items():
-        robot.append(_link(name, body))
-        _join(robot, name, joints.get(name), poses)
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
-
-
-def _tree(scene: Scene) -> dict[str, tuple[str, Any]]:
-    """The constraint, with its name, on which each body hangs: the first that closes no loop."""
-    found: dict[str, tuple[str, Any]] = {}
-    for name, spec in scene.constraints.items():
-        if not isinstance(spec, (FixedAxis, Weld)) or spec.body in found:
-            continue
-        above = spec.parent
-        while above in found and above != spec.body:
-            above = found[above][1].parent
-        if above != spec.body:
-            found[spec.body] = name, spec
-    return found
-
-
-def _link(name: str, body: Body) -> Element:
-    link = ElementTree.Element("link", name=body_frame(name))
-    inertial = ElementTree.SubElement(link, "inertial")
-    _origin(inertial, np.array(body.center_of_mass))
-    ElementTree.SubElement(inertial, "mass", value=_text(body.mass))
-    tensor = np.asarray(body.inertia)
-    entries = {f"i{'xyz'[i]}{'xyz'[j]}": _text(tensor[i, j]) for i in range(3) for j in range(i, 3)}
-    ElementTree.SubElement(inertial, "inertia", entries)
-    if body.shape is not None:
-        for purpose in ("visual", "collision"):
-            part = ElementTree.SubElement(link, purpose)
-            _shape(part, body.shape)
-    return link
-
-
-def _shape(part: Element, shape: Any) -> None:
-    """The geometry; an ellipsoid, which URDF has not, as the ball of its largest semi-axis."""
-    turn = from_z(np.array(getattr(shape, "axis_B", (0.0, 0.0, 1.0))))
-    _origin(part, np.array(shape.center_B), turn)
-    geometry = ElementTree.SubElement(part, "geometry")
-    match shape.type:
-        case "sphere":
-            ElementTree.SubElement(geometry, "sphere", radius=_text(shape.radius))
-        case "ellipsoid":
-            ElementTree.SubElement(geometry, "sphere", radius=_text(shape.reach))
-        case "box":
-            ElementTree.SubElement(geometry, "box", size=_texts(shape.size))
-        case _:
-            length, radius = length_and_radius(shape)
-            entries = {"length": _text(length), "radius": _text(radius)}
-            ElementTree.SubElement(geometry, "cylinder", entries)
-
-
-def length_and_radius(shape: Any) -> tuple[float, float]:
-    """Of the cylinder that a disk, cylinder or rod is drawn as [m]."""
-    if shape.type == "disk":
-        return THIN * shape.radius, shape.radius
-    return shape.length, getattr(shape, "draw_radius", shape.radius)
-
-
-def _join(
-    robot: Element,
-    body: str,
-    hangs: tuple[str, Any] | None,
-    poses: dict[str, tuple[Array, Array]],
-) -> None:
-    """The joint, or two, between the body and what it hangs on."""
-    position, orientation = poses[body]
-    link = body_frame(body)
-    if hangs is None:
-        joint = _joint(robot, f"{link}/free", "floating", WORLD, link)
-        _origin(joint, position, orientation)
-        return
-    name, spec = ros_name(hangs[0]), hangs[1]
-    parent = body_frame(spec.parent or WORLD)
-    p_A, q_A = poses.get(spec.parent or WORLD, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
-    turn = np.array(quaternion_product(conjugate(q_A), orientation))
-    if isinstance(spec, Weld):
-        joint = _joint(robot, name, "fixed", parent, link)
-        _origin(joint, rotate(conjugate(q_A), position - p_A), turn)
-        return
-    point_B = np.array(spec.point_B)
-    bearing = f"{name}/bearing" if point_B.any() else link
-    joint = _joint(robot, name, "continuous", parent, bearing)
-    point = position + rotate(orientation, point_B)
-    _origin(joint, rotate(conjugate(q_A), point - p_A), turn)
-    ElementTree.SubElement(joint, "axis", xyz=_texts(spec.axis_B))
-    if bearing != link:
-        ElementTree.SubElement(robot, "link", name=bearing)
-        _origin(_joint(robot, f"{name}/offset", "fixed", bearing, link), -point_B)
-
-
-def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
-    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
-    ElementTree.SubElement(joint, "parent", link=parent)
-    ElementTree.SubElement(joint, "child", link=child)
-    return joint
-
-
-def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
-    q = np.array([0.0, 0.0, 0.0, 1.0]) if turn is None else turn
-    ElementTree.SubElement(of, "origin", xyz=_texts(xyz), rpy=_texts(roll_pitch_yaw(q)))
-
-
-def roll_pitch_yaw(q: Array) -> Array:
-    """Angles about the fixed axes x, y, z, in that order, of a unit quaternion [rad]."""
-    x, y, z, w = q
-    sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
-    if abs(sine) > 1.0 - 1e-12:  # roll and yaw turn about the same axis: all of it is yaw
-        return np.array(
-            [0.0, np.copysign(0.5 * np.pi, sine), -2.0 * np.sign(sine) * np.arctan2(x, w)]
-        )
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.array([roll, np.arcsin(sine), yaw])
-
-
-def from_z(axis: Array) -> Array:
-    """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
-    if axis[2] < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
-    return q / np.linalg.norm(q)
-
-
-def _text(value: float) -> str:
-    return repr(float(value))
-
-
-def _texts(values: Any) -> str:
-    return " ".join(_text(value) for value in values)
+    from rb_sim.scene.schema import Scene
 
 
 # Markers and robot_description: what a viewer needs once, latched for who comes late.

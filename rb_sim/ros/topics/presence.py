@@ -7,7 +7,6 @@ the engine compiles; parameters answer then, and /clock shows zero.
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,8 +17,8 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from rb_sim.base import __version__
 from rb_sim.io.messages.topic_names import CLOCK
+from rb_sim.io.messages.topics import description
 from rb_sim.ros.offers import offer
 
 if TYPE_CHECKING:
@@ -48,18 +47,7 @@ class Presence:
 
     def describe(self, scene: Scene) -> None:
         """Publish what is simulated."""
-        bodies = {name: {"mass": body.mass} for name, body in scene.bodies.items()}
-        document = {
-            "rb_sim": __version__,
-            "scene": scene.name,
-            "description": scene.description,
-            "bodies": bodies,
-            "constraints": _kinds(scene.constraints),
-            "effects": _kinds(scene.effects),
-            "rate": scene.simulation.rate,
-            "method": scene.simulation.method,
-        }
-        self._description_topic.publish(String(data=json.dumps(document)))
+        self._description_topic.publish(String(data=description(scene)))
 
     @contextmanager
     def telling_time(
@@ -106,7 +94,3 @@ def is_alone(
             return True
         time.sleep(0.05)
     return False
-
-
-def _kinds(parts: object) -> dict[str, str]:
-    return {name: part.type for name, part in parts.items()}  # type: ignore[attr-defined]
