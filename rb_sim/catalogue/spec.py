@@ -212,7 +212,7 @@ Name = Annotated[
         max_length=64,
     ),
 ]
-"""Name of a body, constraint or effect, as CAD programs give them; rb_sim.scene.names has what is
+"""Name of a body, constraint or effect, as CAD programs give them; rb_sim.base.names has what is
 made of it where less is allowed."""
 Identifier = Annotated[
     str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)

@@ -52,9 +52,6 @@ def hard_cases(
     ] = None,
     out: opt.Out = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Also on MuJoCo, Drake and Exudyn (extra peers).")
-    ] = False,
 ) -> int:
     """Run scenes that are hard to simulate, and say what holds, by what margin.
 
@@ -62,7 +59,7 @@ def hard_cases(
     """
     from rb_sim.cli.verbs.hard_cases import hard_cases as run_cases
 
-    return run_cases(folder, only or (), out, quick, peers)
+    return run_cases(folder, only or (), out, quick)
 
 
 def sweep(

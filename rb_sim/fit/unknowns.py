@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.names import keys_of
 from rb_sim.io.bag.as_run import value_at
-from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import SimulationOptions
 
 # The numbers of a scene that a fit may change, as one vector of about unit size.

@@ -7,12 +7,9 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
-
-if TYPE_CHECKING:
-    from rb_sim.hard_cases.peers.compare import PeerRow
 
 HEAD = """# Hard cases
 
@@ -35,7 +32,7 @@ What takes longer than some seconds is not in the table: it is that of `--quick`
 PEERS = """
 ## Beside other engines
 
-Made by `rb_sim hard-cases --peers` in the same run: each engine with its best and its default
+Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
 method (%s) over a ladder of steps, from one to a sample to 1024; the row is the best of the ladder.
 Judged by the same formulas, or by the energy of the states it gives; what needs reactions or words
 has no row, nor have cases with a part that an engine's description here lacks. *Better* and *equal*
@@ -44,6 +41,23 @@ compare the figure with rb_sim's own, which goes no further than its case asks f
 | case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
 |---|---|---|---|---|---|---|---|---|---|
 """
+
+
+class PeerRow(NamedTuple):
+    """The best that an engine gave for one check of a case."""
+
+    case: str
+    engine: str
+    check: str
+    method: str
+    step: float
+    figure: float
+    bound: float
+    ours: float
+    """the best figure of rb_sim's rows."""
+    seconds: float
+    """CPU time of that run."""
+    verdict: str
 
 
 def write(

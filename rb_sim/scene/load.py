@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import SceneError, SceneWarning
+from rb_sim.base.names import ros_name
 from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
-from rb_sim.scene.names import ros_name
 from rb_sim.scene.schema import FIXED_STEP_METHODS, TOLERANCE_METHODS, Scene, SimulationOptions
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.

@@ -24,6 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from rb_sim.base.names import clashes
 from rb_sim.catalogue.spec import (
     Name,
     Positive,
@@ -37,7 +38,6 @@ from rb_sim.catalogue.spec import (
     spec_of_type,
 )
 from rb_sim.mechanics import methods
-from rb_sim.scene.names import clashes
 from rb_sim.scene.shapes import AnyShape, SymmetricInertia
 
 METHODS: tuple[str, ...] = (*methods.METHODS, "auto")

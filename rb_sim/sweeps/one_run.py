@@ -16,6 +16,7 @@ import numpy as np
 
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.base.names import keys_of
 from rb_sim.catalogue.spec import one_of
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import concatenate
@@ -24,7 +25,6 @@ from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
-from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import expressions

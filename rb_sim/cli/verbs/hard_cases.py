@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rb_sim.hard_cases.judge import Case, Row
-    from rb_sim.hard_cases.peers.compare import PeerRow
+    from rb_sim.hard_cases.report import PeerRow
 
 FOLDER = "hard_cases"
 
@@ -31,11 +31,11 @@ def hard_cases(
     only: Sequence[str],
     out: Path | None,
     quick: bool,
-    peers: bool = False,
+    beside: Callable[[Case, Sequence[Row]], list[PeerRow]] | None = None,
 ) -> int:
     """Run the cases, print a row each; 1 if one fails. Raises RbSimError for bad cases.
 
-    peers: also on the other engines, whose rows fail nothing.
+    beside: gives rows of other engines for a case and its rows; they fail nothing.
     """
     from rb_sim.hard_cases.judge import FAILS, load_cases, rows_of
     from rb_sim.hard_cases.report import write
@@ -53,8 +53,8 @@ def hard_cases(
         for row in rows_of(case):
             rows.append(row)
             print(told(row), flush=True)
-        if peers:
-            others += on_peers(case, rows)
+        if beside is not None:
+            others += beside(case, rows)
     failed = [row for row in rows if row.verdict == FAILS]
     for row in failed:
         print(f"fails: {row.case}, {row.method}: {row.said or row.check}", file=sys.stderr)
@@ -65,24 +65,6 @@ def hard_cases(
             raise RbSimError(f"--out {out}: cannot write there: {error.strerror}") from None
     print(f"{len(rows) - len(failed)} of {len(rows)} rows hold or are said to be limits")
     return 1 if failed else 0
-
-
-def on_peers(case: Case, rows: Sequence[Row]) -> list[PeerRow]:
-    """The case on the other engines, printed. Raises RbSimError where one is not installed."""
-    from rb_sim.hard_cases.peers.compare import rows_on_peers
-    from rb_sim.hard_cases.report import number
-
-    found = list(rows_on_peers(case, [row for row in rows if row.case == case.name]))
-    for row in found:
-        print(
-            line(
-                f"  {row.engine}", row.method, f"{row.step:.2g} s", row.check, number(row.figure),
-                f"{row.bound:.2g}", number(row.bound / row.figure if row.figure else float("inf")),
-                f"{row.seconds:.2g}", row.verdict,
-            ),
-            flush=True,
-        )  # fmt: skip
-    return found
 
 
 def told(row: Row) -> str:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.base.names import keys_of
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.scene.names import keys_of
 from rb_sim.scene.schema import Scene
 
 OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial", "impacts")

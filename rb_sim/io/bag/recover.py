@@ -11,8 +11,9 @@ import yaml
 
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag import records
-from rb_sim.io.bag.batches import Batch, Scan, scan_of
+from rb_sim.io.bag.batches import Scan, scan_of
 from rb_sim.io.bag.file import BagFile
+from rb_sim.io.bag.messages import Batch
 from rb_sim.io.bag.sink import LIBRARY
 
 

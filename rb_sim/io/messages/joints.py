@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.base.names import ros_name
 from rb_sim.io.frames import conjugate, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.numerics.vectors import quaternion_product
-from rb_sim.scene.names import ros_name
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

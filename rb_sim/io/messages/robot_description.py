@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from rb_sim.base.names import ros_name
 from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.numerics.vectors import quaternion_product
-from rb_sim.scene.names import ros_name
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -1,11 +1,11 @@
 """Names of topics and frames, as the table of topics (`topics.py`) has them.
 
-Arguments are names of the scene; where ROS allows less, they are changed (`rb_sim.scene.names`).
+Arguments are names of the scene; where ROS allows less, they are changed (`rb_sim.base.names`).
 """
 
 from __future__ import annotations
 
-from rb_sim.scene.names import ros_name
+from rb_sim.base.names import ros_name
 
 NAMESPACE = "/rb_sim"
 WORLD = "world"

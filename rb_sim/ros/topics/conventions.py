@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.names import ros_name
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.frames import centers_of_mass, conjugate, cross, origins, rotate
 from rb_sim.io.messages import cdr
@@ -20,7 +21,6 @@ from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable
 from rb_sim.ros.offers import offer
-from rb_sim.scene.names import ros_name
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.hard_cases import compare
+from benchmarks.hard_cases.compare import judged_checks, said
+from benchmarks.hard_cases.described import CannotExpressError, described
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.hard_cases import shipped
 from rb_sim.hard_cases.judge import Row, load_cases
-from rb_sim.hard_cases.peers import compare
-from rb_sim.hard_cases.peers.compare import judged_checks, said
-from rb_sim.hard_cases.peers.described import CannotExpressError, described
-from rb_sim.hard_cases.report import beside
+from rb_sim.hard_cases.report import PeerRow, beside
 
 ROD = {"mass": 1.0, "inertia": [0.02, 0.1, 0.09], "center_of_mass": [0.0, 0.1, -0.5]}
 HINGE = {"type": "fixed_axis", "body": "a", "axis_B": [0.0, 1.0, 0.0]}
@@ -82,7 +82,7 @@ def test_an_engine_that_is_better_is_said_to_be() -> None:
     assert said(1e-9, 1e-8, 1e-7) == "holds, better than rb_sim"
     assert said(1e-7, 1e-8, 1e-7) == "fails by 10, equal to rb_sim"
     assert said(1e-5, 1e-8, 1e-7) == "fails by 1e+03"
-    row = compare.PeerRow("c", "drake", "energy", "m", 1e-3, 1e-9, 1e-8, 1e-7, 0.1, "holds")
+    row = PeerRow("c", "drake", "energy", "m", 1e-3, 1e-9, 1e-8, 1e-7, 0.1, "holds")
     assert "| c | drake | energy | m | 0.001 | 1e-09 | 1e-08 | 1e-07 | 0.1 | holds |" in beside(
         [row]
     )

@@ -10,14 +10,15 @@ import importlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from benchmarks.hard_cases.described import CannotExpressError, Described, described
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check_list import WatchList
 from rb_sim.hard_cases.judge import Case, Check, Outcome, Row, measure
-from rb_sim.hard_cases.peers.described import CannotExpressError, Described, described
+from rb_sim.hard_cases.report import PeerRow
 from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
@@ -35,23 +36,6 @@ FINER = (1, 4, 16, 64, 256, 1024)
 
 BETTER = 0.5
 """Share of rb_sim's figure below which an engine's counts as better; up to 1/BETTER as equal."""
-
-
-class PeerRow(NamedTuple):
-    """The best that an engine gave for one check of a case."""
-
-    case: str
-    engine: str
-    check: str
-    method: str
-    step: float
-    figure: float
-    bound: float
-    ours: float
-    """the best figure of rb_sim's rows."""
-    seconds: float
-    """CPU time of that run."""
-    verdict: str
 
 
 def judged_checks(case: Case, layout: SampleLayout) -> list[Check]:
@@ -142,10 +126,10 @@ def ladder(scene: Scene) -> list[tuple[float, int]]:
 def loaded(engine: str) -> Any:
     """The module that runs it. Raises RbSimError if the package is not installed."""
     try:
-        return importlib.import_module(f"rb_sim.hard_cases.peers.on_{engine}")
+        return importlib.import_module(f"benchmarks.hard_cases.on_{engine}")
     except ImportError as error:
         raise RbSimError(
-            f"--peers: {engine} cannot be imported ({error}); pip install 'rb_sim[peers]'"
+            f"{engine} cannot be imported ({error}); pip install 'rb_sim[peers]'"
         ) from None
 
 

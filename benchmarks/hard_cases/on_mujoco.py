@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from benchmarks.hard_cases.described import Described, Link
 from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.hard_cases.peers.described import Described, Link
 from rb_sim.mechanics.samples import Array
 
 METHODS = ("RK4", "implicitfast")

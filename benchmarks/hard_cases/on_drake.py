@@ -24,8 +24,8 @@ from pydrake.multibody.tree import (
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from benchmarks.hard_cases.described import CannotExpressError, Described, Link
 from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.hard_cases.peers.described import CannotExpressError, Described, Link
 from rb_sim.mechanics.samples import Array
 
 METHODS = ("runge_kutta5", "runge_kutta3")

@@ -9,8 +9,8 @@ import numpy as np
 from exudyn import utilities as exu
 from scipy.spatial.transform import Rotation
 
+from benchmarks.hard_cases.described import CannotExpressError, Described, Link
 from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.hard_cases.peers.described import CannotExpressError, Described, Link
 from rb_sim.mechanics.samples import Array
 
 METHODS = ("RK67", "TrapezoidalIndex2")

@@ -1,0 +1,48 @@
+"""The hard cases on MuJoCo, Drake and Exudyn beside rb_sim, in one run (extra peers).
+
+    python -m benchmarks.hard_cases [--only NAME ...] [--quick] [--out DIR]
+
+DIR gets what `rb_sim hard-cases --out DIR` writes, with a table of the engines, and their rows as
+hard-cases-peers.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.hard_cases.compare import rows_on_peers
+from rb_sim.cli.verbs.hard_cases import hard_cases, line
+from rb_sim.hard_cases.judge import Case, Row
+from rb_sim.hard_cases.report import PeerRow, number
+
+
+def on_peers(case: Case, rows: Sequence[Row]) -> list[PeerRow]:
+    """The case on the other engines, printed. Raises RbSimError where one is not installed."""
+    found = list(rows_on_peers(case, [row for row in rows if row.case == case.name]))
+    for row in found:
+        print(
+            line(
+                f"  {row.engine}", row.method, f"{row.step:.2g} s", row.check, number(row.figure),
+                f"{row.bound:.2g}", number(row.bound / row.figure if row.figure else float("inf")),
+                f"{row.seconds:.2g}", row.verdict,
+            ),
+            flush=True,
+        )  # fmt: skip
+    return found
+
+
+def main() -> int:
+    """Read the arguments and run."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.hard_cases")
+    parser.add_argument("--only", action="append", default=[], metavar="NAME")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    return hard_cases(None, given.only, given.out, given.quick, beside=on_peers)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
