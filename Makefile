@@ -131,6 +131,7 @@ docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.law_pages
 	$(VENV)/bin/python -m tools.thresholds
 	$(VENV)/bin/python -m tools.reference
+	$(VENV)/bin/python -m tools.tutorials
 	$(VENV)/bin/mkdocs build --strict --quiet
 	@echo "build/site/index.html"
 
