@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.mechanics.methods import METHODS, build
+from rb_sim.motion.motion import Motion
 from rb_sim.scene.compiled import Compiled
 
 # What a step of each method costs, in evaluations of the right side: written down, not timed.
@@ -51,6 +52,13 @@ SOLVE = 4.5e-11
 """CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
 [s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
 
+OPEN_LINE = 50e-9
+"""As LINE, of lines that do not act most of the time [s]: random scenes with one to four bodies and
+up to 79 lines of contacts (benchmarks.silent_runs), to a factor of two."""
+
+PYTHON_STEP = 1e-3
+"""CPU time of a step of time stepping beside joints or forces other than weight [s]."""
+
 EVENT = 2e-3
 """CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
 
@@ -79,6 +87,24 @@ def seconds_of_evaluation(compiled: Compiled) -> float:
     bodies, lines = len(compiled.layout.bodies), compiled.rows
     free = BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
     return free + SHARED * overdetermined(compiled)
+
+
+def counted_time(motion: Motion, setting: Setting) -> float:
+    """What the steps and events of a motion so far take with open contacts, to a factor of three
+    [s]: the same on every machine.
+
+    Apart from `seconds_of_evaluation`, which prices contacts as closed and shares their loads: of a
+    run to be judged by its cost most contacts are open most of the time.
+    """
+    compiled = motion.compiled
+    attempts = motion.steps + motion.rejected_steps
+    worth = EVENT * (motion.forgotten + len(motion.events))
+    if not getattr(motion, "plain", True):
+        return worth + PYTHON_STEP * attempts
+    one = REDUCED
+    if isinstance(compiled.y, np.ndarray):
+        one = BODY * len(compiled.layout.bodies) + OPEN_LINE * compiled.rows
+    return worth + attempts * one * evaluations(setting.name, setting.tolerance, compiled)
 
 
 def overdetermined(compiled: Compiled) -> int:

@@ -10,6 +10,11 @@ over the bodies, with A^2 = largest moment / mass and S the largest |x - x_0| or
 body over the run, in the run or in the second one, whichever is smaller: of two runs of which one
 has exploded the other tells how large the motion is.
 
+A run that takes long is made again in larger steps first, which costs a part of it: if the two
+agree within BOUND the error is smaller than their difference, and no finer run is made.  How long
+a run takes is counted (accuracy/choice), not timed, so that a run has the same summary on every
+machine.
+
 It cannot see what both runs share: a law that is not the one that was meant, and a choice that the
 laws leave open and both runs make alike.
 """
@@ -23,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.accuracy.choice import counted_time
 from rb_sim.accuracy.differences import turn_between
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
@@ -30,7 +36,6 @@ from rb_sim.checks.bounds import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import WatchEndedError
-from rb_sim.numerics.kernels import own_time
 from rb_sim.scene.compile import compile_method
 from rb_sim.scene.scales import at_its_size
 
@@ -42,9 +47,14 @@ if TYPE_CHECKING:
 BOUND = 1e-2
 """Global error, as a share of the motion, above which a run is reported."""
 
-AFFORDED = 1.0
-"""Stepping time [s] up to which a run is checked as a whole without being asked; of a longer one
-as much as the second run comes to in this time."""
+AFFORDED, LONGEST = 1.0, 20.0
+"""Counted time [s] of the steps of a run up to which it is made again finer without being asked; up
+to which it is made again coarser, and finer only where these two differ.  Of a longer one as much
+is made again as the second run comes to in AFFORDED."""
+
+COARSER_STEP, COARSER_TOLERANCE, LOOSEST = 4.0, 100.0, 1e-3
+"""Factors of the coarser run, and the tolerance up to which there is one: a looser one tells
+nothing of the motion."""
 
 MOST = 4096
 """Instants of a run that are kept to be compared; of more every second, fourth, ... is kept."""
@@ -54,7 +64,10 @@ BETWEEN, FEW = 256, 32
 more at all of them where samples are fewer than FEW, or show less than half of the motion."""
 
 PATIENCE, GRACE = 8.0, 0.5
-"""The second run may take this many times as long as the first, and so much more [s]."""
+"""The second run may take this many times the counted time of the first, and so much more [s]."""
+
+PIECE = 32
+"""Instants between two looks at what the second run has taken, at most."""
 
 TIGHTEST = 1e-14
 """Tolerance below which rounding makes the error: then a run is compared with a looser one."""
@@ -79,7 +92,7 @@ class SecondRun:
         self._t0, self._system = motion.time, motion.system
         self._from_start = motion.as_compiled and motion.time == 0.0
         self._y = None if self._from_start else _copy(motion.coordinates)
-        self._steps, self._took = motion.steps, simulation.stepping_time
+        self._steps, self._before = motion.steps, self._counted(motion)
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
 
@@ -105,11 +118,10 @@ class SecondRun:
     ) -> GlobalError:
         """The global error of the run so far.
 
-        always: make the second run whatever it costs (True), or never (False); None: if the run
-        took less than AFFORDED. look: called now and then meanwhile; it may raise WatchEndedError.
+        always: make the finer run whatever it costs (True), or no second run (False); None: as
+        AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
         """
-        took = self._simulation.stepping_time - self._took
-        motion = self._simulation.motion
+        simulation, motion = self._simulation, self._simulation.motion
         if always is False:
             return GlobalError(unknown="not checked")
         if self._disturbed:
@@ -118,64 +130,104 @@ class SecondRun:
             return GlobalError(unknown="the run goes on from another one, in contact")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
-        limit = PATIENCE * took + GRACE if took <= AFFORDED else AFFORDED
+        took, found = self._counted(motion) - self._before, None
+        limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
+        times, poses = self._kept()
         try:
-            return self._compared(*self._kept(), math.inf if always else limit, look)
+            if AFFORDED < took <= LONGEST and not always and simulation.choice is None:
+                found = self._by_coarser(times, poses, took, look)
+            return found or self._by_finer(times, poses, math.inf if always else limit, look)
         except WatchEndedError:
-            return GlobalError(unknown=f"stepping took {took:.2g} s; --check makes a second run")
+            return GlobalError(unknown="the run is too long; --check makes a second run")
 
-    def _compared(
+    def _by_coarser(
+        self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
+    ) -> GlobalError | None:
+        """The difference from a coarser run, which is more than the error of the run; None where
+        it is above BOUND, or samples do not show the motion."""
+        made = _coarser(self._simulation)
+        if made is None or len(times) < FEW:
+            return None
+        (trial, by), stride = made, max(1, len(times) // BETWEEN)
+        times, poses = times[::stride], poses[::stride]
+        grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
+        try:
+            rows, upto = self._carried(trial, grid, limit, look)
+        except SimulationError:
+            return None
+        second, radius = _poses(rows, len(trial.layout.bodies)), _radii(self._simulation)
+        at = np.searchsorted(grid, times)
+        if upto is not None or _size(second, radius) > 2.0 * _size(second[at], radius):
+            return None
+        found = apart(times, poses, second[at], self._simulation)
+        return found._replace(by=by) if found.relative <= BOUND else None
+
+    def _by_finer(
         self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
     ) -> GlobalError:
+        """The error by the finer run, over what it comes to within the limit [s]."""
         simulation, run = self._simulation, self._simulation.motion
-        began = own_time()
-
-        def watch() -> None:
-            if own_time() - began > limit:
-                raise WatchEndedError
-            if look is not None:
-                look()
-
-        upto: float | None = None
         finer, taken = 1, run.steps - self._steps
         fixed = getattr(simulation.method, "tolerance", None) is None
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
         for _ in range(REFINED):
             trial, by, share = _finer(simulation, finer)
-            self._begin(trial)
-            trial.watch = watch
-            before, out = trial.steps, np.zeros((len(grid), trial.width))
             try:
-                trial.run_to(grid, out)
-            except WatchEndedError:  # in time it came so far only
-                grid = grid[: np.searchsorted(grid, trial.time, side="right")]
-                times = times[: np.searchsorted(times, trial.time, side="right")]
-                poses, upto = poses[: len(times)], trial.time
-                if len(times) < 2:
-                    raise
-                break
+                rows, upto = self._carried(trial, grid, limit, look)
             except SimulationError:
                 return GlobalError(math.inf, trial.time, "", math.inf, by)
-            more = trial.steps - before > (1.5 if fixed else 1.0) * taken
-            if more or share < 0.0:
+            more = trial.steps > (1.5 if fixed else 1.0) * taken
+            if more or upto is not None or share < 0.0:
                 break
             finer += 1
-        second = _poses(out[: len(grid)], len(run.layout.bodies))
-        at = np.searchsorted(grid, times)
-        radius = _radii(simulation)
+        if upto is not None:  # in time it came so far only
+            grid = grid[: len(rows)]
+            times = times[: np.searchsorted(times, upto, side="right")]
+            poses = poses[: len(times)]
+            if len(times) < 2:
+                raise WatchEndedError
+        second = _poses(rows, len(run.layout.bodies))
+        at, radius = np.searchsorted(grid, times), _radii(simulation)
         hidden = _size(second, radius) > 2.0 * _size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
             again, *_ = _finer(simulation, 0)
-            self._begin(again)
-            again.watch = watch
-            out = np.zeros((len(grid), again.width))
-            again.run_to(grid, out)
-            times, poses = grid, _poses(out, len(run.layout.bodies))
+            rows, _ = self._carried(again, grid, math.inf, look)
+            times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
         found = apart(times, poses, second, simulation)
         return found._replace(relative=found.relative / abs(share), by=by, upto=upto)
+
+    def _carried(
+        self, trial: Motion, grid: Array, limit: float, look: Callable[[], None] | None
+    ) -> tuple[Array, float | None]:
+        """Rows of the trial at the instants, and where it was at the limit [s]; None: at its end.
+
+        Raises SimulationError.
+        """
+        self._begin(trial)
+        before, out = self._counted(trial), np.zeros((len(grid), trial.width))
+
+        def watch() -> None:
+            if self._counted(trial) - before > limit:
+                raise WatchEndedError
+            if look is not None:
+                look()
+
+        trial.watch = watch
+        try:
+            for first in range(0, len(grid), PIECE):
+                trial.run_to(grid[first : first + PIECE], out[first : first + PIECE])
+                if first + PIECE < len(grid):
+                    watch()
+        except WatchEndedError:
+            reached = int(np.searchsorted(grid, trial.time, side="right"))
+            return out[:reached], trial.time
+        return out, None
+
+    def _counted(self, motion: Motion) -> float:
+        return counted_time(motion, self._simulation.setting)
 
     def _begin(self, trial: Motion) -> None:
         """Let the trial begin where the run began; it stands at the start of the scene."""
@@ -277,6 +329,28 @@ def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
         words = "at half of the steps" if times == 1 else f"at {parts} steps for each"
         return motion_of(_cut_between(compiled, parts), finer), words, 1.0 - parts ** -float(order)
     factor = 10.0**-times if method.tolerance * 10.0**-times >= TIGHTEST else 10.0
+    words = f"at tolerance {factor * method.tolerance:.2g}"
+    share = 1.0 - factor if factor < 1.0 else -(factor - 1.0) / factor
+    return _at_tolerance(simulation, factor), words, share
+
+
+def _coarser(simulation: Any) -> tuple[Motion, str] | None:
+    """A motion of longer steps or a looser tolerance, and how in words; None where that would tell
+    nothing."""
+    compiled, method = simulation.motion.compiled, simulation.method
+    if getattr(method, "tolerance", None) is None:
+        words = f"at {COARSER_STEP:g} times the step; the error is smaller"
+        return motion_of(compiled, method._replace(step=COARSER_STEP * method.step)), words
+    looser = COARSER_TOLERANCE * method.tolerance
+    if looser > LOOSEST:
+        return None
+    words = f"at tolerance {looser:.2g}; the error is smaller"
+    return _at_tolerance(simulation, COARSER_TOLERANCE), words
+
+
+def _at_tolerance(simulation: Any, factor: float) -> Motion:
+    """A motion like that of the simulation at so many times its tolerance."""
+    compiled, method = simulation.motion.compiled, simulation.method
     first, options = method, simulation.scene.simulation
     if simulation.choice is None:  # as the simulation was made: of small motions in two turns
         first = compile_method(at_its_size(simulation.scene).simulation, options.duration)
@@ -285,8 +359,7 @@ def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
         plain = compile_method(options, options.duration)
         trial.take(plain._replace(tolerance=factor * plain.tolerance))
         trial.reset()
-    words = f"at tolerance {factor * method.tolerance:.2g}"
-    return trial, words, 1.0 - factor if factor < 1.0 else -(factor - 1.0) / factor
+    return trial
 
 
 def _cut_between(compiled: Compiled, parts: int) -> Compiled:

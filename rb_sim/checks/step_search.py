@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
+from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.bounds import below, effort_of
 from rb_sim.checks.check_list import WatchList
@@ -60,8 +60,9 @@ def forecast_for(
 # It is found by running the scene with other steps, under the watches of every run.
 
 
-MOST_TIME = 3.0
-"""CPU time of all trials together [s]: the run is over, and its user waits for the word."""
+MOST_TIME = 1.0
+"""Counted time of all trials together [s], and about twice as much for their second runs: the run
+is over, and its user waits for the word."""
 
 MOST_TRIALS = 16
 """Smaller steps that are tried, each at most half of the one before."""
@@ -85,6 +86,8 @@ class Run(Protocol):
 
     @property
     def setting(self) -> Any: ...
+    @property
+    def motion(self) -> Any: ...
     @property
     def layout(self) -> SampleLayout: ...
     @property
@@ -199,7 +202,7 @@ class _Trials:
     ) -> None:
         self._simulation, self._end, self._known = simulation, end, known
         self._goes_on = goes_on
-        self._until = time.process_time() + MOST_TIME
+        self._left = MOST_TIME
         self.loud: list[float] = []
         """Steps that came to the end, but not without a finding [s]."""
         self.failed: list[float] = []
@@ -221,22 +224,28 @@ class _Trials:
 
     def _run(self, step: float) -> bool:
         trial = self._simulation.with_step(step)
+        left = self._left
+
+        def may_go_on(_: float) -> bool:
+            self._left = left - counted_time(trial.motion, trial.setting)
+            return self._left > 0.0 and self._goes_on()
+
         watches = WatchList(trial.scene, trial.layout, trial.compiled)
         second = SecondRun(trial)
-        for block in trial.blocks(self._end, trial.scene.simulation.rate, self._may_go_on):
-            watches.add(block, partial(effort_of, trial))
-            second.add(block)
-            if self._known is not None and self._beyond(watches):
-                return False
-        if not self._may_go_on(math.inf):
-            raise _NoTimeError
+        try:
+            for block in trial.blocks(self._end, trial.scene.simulation.rate, may_go_on):
+                if not may_go_on(trial.motion.time):
+                    raise _NoTimeError
+                watches.add(block, partial(effort_of, trial))
+                second.add(block)
+                if self._known is not None and self._beyond(watches):
+                    return False
+        finally:
+            may_go_on(trial.motion.time)
         watches.finish()
         if not self._beyond(watches):
             watches.check(second.result(), trial)
         return not self._beyond(watches)
-
-    def _may_go_on(self, _: float) -> bool:
-        return time.process_time() < self._until and self._goes_on()
 
     def _beyond(self, watches: WatchList) -> bool:
         """Whether a watch has found what is not known to come with any step."""

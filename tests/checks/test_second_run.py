@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -128,10 +129,15 @@ def test_auto_that_cannot_assure_its_error_warns() -> None:
     assert found.bound == 1e-12 < found.figure
 
 
+def with_limits(monkeypatch: pytest.MonkeyPatch, afforded: float, longest: float) -> None:
+    monkeypatch.setattr("rb_sim.checks.second_run.AFFORDED", afforded)
+    monkeypatch.setattr("rb_sim.checks.second_run.LONGEST", longest)
+
+
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
-def test_of_a_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_a_very_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     """With no time for more than a part of the second run: its error is that of the closed form."""
-    monkeypatch.setattr("rb_sim.checks.second_run.AFFORDED", 1e-4)
+    with_limits(monkeypatch, 1e-4, 1e-4)
     simulation = Simulation(oscillation(method="euler", step=2e-5, duration=30.0))
     run = simulation.run()
     error = run.global_error
@@ -140,6 +146,49 @@ def test_of_a_long_run_the_beginning_is_compared(monkeypatch: pytest.MonkeyPatch
     wrong = np.abs(run.position["b"][part, 0] - np.cos(W * run.t[part])).max()
     way = np.abs(run.position["b"][part, 0] - 1.0).max()
     assert error.relative == pytest.approx(wrong / way, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    "how", [{"method": "rk4", "step": 2e-3}, {"method": "dopri853", "tolerance": 1e-9}]
+)
+def test_a_long_run_is_right_where_a_coarser_one_agrees(
+    monkeypatch: pytest.MonkeyPatch, how: dict[str, Any]
+) -> None:
+    """Its error is less than the difference of the two, and the whole run is compared."""
+    with_limits(monkeypatch, 0.0, 20.0)
+    run = Simulation(oscillation(**how)).run()
+    error = run.global_error
+    assert error is not None and error.upto is None and "is smaller" in error.by
+    assert true_error(run) < error.relative < 1e-2
+    assert not run.findings
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"method": "rk4", "step": 0.05},
+        {"method": "euler", "step": 5e-3},
+        {"method": "dopri853", "tolerance": 1e-3},
+    ],
+)
+def test_a_long_run_that_differs_from_a_coarser_one_is_made_again_finer(
+    monkeypatch: pytest.MonkeyPatch, how: dict[str, Any]
+) -> None:
+    with_limits(monkeypatch, 0.0, 20.0)
+    run = Simulation(oscillation(**how)).run()
+    error = run.global_error
+    assert error is not None and error.upto is None and "smaller" not in error.by
+    assert error.relative == pytest.approx(true_error(run), rel=0.25)
+
+
+def test_what_is_compared_does_not_hang_on_a_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = Simulation(oscillation(method="rk4", step=0.01)).run().global_error
+    clock = itertools.count(0.0, 100.0)
+    monkeypatch.setattr("rb_sim.simulation.simulation.own_time", lambda: next(clock))
+    slow = Simulation(oscillation(method="rk4", step=0.01))
+    assert slow.run().global_error == plain
+    assert slow.stepping_time >= 100.0
 
 
 def test_nobody_makes_a_second_run_who_is_not_to() -> None:
