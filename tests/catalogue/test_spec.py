@@ -70,12 +70,16 @@ def test_signs() -> None:
             read(field, value)
 
 
-@pytest.mark.parametrize("name", ["a", "Ball_2", "x" * 64])
+@pytest.mark.parametrize(
+    "name", ["a", "Ball_2", "x" * 64, "2a", "a b", "a-b", "é", "gear (1)", "v1.2"]
+)
 def test_name(name: str) -> None:
     assert read(Name, name) == name
 
 
-@pytest.mark.parametrize("name", ["", "2a", "_a", "a b", "a-b", "a\n", "é", "x" * 65, 3, None])
+@pytest.mark.parametrize(
+    "name", ["", "_a", "a ", " a", "a/b", "a=b", "a[0]", "a\n", "x" * 65, 3, None]
+)
 def test_bad_name(name: object) -> None:
     with pytest.raises(ValidationError):
         read(Name, name)
