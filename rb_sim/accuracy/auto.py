@@ -1,4 +1,4 @@
-"""`method: auto`: the cheapest setting that keeps a global error of the pose over the scene.
+"""`method: auto`: the cheapest setting that keeps a global error of the pose over the run.
 
 Every candidate is run over the whole duration and measured against one checked run (see
 `checked`); the predicted error is therefore that of the very steps the simulation will take, since
@@ -359,8 +359,8 @@ def next_knob(
 def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
     others = f"cheapest of {count} methods that keep" if count > 1 else "keeps"
     return (
-        f"{others} {target:g} (rad, m) over {runner.duration:g} s; largest pose error {error:.1e}, "
-        f"measured against {true.setting}, which {true.checker} confirms to {true.agreement:.1e}"
+        f"{others} {target:g} (rad, m) over {runner.duration:g} s; global error {error:.1e}, "
+        f"by a second run ({true.setting}), which {true.checker} confirms to {true.agreement:.1e}"
     )
 
 

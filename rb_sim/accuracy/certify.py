@@ -384,8 +384,8 @@ class Certificate:
         upto = "" if self.known_until >= self.duration else f" up to t = {self.known_until:.4g} s"
         ulp = max(self.one_ulp[:2])
         text = [
-            f"no error is larger{upto} than: {listed(self.errors)}",
-            f"found from {first} and {second}; of it are in doubt {max(self.doubt[:2]):.1e} (m, "
+            f"global error{upto} at most: {listed(self.errors)}",
+            f"by second runs ({first}; {second}); of it are in doubt {max(self.doubt[:2]):.1e} (m, "
             f"rad); one ulp at the start makes {ulp:.1e} (m, rad)",
         ]
         if math.isfinite(self.lyapunov_time):

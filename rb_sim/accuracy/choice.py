@@ -178,7 +178,7 @@ class Choice:
     target: float
     """global error of the pose asked for [rad, m]."""
     predicted_error: float
-    """largest pose error over the scene's duration, measured against the checked run [rad, m]."""
+    """global error over the scene's duration, by a second run that is checked [rad, m]."""
     cost: float
     """CPU seconds per simulated second."""
     reached: bool

@@ -84,6 +84,15 @@ class Events:
 
 
 @dataclass(frozen=True)
+class RunCost:
+    """CPU time of the whole run with its samples [s]."""
+
+    unchecked: float
+    checked: float
+    """with the checks of every run, a second run among them."""
+
+
+@dataclass(frozen=True)
 class Survey:
     """What a run of the scene has shown, as far as it came."""
 
@@ -319,12 +328,20 @@ class Explanation:
     """of the scene [s]."""
     events: Events | None
     """None without contacts, and with a method that knows no events."""
+    run: RunCost | None
+    """None of a scene whose run ends early or takes too long."""
     absent_constraints: tuple[str, ...]
     absent_effects: tuple[str, ...]
 
 
-def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
+def explain(
+    scene: Scene,
+    progress: Progress | None = None,
+    run_cost: Callable[[Scene], RunCost] | None = None,
+) -> Explanation:
     """Compile the scene and the scene without each of its parts, and time their steps in turn.
+
+    run_cost: times a whole run without and with its checks.
 
     Raises SceneError if the scene cannot be simulated.
     """
@@ -337,6 +354,8 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
     measure = Measure(typical_step(setting, seen, stretch), steps_of_a_run(seen), stretch)
     whole, costs = costs_of_parts(scene, setting, measure, tell)
     events = cost_of_events(compiled, setting, options.duration, whole.nanoseconds, seen)
+    whole_run = seen.reached == options.duration and seen.seconds < LONGEST_RUN
+    run = run_cost(scene) if run_cost is not None and whole_run else None
     tell("done", 1.0)
     place = InitialPlace(scene)
     constraints: dict[str, Any] = dict(scene.constraints)
@@ -362,6 +381,7 @@ def explain(scene: Scene, progress: Progress | None = None) -> Explanation:
         seen_until=seen.reached,
         duration=options.duration,
         events=events,
+        run=run,
         absent_constraints=absent(CONSTRAINTS, scene.constraints.values()),
         absent_effects=absent(EFFECTS, scene.effects.values()),
     )

@@ -38,13 +38,19 @@ def turn_between(p: Array, q: Array) -> Array:
     return 4.0 * np.arcsin(np.minimum(0.5 * difference, 1.0))
 
 
+def pose_gaps(poses: Array, others: Array) -> tuple[Array, Array]:
+    """Distances of the centres of mass [m] and angles between the attitudes [rad] of two runs,
+    shape (n, bodies) each; poses (n, bodies, 7): position, quaternion."""
+    shift = np.linalg.norm(poses[..., :3] - others[..., :3], axis=-1)
+    return shift, turn_between(poses[..., 3:], others[..., 3:])
+
+
 def pose_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:
     """max(rotation [rad], centre of mass [m]) over the bodies, shape (n,); NaN counts as inf."""
     count = len(layout.bodies)
-    a = rows[:, : 13 * count].reshape(len(rows), count, 13)
-    b = reference[:, : 13 * count].reshape(len(rows), count, 13)
-    shift = np.linalg.norm(a[:, :, 0:3] - b[:, :, 0:3], axis=2)
-    turn = turn_between(a[:, :, 3:7], b[:, :, 3:7])
+    shift, turn = pose_gaps(
+        *(run[:, : 13 * count].reshape(len(rows), count, 13)[..., :7] for run in (rows, reference))
+    )
     return np.nan_to_num(np.maximum(shift, turn).max(axis=1), nan=np.inf, posinf=np.inf)
 
 

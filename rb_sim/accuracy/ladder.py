@@ -126,7 +126,7 @@ def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
 
 
 COARSE = 0.3
-"""Pose error [rad, m] at which a ladder begins."""
+"""Global error [rad, m] at which a ladder begins."""
 
 NEAR_FLOOR = 2.0
 """A ladder ends once its error is within this factor of the floor, or no longer falls."""
@@ -207,7 +207,7 @@ def climb(
     """Run the scene with every method from coarse steps to where round-off or chaos ends it.
 
     budget: wall time of the runs [s]; compiling the methods for a new kind of scene comes on top,
-    once per machine. target: pose error [rad, m] below which no ladder needs to go.
+    once per machine. target: global error [rad, m] below which no ladder needs to go.
     """
     tell = progress or (lambda what, share: None)
     options = scene.simulation

@@ -19,7 +19,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7
 MARKS = "osD^vPX*"
 TEXT = "#333333"
 QUANTITIES = (
-    ("pose", "pose: rotation [rad] or centre [m]"),
+    ("pose", "global error: rotation [rad] or centre [m]"),
     ("reaction", "reactions, relative to the largest"),
     ("energy", "energy drift, relative to the energy exchanged"),
 )
@@ -40,7 +40,7 @@ def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) ->
             "target", (1.0, target), xycoords=("axes fraction", "data"), xytext=(-3, 3),
             textcoords="offset points", ha="right", fontsize=8, color=TEXT,
         )  # fmt: skip
-    axes[0].set_ylabel("largest error over the run", color=TEXT)
+    axes[0].set_ylabel("largest over the run", color=TEXT)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="lower center", ncols=len(labels), frameon=False, fontsize=9,

@@ -46,7 +46,7 @@ class Decade(NamedTuple):
 
 
 def decades(accuracy: Accuracy, first: int = -1, last: int = -15) -> list[Decade]:
-    """For each decade of pose error down to the floor: the cheapest setting, others' factors.
+    """For each decade of global error down to the floor: the cheapest setting, others' factors.
 
     The last line has no setting: that error is below the floor, or nothing reached it.
     """
@@ -71,24 +71,24 @@ def decades(accuracy: Accuracy, first: int = -1, last: int = -15) -> list[Decade
 
 
 def cheapest_within(rungs: Sequence[Rung], error: float) -> Rung | None:
-    """The cheapest rung whose pose error keeps `error`."""
+    """The cheapest rung whose global error keeps `error`."""
     able = [rung for rung in rungs if rung.errors.pose <= error and math.isfinite(rung.cost)]
     return min(able, key=lambda rung: rung.cost, default=None)
 
 
 def print_report(accuracy: Accuracy, console: Console, target: float | None = None) -> None:
-    """For each decade of pose error the cheapest setting and what the other methods cost."""
+    """For each decade of global error the cheapest setting and what the other methods cost."""
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
     names = shown(lines, [ladder.name for ladder in accuracy.ladders if ladder.name in reached])
-    title = f"{accuracy.scene}: what an error of the pose costs over {accuracy.duration:g} s"
+    title = f"{accuracy.scene}: what a global error costs over {accuracy.duration:g} s"
     console.print(Text(title, style="italic"))
     table = Table(
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
         pad_edge=False,
         padding=0,
     )
-    table.add_column("error\nrad, m", justify="right", no_wrap=True, min_width=6)
+    table.add_column("global\nerror\nrad, m", justify="right", no_wrap=True, min_width=6)
     table.add_column("cheapest", no_wrap=True)
     table.add_column("CPU s\nper s", justify="right", no_wrap=True, min_width=7)
     for name in names:
@@ -176,8 +176,8 @@ def target_line(accuracy: Accuracy, target: float) -> str:
     knob = "step" if best.setting.step is not None else "tolerance"
     return (
         f"for {target:g}: {{method: {best.setting.name}, {knob}: {best.setting.knob:.6g}}} costs "
-        f"{best.cost:.2g} CPU s per s and errs by {best.errors.pose:.1e}; or let the scene say "
-        f"{{method: auto, tolerance: {target:g}}}"
+        f"{best.cost:.2g} CPU s per s, global error {best.errors.pose:.1e} (rad, m); "
+        f"or let the scene say {{method: auto, tolerance: {target:g}}}"
     )
 
 

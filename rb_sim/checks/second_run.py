@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.accuracy.choice import counted_time
-from rb_sim.accuracy.differences import turn_between
+from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
 from rb_sim.checks.bounds import finer_step, round_down, try_step
@@ -241,8 +241,7 @@ def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
     """The largest difference of two runs, poses (n, bodies, 7), over the smaller motion."""
     names, radius = simulation.layout.bodies, _radii(simulation)
     with np.errstate(all="ignore"):
-        shift = np.linalg.norm(one[..., :3] - two[..., :3], axis=2)
-        turn = turn_between(one[..., 3:], two[..., 3:])
+        shift, turn = pose_gaps(one, two)
         scale = min(_size(one, radius), _size(two, radius))
         if simulation.layout.contacts:
             scale = max(scale, SOLVED * float(radius.max()))
@@ -270,9 +269,8 @@ def _radii(simulation: Any) -> Array:
 
 def _size(poses: Array, radius: Array) -> float:
     """The largest way of a body from its start [m], or its largest turn as an arc of its size."""
-    way = np.linalg.norm(poses[..., :3] - poses[:1, :, :3], axis=2)
-    arc = radius * turn_between(poses[..., 3:], poses[:1, :, 3:])
-    return float(np.nan_to_num(np.maximum(way, arc), nan=0.0, posinf=math.inf).max())
+    way, turn = pose_gaps(poses, poses[:1])
+    return float(np.nan_to_num(np.maximum(way, radius * turn), nan=0.0, posinf=math.inf).max())
 
 
 def finding_of(error: GlobalError, simulation: Any) -> Finding | None:

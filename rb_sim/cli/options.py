@@ -39,7 +39,8 @@ Step = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")
 ]
 Tolerance = Annotated[
-    float | None, typer.Option(metavar="NUMBER", help="Of the adaptive step; for auto of the pose.")
+    float | None,
+    typer.Option(metavar="NUMBER", help="Of the adaptive step; for auto the global error."),
 ]
 NoBag = Annotated[bool, typer.Option("--no-bag", help="Write no DIR/bag.")]
 Rerun = Annotated[
@@ -96,7 +97,7 @@ Check = Annotated[
     typer.Option(
         "--check/--no-check",
         help="State the global error by a second run at half of the steps or a tenth of the "
-        "tolerance; by default where stepping took less than about a second.",
+        "tolerance; by default of runs up to about 20 s.",
     ),
 ]
 MaxWall = Annotated[

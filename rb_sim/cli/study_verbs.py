@@ -23,7 +23,7 @@ def accuracy(
     target: Annotated[
         float | None,
         typer.Option(
-            metavar="ERROR", help="Error of the pose in m and rad: name the cheapest way to it."
+            metavar="ERROR", help="Global error in m and rad: name the cheapest way to it."
         ),
     ] = None,
     budget: Annotated[

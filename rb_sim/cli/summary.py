@@ -209,7 +209,7 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     rows += _contacts(summary.get("contacts"))
     rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
     if summary["choice"] is not None and summary["choice"]["errors"]:
-        rows.append(("largest errors", listed(summary["choice"]["errors"])))
+        rows.append(("global error by auto", listed(summary["choice"]["errors"])))
     certificate = summary.get("certificate") or {"text": []}
     rows += list(zip(("certified", "", "", ""), certificate["text"], strict=False))
     rows += [("warning", finding["text"]) for finding in summary["warnings"]]

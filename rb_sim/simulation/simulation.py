@@ -154,8 +154,9 @@ class Simulation(SceneInMotion):
         watched: what a watch sees of lost accuracy becomes an AccuracyWarning, and is among the
             trajectory's `findings`. False: nobody looks.
         check: make a second run at half of the steps or a tenth of the tolerance, whose difference
-            is the trajectory's `global_error`, and a finding above 1e-2. None: where stepping took
-            less than about a second, and the run is watched.
+            is the trajectory's `global_error`, and a finding above 1e-2. None: if the run is
+            watched; from about a second of stepping on a coarser one first, from 20 s on the
+            beginning only.
         A run that will take more than ten minutes is told once, where `announce` says; one that
         would take more than a year is given up after some time.
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far

@@ -24,6 +24,7 @@ from rb_sim.accuracy.costs import (
     Events,
     Explanation,
     Item,
+    RunCost,
     Survey,
     comes_to,
     cost_of,
@@ -70,6 +71,20 @@ def test_verb_writes_json(tmp_path: Path) -> None:
     assert data["indeterminate"] == []
     assert data["constraints"][0]["rows"] == 5
     assert "gravity" not in data["absent_effects"] and "spring" in data["absent_effects"]
+    assert 0.0 < data["run"]["unchecked"] < data["run"]["checked"]
+
+
+def test_of_a_run_that_does_not_end_in_time_no_price_is_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def asked(_: object) -> RunCost:
+        return RunCost(1.0, 2.5)
+
+    scene = load_scene(CONFIG / "pendulum.yaml")
+    told = explain(scene, run_cost=asked)
+    assert any("A run takes 1 s, 2.5 s with its accuracy checks" in line for line in notes(told))
+    monkeypatch.setattr(explaining, "LONGEST_RUN", 0.0)
+    assert explain(scene, run_cost=asked).run is None
 
 
 def test_cost_is_the_median_with_half_the_interquartile_range() -> None:
@@ -208,7 +223,7 @@ def test_rows_of_what_may_open_are_told_apart(parts: list[tuple[str, int]], word
     print_explanation(
         Explanation(
             "scene", (("a", 1.0),), items, (), total, 12, (), "maximal", "rk4", None, cost, 1.0,
-            0.0, 1.0, 1.0, None, (), (),
+            0.0, 1.0, 1.0, None, None, (), (),
         ),
         console,
     )  # fmt: skip

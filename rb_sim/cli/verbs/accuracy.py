@@ -18,7 +18,7 @@ def accuracy(
 ) -> int:
     """Run the scene with every method, coarse to fine; print what each error costs.
 
-    scene: YAML file. out: folder for accuracy.json and accuracy.png, made if absent. target: pose
+    scene: YAML file. out: folder for accuracy.json and accuracy.png, made if absent. target: global
     error [rad, m] that is enough. budget: wall time of the runs [s]; compiling the methods for a
     new kind of scene comes on top, once per machine.
     Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated, a value that
@@ -64,7 +64,9 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
 
     described = load_statics(scene)
     if target is not None:
-        raise RbSimError(f"target: is an error of the pose; the bodies of {scene} are at rest")
+        raise RbSimError(
+            f"target: is a global error of the pose; the bodies of {scene} are at rest"
+        )
     console = plain_console(soft_wrap=False)
     result = measure(described)
     print_statics(result, console)

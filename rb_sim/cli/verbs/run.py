@@ -53,7 +53,7 @@ class RunOptions:
     strict: bool = False
     certify: bool = False
     check: bool | None = None
-    """whether a second run is made; None: where stepping took less than about a second."""
+    """whether a second run is made of all of it; None: unless it takes long (checks/second_run)."""
     max_wall: float | None = None
     changes: tuple[str, ...] = ()
     """KEY=VALUE in place of values of the scene."""
