@@ -246,7 +246,8 @@ def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
         if simulation.layout.contacts:
             scale = max(scale, SOLVED * float(radius.max()))
         far = np.linalg.norm(two[..., :3], axis=2).max(axis=0) + radius
-        shift = np.where(shift > ROUNDING * far, shift, 0.0)
+        shift = np.nan_to_num(shift, nan=math.inf, posinf=math.inf)
+        shift = np.where((shift > ROUNDING * far) | np.isinf(shift), shift, 0.0)
         turn = np.where(turn > ROUNDING, turn, 0.0)
         share = np.maximum(shift / scale, np.maximum(radius * turn / scale, turn))
         share = np.where((shift > 0.0) | (turn > 0.0), share, 0.0)

@@ -60,9 +60,9 @@ def forecast_for(
 # It is found by running the scene with other steps, under the watches of every run.
 
 
-MOST_TIME = 1.0
-"""Counted time of all trials together [s], and about twice as much for their second runs: the run
-is over, and its user waits for the word."""
+MOST_TIME = 3.0
+"""Counted time of all trials together [s], their second runs left out: the run is over, and its
+user waits for the word."""
 
 MOST_TRIALS = 16
 """Smaller steps that are tried, each at most half of the one before."""

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rb_sim import Simulation, Trajectory
+from rb_sim.checks.second_run import apart
 from rb_sim.cli.main import app
 
 W = 2.0 * math.pi
@@ -230,3 +231,17 @@ def test_the_summary_states_it_and_strict_ends_with_3(tmp_path: Path) -> None:
     assert f"global error       {summary['global_error']['text']}" in ended.output
     ended = CliRunner().invoke(app, [*options, "--overwrite", "--no-check"])
     assert json.loads((out / "summary.json").read_text())["global_error"]["unknown"]
+
+
+@pytest.mark.parametrize("exploded", [1e160, math.inf, math.nan])
+def test_a_second_run_that_has_exploded_is_no_agreement(exploded: float) -> None:
+    """Its distance overflows, and so does the distance that rounding may move a body by."""
+    simulation = Simulation(oscillation(method="euler", step=0.01))
+    one = np.zeros((3, 1, 7))
+    one[..., 6] = 1.0
+    one[:, 0, 0] = [0.0, 1.0, 2.0]
+    two = one.copy()
+    two[2, 0, :3] = exploded
+    found = apart(np.arange(3.0), one, two, simulation)
+    assert found.relative > 1e-2
+    assert found.t == 2.0
