@@ -230,9 +230,8 @@ def test_the_import_contract_names_every_package() -> None:
     layers = contracts()[0]["layers"]
     named = {name for layer in layers for name in re.split(r"[\s:|]+", layer)}
     assert len(layers) <= 10
-    assert {f"rb_sim.{path.name}" for path in PACKAGE.iterdir() if path.is_dir()} - {
-        "rb_sim.__pycache__"
-    } == named
+    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert {f"rb_sim.{name}" for name in packages} == named
 
 
 def test_no_module_lies_beside_the_packages() -> None:

@@ -17,7 +17,7 @@ from rb_sim.checks.check_list import Watched
 from rb_sim.io.bag.reader import BagReader, Rows
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.cdr import NANO
-from rb_sim.mechanics.samples import Input, SampleBlock, concatenate
+from rb_sim.mechanics.samples import ARRAYS, Input, SampleBlock, concatenate
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
 from rb_sim.trajectory.wrenches import accelerating
@@ -263,8 +263,6 @@ def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Samp
 
 
 def _first(block: SampleBlock, n: int) -> SampleBlock:
-    from rb_sim.mechanics.samples import ARRAYS
-
     return replace(block, **{name: getattr(block, name)[:n] for name in ARRAYS})
 
 

@@ -21,7 +21,7 @@ from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.extent import reach_of
 from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.sink import restarts
-from rb_sim.mechanics.samples import ContactEvent
+from rb_sim.mechanics.samples import ContactEvent, concatenate
 from rb_sim.scene.schema import Scene
 
 # How large the quantities of two motions are, and what of their difference is rounding.
@@ -200,7 +200,6 @@ def tracks_of_bag(bag: Path) -> Tracks:
 
 def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None = None) -> Tracks:
     """The motion in samples; `reader` tells what was missing in them."""
-    from rb_sim.mechanics.samples import concatenate
 
     block = concatenate(blocks, layout)
     if not len(block):

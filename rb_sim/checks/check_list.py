@@ -136,7 +136,7 @@ class Pace:
 
 # All watches of one run: fed with the samples as they come, asked for findings at any time.
 #
-# A long run is looked at closely here and there (see `pace`), with a glance elsewhere. A glance
+# A long run is looked at closely here and there (see below), with a glance elsewhere. A glance
 # takes in every sample's residual and work, the energy at the end of the block, half turns and dead
 # points, and where one of them passes its bound the block is looked at closely at once.
 

@@ -98,8 +98,9 @@ def _hastened(run: Motion, faster: float) -> Any:
 
 # Whether a motion that cannot go on has come to a dead point, which no step mends.
 #
-# There s of `dead_point` falls to zero: as |x| where the motion passes a change point, as the root
-# of x where a drive comes to the end of its way.  The last states tell which of the two, and where.
+# There s of `singular_configuration` falls to zero: as |x| where the motion passes a change point,
+# as the root of x where a drive comes to the end of its way.  The last states tell
+# which of the two, and where.
 
 
 LAST, BETWEEN = 4, 8

@@ -204,5 +204,5 @@ def _of_choices(effort: Effort) -> Iterator[Finding]:
     if chosen is not None and chosen.figure > bound:
         figure, t, contact, what, by_setting, advice = chosen
         finer = below(effort.step) if by_setting and effort.step else None
-        watch, advice = ("ambiguous", effort.advice(finer) if by_setting else advice)
-        yield Finding(watch, t, figure, bound, what, contact, advice, finer)
+        advice = effort.advice(finer) if by_setting else advice
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)

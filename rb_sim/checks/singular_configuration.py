@@ -363,7 +363,7 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
 # the choice is a bad one there and the motion loses digits.  That is told apart by the eigenvalues
 # of A over all lines.
 #
-# States between samples are looked at, too (see `vanishing`), where bodies turn by much from one to
+# States between samples are looked at, too (see above), where bodies turn by much from one to
 # the next.  Once a run is long only every few samples are, and of some blocks a part closely.
 
 

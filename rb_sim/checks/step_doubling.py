@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 #     max |x_h - x_h/2| / way,   max |v_h - v_h/2| / max |v|,
 #
 # of a body, with x = (x_C, A turn) and v = (v_C, A w), of a thin one by either A (see
-# engine.velocities).  Where bodies strike, the two runs do it a little apart: what velocities
+# mechanics.error_scales).  Where bodies strike, the two runs do it a little apart: what velocities
 # differ by for one sample only is that.
 
 
@@ -288,7 +288,7 @@ def _worst(shares: Array, times: Array, bodies: list[str], of: str) -> Strayed:
 # that the motion is another one.  What shows is that a step and its two halves tell different
 # changes of the velocities:
 #
-#     max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body (see engine.velocities),
+#     max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body (see above),
 #
 # over the steps of a probe; a thin body is measured with either A.  It is some (w h)^p for a step
 # that follows an oscillation of frequency w, and of the order of one for a step that does not.
@@ -301,7 +301,7 @@ def _worst(shares: Array, times: Array, bodies: list[str], of: str) -> Strayed:
 #     sum over steps of |v_h - v_h/2| / max |v|,
 #
 # between two probes at the rate of the smaller of them, so that a start that dies out counts
-# little. A short run is taken again as a whole, and of a long one the beginning (see half_steps).
+# little. A short run is taken again as a whole, and of a long one the beginning (`taken_again`).
 
 
 STEPS = 4

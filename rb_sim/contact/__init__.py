@@ -1,11 +1,12 @@
-"""Contact: what touches and may part, from the words of a scene to the motion.
+"""Contacts in motion: what happens to bodies that touch, by events or by time stepping.
 
-scene      what a scene may say: contacts, strings, their surfaces
-geometry   gap, normal and point of a pair of surfaces, with their rates
-friction   the law of traction
-compile    a scene with contacts as a system
-system     that system: layout, terms of the equations, laws, levels of its events
-events     motion cut into pieces at events: impacts, and which contacts open, slip or stick
-problem, solvers   one friction problem and what solves it
-stepping   motion in fixed steps that impacts lie within
+events         motion cut into pieces at events: impacts, and which contacts open, slip or stick
+problem        the contact problem at one instant, which events ask
+stepping       motion in fixed steps that impacts lie within
+solvers        solvers of the friction problem of a step
+tunnelling     checks of sides that sink into a support between samples
+choose_motion  which motion a compiled scene has: smooth, cut at events, or stepped
+
+What a scene may say of contacts, and their geometry, is in `catalogue`; the system of bodies in
+contact, its laws and event functions, in `mechanics.contact`.
 """

@@ -3,7 +3,7 @@
 A law in lanes is void law(double, const double *y, const double *p, double *out) like any other;
 number i of lane l is at [LANES i + l], and the time is one of the p.  Every lane goes through the
 operations of the law alone and gets the same bits, except that sines and cosines, which machines
-have no vector instructions for, are those of `trigonometry`.
+have no vector instructions for, are those below.
 """
 
 from __future__ import annotations

@@ -1,2 +1,1 @@
-"""Stepping loops and methods: compiled once for all scenes, they call the laws of a scene by
-address."""
+"""Stepping loops and methods, compiled once for all scenes; they call laws by address."""

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from rb_sim.graph.c_source import c_function
-from rb_sim.integrate import lane_loops as adaptive
-from rb_sim.integrate import lane_loops as loops
+from rb_sim.integrate import lane_loops
 from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
 from rb_sim.mechanics.lane_motions import Lanes, Runs
 from rb_sim.mechanics.samples import Array
 
-# CUDA's text of a sweep's kernels: one thread a run, the loops of rb_sim.integrate.lane_loops
-# and lanes_adaptive for one lane.
+# CUDA's text of a sweep's kernels: one thread a run, the loops of rb_sim.integrate.lane_loops for
+# one lane.
 #
 # `step` and `sample` are printed from the graphs (rb_sim.graph.c_source); what stands here is how
 # steps follow each other. It is C++ that any compiler takes which is told what __global__ is.
@@ -28,26 +27,26 @@ NAMES = {
     "NOT_FINITE": NOT_FINITE,
     "STEP_UNDERFLOW": STEP_UNDERFLOW,
     "LEFT_DOMAIN": LEFT_DOMAIN,
-    "OPEN": loops.OPEN,
+    "OPEN": lane_loops.OPEN,
     "ULPS": ULPS,
-    "MOST_FIRST": adaptive.MOST_FIRST,
-    "ADVANCE": adaptive.ADVANCE,
-    "FIRST": adaptive.FIRST,
-    "EXTRA_INPUTS": loops.EXTRA_INPUTS,
-    "STEP": "M + " + str(loops.STEP),
-    "SAMPLING": "M + " + str(loops.SAMPLING),
-    "FORCED": "M + " + str(loops.FORCED),
-    "TOLERANCE": "M + " + str(loops.TOLERANCE),
-    "LARGEST": "M + " + str(loops.LARGEST),
-    "TOTAL": "2 * N + " + str(loops.TOTAL),
-    "INSIDE": "2 * N + " + str(loops.INSIDE),
-    "FIXED_ROW": "2 * N + " + str(loops.FIXED_EXTRA),
-    "ERROR": "6 * N + " + str(adaptive.ERROR),
-    "ACCEPTED": "6 * N + " + str(adaptive.ACCEPTED),
-    "FOLLOWING": "6 * N + " + str(adaptive.FOLLOWING),
-    "WITHIN": "6 * N + " + str(adaptive.WITHIN),
-    "ALL": "6 * N + " + str(adaptive.ALL),
-    "ADAPTIVE_ROW": "6 * N + " + str(adaptive.ADAPTIVE_EXTRA),
+    "MOST_FIRST": lane_loops.MOST_FIRST,
+    "ADVANCE": lane_loops.ADVANCE,
+    "FIRST": lane_loops.FIRST,
+    "EXTRA_INPUTS": lane_loops.EXTRA_INPUTS,
+    "STEP": "M + " + str(lane_loops.STEP),
+    "SAMPLING": "M + " + str(lane_loops.SAMPLING),
+    "FORCED": "M + " + str(lane_loops.FORCED),
+    "TOLERANCE": "M + " + str(lane_loops.TOLERANCE),
+    "LARGEST": "M + " + str(lane_loops.LARGEST),
+    "TOTAL": "2 * N + " + str(lane_loops.TOTAL),
+    "INSIDE": "2 * N + " + str(lane_loops.INSIDE),
+    "FIXED_ROW": "2 * N + " + str(lane_loops.FIXED_EXTRA),
+    "ERROR": "6 * N + " + str(lane_loops.ERROR),
+    "ACCEPTED": "6 * N + " + str(lane_loops.ACCEPTED),
+    "FOLLOWING": "6 * N + " + str(lane_loops.FOLLOWING),
+    "WITHIN": "6 * N + " + str(lane_loops.WITHIN),
+    "ALL": "6 * N + " + str(lane_loops.ALL),
+    "ADAPTIVE_ROW": "6 * N + " + str(lane_loops.ADAPTIVE_EXTRA),
 }
 
 

@@ -16,8 +16,7 @@ from rb_sim.graph.functions import maximum, minimum, sqrt, where
 from rb_sim.graph.machine import Law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.vector_code import LANES, compile_lanes
-from rb_sim.integrate import lane_loops as adaptive
-from rb_sim.integrate import lane_loops as loops
+from rb_sim.integrate import lane_loops
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.methods import loop_of
 from rb_sim.mechanics.samples import Array
@@ -60,7 +59,7 @@ class Lanes:
     def step(self) -> Law | None:
         """A step as one law in lanes; None where it cannot be."""
         outputs = self.step_outputs()
-        return None if outputs is None else compile_lanes(outputs, self._given + loops.TIME)
+        return None if outputs is None else compile_lanes(outputs, self._given + lane_loops.TIME)
 
     def step_outputs(self) -> list[Any] | None:
         """A step as a graph; None where runs of this method cannot go together."""
@@ -74,7 +73,7 @@ class Lanes:
     @cached_property
     def sample(self) -> Law | None:
         """What is reported at one instant, in lanes."""
-        return compile_lanes(self.sample_outputs(), self._given + loops.TIME)
+        return compile_lanes(self.sample_outputs(), self._given + lane_loops.TIME)
 
     def sample_outputs(self) -> list[Any]:
         """What is reported at one instant, as a graph."""
@@ -110,7 +109,7 @@ class Lanes:
         """Outputs of `integrate.loop`'s law."""
         graph = Graph()
         system = self.laws.inputs.symbolic(self.laws.system, graph)
-        t, h = graph.input("t"), graph.input("p", self._given + loops.STEP)
+        t, h = graph.input("t"), graph.input("p", self._given + lane_loops.STEP)
         row, _, total, within = self._moved(step, system, t, h, graph.vector("y", 2 * self.n))
         return [*row, total, within]
 
@@ -125,11 +124,11 @@ class Lanes:
 
         size = 2 * self.n
         old, new = graph.vector("y", size), graph.vector("y", size, size)
-        sampling, h = given(loops.SAMPLING) > 0.5, given(loops.STEP)
+        sampling, h = given(lane_loops.SAMPLING) > 0.5, given(lane_loops.STEP)
         start = where(sampling, old, new)
         tried, error, total, within = self._moved(step, system, t, h, start)
-        relative = error / given(loops.TOLERANCE)
-        good = (relative <= 1.0) | (given(loops.FORCED) > 0.5)
+        relative = error / given(lane_loops.TOLERANCE)
+        good = (relative <= 1.0) | (given(lane_loops.FORCED) > 0.5)
         accepted = good & ~sampling
         after = [
             *where(accepted, new, old),
@@ -137,7 +136,7 @@ class Lanes:
             *tried,
             relative,
             where(accepted, 1.0, 0.0),
-            _following(h, relative, given(loops.LARGEST)),
+            _following(h, relative, given(lane_loops.LARGEST)),
             within,
             total,
         ]
@@ -160,7 +159,7 @@ class Lanes:
         )
         count = len(starts)  # loops read the arrays by address
         path = self._reused("path", (count, len(times), self.n))
-        statuses, steps = np.full(count, loops.OPEN), np.zeros(count, dtype=np.int64)
+        statuses, steps = np.full(count, lane_loops.OPEN), np.zeros(count, dtype=np.int64)
         carry = self._run_adaptive if self.adaptive else self._run_fixed
         carry(starts, given, times, path, statuses, steps, goes_on)
         return Runs(self._samples(path, given, times), statuses, steps)
@@ -173,7 +172,7 @@ class Lanes:
         return self._room[name][:size].reshape(shape)
 
     def _inputs(self) -> np.ndarray:
-        return np.zeros((self._given + loops.EXTRA_INPUTS, LANES))
+        return np.zeros((self._given + lane_loops.EXTRA_INPUTS, LANES))
 
     def _run_adaptive(
         self,
@@ -186,20 +185,20 @@ class Lanes:
         goes_on: Callable[[], bool],
     ) -> None:
         inputs = self._inputs()
-        inputs[self._given + loops.TOLERANCE] = self.method.tolerance
-        inputs[self._given + loops.LARGEST] = self.method.largest_step
-        lanes = np.zeros((adaptive.PLACES, LANES))
-        buffer = np.zeros((2, (6 * self.n + adaptive.ADAPTIVE_EXTRA) * LANES))
-        queue = np.zeros(adaptive.QUEUE)
-        queue[[adaptive.RUNS, adaptive.TIMES, adaptive.GIVEN]] = (
+        inputs[self._given + lane_loops.TOLERANCE] = self.method.tolerance
+        inputs[self._given + lane_loops.LARGEST] = self.method.largest_step
+        lanes = np.zeros((lane_loops.PLACES, LANES))
+        buffer = np.zeros((2, (6 * self.n + lane_loops.ADAPTIVE_EXTRA) * LANES))
+        queue = np.zeros(lane_loops.QUEUE)
+        queue[[lane_loops.RUNS, lane_loops.TIMES, lane_loops.GIVEN]] = (
             len(starts),
             len(times),
             self._given,
         )
         results = np.zeros((len(starts), 2))
-        results[:, 0] = loops.OPEN
+        results[:, 0] = lane_loops.OPEN
         assert self.step is not None
-        while not adaptive.adaptive(
+        while not lane_loops.adaptive(
             self.step.address, self.n, lanes, buffer, inputs, (starts, given), queue, times, PIECE,
             path, results,
         ):  # fmt: skip
@@ -221,13 +220,13 @@ class Lanes:
         for first in range(0, len(starts), LANES):
             chosen = np.minimum(np.arange(first, first + LANES), len(starts) - 1)
             inputs[: self._given] = given[chosen].T
-            buffer = np.zeros((3, 2 * n + loops.FIXED_EXTRA, LANES))
+            buffer = np.zeros((3, 2 * n + lane_loops.FIXED_EXTRA, LANES))
             buffer[:, :n] = starts[chosen].T
             count, clock = np.zeros(3, dtype=np.int64), np.zeros(2)
-            out, ended = np.zeros((LANES, len(times), n)), np.full(LANES, loops.OPEN)
+            out, ended = np.zeros((LANES, len(times), n)), np.full(LANES, lane_loops.OPEN)
             assert self.step is not None
-            while (ended == loops.OPEN).any() and goes_on():
-                loops.fixed(
+            while (ended == lane_loops.OPEN).any() and goes_on():
+                lane_loops.fixed(
                     self.step.address, self.method.step, n, clock, count, buffer, inputs, times,
                     PIECE, out, ended,
                 )  # fmt: skip
@@ -243,7 +242,7 @@ class Lanes:
         at = np.zeros((width, LANES))
         assert self.sample is not None
         for first in range(0, count, LANES):
-            loops.samples(
+            lane_loops.samples(
                 self.sample.address, self.n, first, path, given, times, inputs, buffer, at,
                 rows[first : first + LANES],
             )  # fmt: skip

@@ -105,7 +105,7 @@ class ReducedLaws(GuidedLaws):
     def whole(self, step: Step, estimated: bool = True) -> CompiledLaws | None:
         """A step of this method as one law; None where it would be long.
 
-        y is a row of loops.record: coordinates and carry; the last input is the step's length.
+        y is a row of `integrate.loop`: coordinates and carry; the last input is the step's length.
         estimated: the error is wanted; fixed steps go without, which is a third of dopri853.
         """
         key = step, estimated

@@ -39,7 +39,7 @@ Reached = tuple[int, int]
 class TracedStepper:
     """The grid of steps of a system, on laws that are called by address.
 
-    laws: rate, settle, sample ... of the system (engine.laws). method: with `loop`, its step and
+    laws: rate, settle, sample ... of the system (mechanics.laws). method: with `loop`, its step and
     its settings. small: bodies that move by little. Everything compiled is made when it is first
     needed.
     """

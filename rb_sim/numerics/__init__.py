@@ -1,2 +1,1 @@
-"""Vectors, linear systems, cones and complementarity, and how functions are marked for
-compiling."""
+"""Vectors, linear systems, cones, complementarity, and the marks of compiled functions."""

@@ -1,7 +1,7 @@
 """The one rank rule: lines scaled to length 1, then one threshold.
 
 Whether lines depend on each other is decided here: by eigenvalues or singular values, and, in
-compiled code, by the pivots of `semidefinite`, `unsymmetric` and `least_squares`, which take their
+compiled code, by the pivots of `linear_solves`, which take their
 threshold from here. Loads and lengths are scaled away before, so that neither units nor mass ratios
 decide.
 """

@@ -26,7 +26,7 @@ from rb_sim.catalogue.spec import (
 )
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import validated
-from rb_sim.scene.listing import find_scene
+from rb_sim.scene.listing import find_scene, scene_folders
 from rb_sim.scene.load import OVERRIDES
 
 MOST_RUNS = 10_000_000
@@ -277,7 +277,6 @@ def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
 
 def shipped_plans() -> dict[str, Path]:
     """The plans that come with rb_sim, by name."""
-    from rb_sim.scene.listing import scene_folders
 
     for folder in scene_folders():
         found = {path.stem: path for path in sorted((folder / "sweeps").glob("*.yaml"))}

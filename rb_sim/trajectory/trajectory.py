@@ -11,8 +11,8 @@ from rb_sim.base.diagnostic import findings_in, global_error_in, tell
 from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.trajectory.record import ByName, Reaction, Record
-from rb_sim.trajectory.states import EventState, State, beside, state_of
-from rb_sim.trajectory.wrenches import Resultant
+from rb_sim.trajectory.states import EventState, State, beside, roll_pitch_yaw, state_of
+from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches, resultant
 
 if TYPE_CHECKING:
     from rb_sim.trajectory.views import Pages
@@ -73,7 +73,6 @@ class Trajectory(Record):
         Roll and yaw count whole turns where a sample turns less than half a one. At pitch +-pi/2
         only their sum or difference is determined.
         """
-        from rb_sim.trajectory.states import roll_pitch_yaw
 
         return self._by_body(roll_pitch_yaw(self.block.orientation))
 
@@ -84,7 +83,6 @@ class Trajectory(Record):
         From Newton's equation with effects and reactions; an impact's jump is not in it. Raises
         RbSimError where the scene is not known, and for method time_stepping.
         """
-        from rb_sim.trajectory.wrenches import accelerations
 
         return self._by_body(accelerations(self).linear)
 
@@ -94,7 +92,6 @@ class Trajectory(Record):
 
         From Euler's equations; else as `linear_acceleration`.
         """
-        from rb_sim.trajectory.wrenches import accelerations
 
         return self._by_body(accelerations(self).angular)
 
@@ -105,7 +102,6 @@ class Trajectory(Record):
         NAME/BODY where the effect acts on several bodies (a parent gets the opposite). The laws
         are evaluated at the samples; raises RbSimError where the scene is not known.
         """
-        from rb_sim.trajectory.wrenches import effect_wrenches
 
         return ByName("effect", effect_wrenches(self))
 
@@ -133,7 +129,6 @@ class Trajectory(Record):
         None for the anchor itself.
         Raises RbSimError for a name or a point that does not exist.
         """
-        from rb_sim.trajectory.wrenches import resultant
 
         return resultant(self, name, about)
 

@@ -10,7 +10,7 @@ import numpy as np
 from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.types import WORLD, BodyState, wrench
 from rb_sim.io.frames import conjugate, cross, rotate
-from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.samples import Array, empty_block
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 from rb_sim.trajectory.record import Reaction, Record
@@ -205,7 +205,6 @@ def accelerations(trajectory: Record) -> Accelerations:
 
 def accelerating(scene: Scene, layout: SampleLayout) -> Callable[[SampleBlock], Accelerations]:
     """What gives the accelerations of blocks of a run. Raises RbSimError as `accelerations`."""
-    from rb_sim.mechanics.samples import empty_block
 
     def of(block: SampleBlock) -> Accelerations:
         return accelerations(Record(block, layout, scene))

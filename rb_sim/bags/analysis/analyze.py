@@ -15,7 +15,7 @@ from rb_sim.bags.analysis.result import Analysis
 from rb_sim.bags.analysis.table import Aligned
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
-from rb_sim.bags.tracks import length_of
+from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.frames import centers_of_mass, origins, rotate
@@ -155,7 +155,6 @@ def _why(back: int, figures: Figures) -> str:
 def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
     from rb_sim.bags.analysis.stretches import Balances, parts_of
-    from rb_sim.bags.tracks import Impacts
     from rb_sim.io.bag.as_run import scene_as_run
 
     scene = scene_as_run(reader)

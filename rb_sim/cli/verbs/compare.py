@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import MissingExtraError, RbSimError
 
 if TYPE_CHECKING:
     from rb_sim.bags.compare import Differences
@@ -185,7 +185,6 @@ def _clocks(told: dict[str, Any]) -> str:
 
 def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
     from rb_sim.bags.comparison_views import overlay, picture
-    from rb_sim.base.errors import MissingExtraError
     from rb_sim.simulation.outputs import writing
 
     written = ["compare.json", "compare.png"]

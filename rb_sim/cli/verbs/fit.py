@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.fit.fit import Fitted
+from rb_sim.fit.fit import Fitted, Recording
+from rb_sim.fit.fit import fit as solve
 
 if TYPE_CHECKING:
     from rb_sim.fit.fit import Recording
@@ -65,7 +66,6 @@ def fit(options: FitOptions) -> int:
     """Fit, print, write; 0. Raises RbSimError."""
     from rb_sim.cli.summary import finite
     from rb_sim.cli.verbs.replay import warn
-    from rb_sim.fit.fit import fit as solve
 
     if options.noise is not None and not min(options.noise) > 0:
         raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
@@ -88,7 +88,6 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.replay import note, warn
-    from rb_sim.fit.fit import Recording
     from rb_sim.fit.recording import pairs_of, recorded_by_others
     from rb_sim.io.bag.as_run import scene_as_run
     from rb_sim.io.bag.reader import reader_of

@@ -14,7 +14,7 @@ from rich.table import Table
 from rb_sim.base.errors import AccuracyWarning
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.replay import warn
-from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.plan import load_plan, shipped_plans
 from rb_sim.sweeps.sweep import check_device
 from rb_sim.sweeps.sweep import sweep as run_plan
 
@@ -118,7 +118,6 @@ def sweep_report(folder: Path) -> int:
 
 def sweep_plans() -> int:
     """List the plans that come with rb_sim; returns the exit code 0."""
-    from rb_sim.sweeps.plan import shipped_plans
 
     for name, path in shipped_plans().items():
         loaded = load_plan(path)

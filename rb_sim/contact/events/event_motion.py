@@ -139,7 +139,7 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
     order. False, and nothing changed, where bodies would move otherwise for it: what creeps is
     tried again when it has become slower.
 
-    mode: SLIDE or ROLL; arms: A of each body (see engine.velocities), (N, 3, 3) [m].
+    mode: SLIDE or ROLL; arms: A of each body (see mechanics.error_scales), (N, 3, 3) [m].
     """
     touch, y, table = at.system.touch, at.y.copy(), at.system.touch.copy()
     before = velocities(at.system, at.y)

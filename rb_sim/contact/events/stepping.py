@@ -243,7 +243,7 @@ class EventStepping(GridMotion):
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._due = -1
         self._pause = math.inf
-        self._start = self._begun = time
+        self._begun = time
         self._mark = 0, time
         self._kept = np.zeros((len(self.names), KEPT))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]

@@ -209,7 +209,7 @@ def room_for(system: ContactBodies) -> Room:
     return Room(**tables)
 
 
-# What happens to the contacts, noted where it happens: rows of the room, which `journal` reads.
+# What happens to the contacts, noted where it happens: rows of the room, which `Journal` reads.
 
 
 KINDS = (

@@ -35,7 +35,7 @@ from rb_sim.numerics.complementarity import (
 from rb_sim.numerics.kernels import inline, integers, pointer
 
 # The problem between lines and laws, in the room: which lines take part, what each is bound to,
-# and its solution (see maths.complementarity).
+# and its solution (see numerics.complementarity).
 
 
 SOLVED, UNSOLVED, NOT_FINITE = 0, 1, 2

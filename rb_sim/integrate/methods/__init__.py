@@ -1,3 +1,1 @@
-"""TODO."""
-
-from __future__ import annotations
+"""The methods: one file each, with its settings and its step."""

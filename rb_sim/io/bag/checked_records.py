@@ -2,7 +2,7 @@
 
 A chunk whose checksum is wrong is skipped. Where even the lengths are broken, reading goes on at
 the next record that the file's own index names; without an index, at the next chunk that is whole;
-in a file with messages in no chunk, at the next of these (`bag_salvage`).
+in a file with messages in no chunk, at the next of these (`salvage`).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ JOURNAL = "its recorder was killed, and what stands in the journal (-wal) beside
 class Damage(NamedTuple):
     """A part of a file that cannot be read.
 
-    offset, end: [bytes]; reason: one of the texts above or of `bag_chunks`.
+    offset, end: [bytes]; reason: one of the texts above.
     after, before: log times between which messages are missing [ns]; None: not known.
     """
 

@@ -1,7 +1,7 @@
 """Records samples into a ROS 2 bag (MCAP), with no ROS installed.
 
 The messages are those of `topics`; their stamps are simulated time. The bag also carries what it
-takes to read them back on their own (`bag_reader`): the metadata record `rb_sim` with the bodies,
+takes to read them back on their own (`reader`): the metadata record `rb_sim` with the bodies,
 the layout, the options of the run, and the file scene.yaml; both stand before the first message.
 The summary follows in the record `rb_sim_summary` when the bag is closed.
 """
@@ -136,7 +136,7 @@ def describe_supports(scene: Scene) -> dict[str, Any]:
 
 
 READABLE = ("1",)
-"""Formats that `bag_reader` reads."""
+"""Formats that `reader` reads."""
 
 REQUIRED = ("format", "name", "scene", "bodies", "layout", "simulation", "namespace", "start")
 """Keys without which a bag cannot be read back."""

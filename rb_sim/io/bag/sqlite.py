@@ -1,4 +1,4 @@
-"""The messages of an SQLite file of rosbag2 (.db3), as `bag_batches` gives those of an MCAP file.
+"""The messages of an SQLite file of rosbag2 (.db3), as `batches` gives those of an MCAP file.
 
 The rosbags library reads it, which knows all versions of rosbag2's tables. Such a file has neither
 checksums nor records of whoever wrote it, and its messages have no numbers: they come in the order

@@ -223,14 +223,14 @@ def tf_message(frames: Sequence[tuple[str, str]]) -> Codec:
     return layout.codec()
 
 
-def joint_state(frame_id: str, names: Sequence[str]) -> Codec:
-    """sensor_msgs/JointState: positions, then velocities, then efforts of one or more names."""
+def joint_state(frame_id: str, names: Sequence[str], efforts: bool = True) -> Codec:
+    """sensor_msgs/JointState: positions, then velocities, then efforts, which may be left out."""
     layout = Layout().stamp().text(frame_id).count(len(names))
     for name in names:
         layout.text(name)
-    for _ in range(3):
+    for _ in range(3 if efforts else 2):
         layout.count(len(names)).doubles(len(names))
-    return layout.codec()
+    return (layout if efforts else layout.count(0)).codec()
 
 
 def string(text: str) -> bytes:

@@ -35,7 +35,7 @@ class JointTable:
         index = {name: i for i, name in enumerate(layout.bodies)}
         self._body = [index[c.body] for c in axes.values()]
         self._parent = [-1 if c.parent is None else index[c.parent] for c in axes.values()]
-        self._codec = joint_codec([ros_name(name) for name in self.names])
+        self._codec = cdr.joint_state("", [ros_name(name) for name in self.names], efforts=False)
         self._last: tuple[float, Array, Array, Array] | None = None
         """of the last sample: time [s], and of each axis its angle from the first sample within a
         turn [rad], the full turns beside it, its rate [rad/s]."""
@@ -93,16 +93,6 @@ class JointTable:
         turns = turns_last + np.cumsum(more, axis=0)
         self._last = t[-1], turn[-1], turns[-1], rate[-1]
         return turn + TURN * turns
-
-
-def joint_codec(names: list[str]) -> cdr.Codec:
-    """sensor_msgs/JointState: positions, then velocities; efforts are left out."""
-    layout = cdr.Layout().stamp().text("").count(len(names))
-    for name in names:
-        layout.text(name)
-    for _ in range(2):
-        layout.count(len(names)).doubles(len(names))
-    return layout.count(0).codec()
 
 
 def _parts(quaternion: Array) -> Any:

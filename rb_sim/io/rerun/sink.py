@@ -1,7 +1,7 @@
 """Records samples for the Rerun viewer: a 3D view and plots, in one .rrd file.
 
 Rows are collected and sent in columns, at most ROWS at a time, so memory does not grow. What is
-drawn and how the viewer is laid out is in `rerun_view`.
+drawn and how the viewer is laid out is in `view`.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class ContactBodies(NamedTuple):
     contacts: tuple
     """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
     touch: np.ndarray
-    """the table of contacts (see touch), shape (contacts, TOUCH_WIDTH)."""
+    """the table of contacts (see contact_table), shape (contacts, TOUCH_WIDTH)."""
     pushes: np.ndarray
     """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float

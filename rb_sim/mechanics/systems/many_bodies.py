@@ -58,7 +58,7 @@ class MultiBody(NamedTuple):
     effects: tuple
     constraints: tuple
     spins: tuple = ()
-    """what keeps the spins of bodies without torque where they belong (see free_spin)."""
+    """what keeps the spins of bodies without torque where they belong (see `FreeSpin` in free)."""
     chosen: Any = ()
     """in laws, of lines in loops that hold more than they need: {line: 1, or 0 for one that gets no
     multiplier now}."""
