@@ -14,11 +14,12 @@ from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
 from rb_sim.accuracy.choice import Setting, listed
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.differences import BALANCE, JUMPS, turn_between
+from rb_sim.accuracy.differences import BALANCE, JUMPS
 from rb_sim.accuracy.runs import EPS, dividing, one_ulp_apart, sample_times, sizes_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing
+from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
@@ -41,7 +42,7 @@ def differences(rows: Array, others: Array, layout: SampleLayout) -> Array:
     apart = np.zeros((len(rows), len(NAMES)))
     for k in range(len(NAMES)):
         if k == ROTATION:
-            size = turn_between(a[k], b[k])
+            size = angle_between(a[k], b[k])
         else:
             size = np.linalg.norm(a[k] - b[k], axis=2)
         apart[:, k] = np.nan_to_num(size, nan=np.inf, posinf=np.inf).max(axis=1, initial=0.0)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.mechanics.samples import Array, SampleLayout
+from rb_sim.numerics.rotations import angle_between
 
 BALANCE = 10
 """Numbers of a row after the reactions; with contacts their work and states follow."""
@@ -32,17 +33,11 @@ class Errors(NamedTuple):
     """less the work of contacts; relative to the energy that the motion exchanges."""
 
 
-def turn_between(p: Array, q: Array) -> Array:
-    """Angle of the rotation from p to q [rad]; unit quaternions (..., 4), either sign."""
-    difference = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
-    return 4.0 * np.arcsin(np.minimum(0.5 * difference, 1.0))
-
-
 def pose_gaps(poses: Array, others: Array) -> tuple[Array, Array]:
     """Distances of the centres of mass [m] and angles between the attitudes [rad] of two runs,
     shape (n, bodies) each; poses (n, bodies, 7): position, quaternion."""
     shift = np.linalg.norm(poses[..., :3] - others[..., :3], axis=-1)
-    return shift, turn_between(poses[..., 3:], others[..., 3:])
+    return shift, angle_between(poses[..., 3:], others[..., 3:])
 
 
 def pose_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:

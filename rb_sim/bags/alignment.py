@@ -13,6 +13,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from rb_sim.bags.message_rates import LONG
 from rb_sim.bags.tracks import SAME, Track
 from rb_sim.base.errors import RbSimError
+from rb_sim.numerics.rotations import angle_between, continuous, norms, turn_between, unit
 
 ALIGN = ("none", "first", "offset", "clock")
 """Clocks as recorded; first stamps together; the offset that lays B best onto A;
@@ -78,9 +79,7 @@ class Interpolated:
                 f"a motion of {count}, each later than all before: must be at least {FEW}"
             )
         self.track = track
-        q = track.orientation
-        turns = np.sign(np.sum(q[1:] * q[:-1], axis=1))
-        self.q = q * np.cumprod(np.concatenate([[1.0], np.where(turns == 0, 1.0, turns)]))[:, None]
+        self.q = continuous(track.orientation)
         self._stretches = stretches(track)
         self._first = np.array([track.t[part.start] for part in self._stretches])
         self._last = np.array([track.t[part.stop - 1] for part in self._stretches])
@@ -92,7 +91,7 @@ class Interpolated:
         if same is not None:
             return self.track.position[same], self.q[same]
         both = self._along(self._pose, 7, t)
-        return both[:, :3], both[:, 3:] / np.linalg.norm(both[:, 3:], axis=1, keepdims=True)
+        return both[:, :3], unit(both[:, 3:])
 
     def doubt(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far position [m] and attitude [rad] may be off at these times, (n,) each.
@@ -106,8 +105,7 @@ class Interpolated:
             return np.zeros(len(t)), np.zeros(len(t))
         position, orientation = self.at(t)
         other = self._along(self._curves(np.hstack([self.track.position, self.q]), _next), 7, t)
-        q = other[:, 3:] / np.linalg.norm(other[:, 3:], axis=1, keepdims=True)
-        off = np.linalg.norm(other[:, :3] - position, axis=1), angle_between(q, orientation)
+        off = norms(other[:, :3] - position), angle_between(unit(other[:, 3:]), orientation)
         free = (self._turn[self._interval(t)] > FAST) & ~self._own(t)
         return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
@@ -211,23 +209,6 @@ def stretches(track: Track) -> list[slice]:
     long = np.flatnonzero(steps > LONG * np.median(steps)) + 1 if len(steps) else steps.astype(int)
     edges = sorted({0, *track.anew, *long.tolist(), len(track.t)})
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
-
-
-def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Geodesic distance of two attitudes [rad], exact near 0 as well; shapes (n, 4)."""
-    vector, scalar = _between(p, q)
-    return 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(scalar))
-
-
-def turn_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Twice the vector part of the turn from p to q, (n, 3): smooth where they agree."""
-    vector, scalar = _between(p, q)
-    return 2.0 * vector * np.where(scalar < 0, -1.0, 1.0)[:, None]
-
-
-def _between(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    pv, pw, qv, qw = p[:, :3], p[:, 3:], q[:, :3], q[:, 3:]
-    return pw * qv - qw * pv - np.cross(pv, qv), np.sum(p * q, axis=1)
 
 
 def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:

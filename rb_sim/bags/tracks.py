@@ -19,9 +19,9 @@ from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.extent import reach_of
-from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.sink import restarts
-from rb_sim.mechanics.samples import ContactEvent, concatenate
+from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
+from rb_sim.numerics.rotations import rotate, unit
 from rb_sim.scene.schema import Scene
 
 # How large the quantities of two motions are, and what of their difference is rounding.
@@ -217,7 +217,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
         body: Track(
             block.t[forward],
             motion.position[forward, i],
-            _unit(block.orientation[forward, i]),
+            unit(block.orientation[forward, i]),
             motion.linear_velocity[forward, i],
             motion.angular_velocity[forward, i],
             anew[body],
@@ -281,7 +281,7 @@ def _joined(parts: list[Piece]) -> tuple[Array, Array]:
 def _track(parts: list[Piece]) -> Track:
     t, values = _joined(parts)
     frame, child = plain(parts[0].frame), plain(parts[0].child)
-    return Track(t, values[:, :3], _unit(values[:, 3:7]), frame=frame, child=child)
+    return Track(t, values[:, :3], unit(values[:, 3:7]), frame=frame, child=child)
 
 
 def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
@@ -349,7 +349,7 @@ def tracks_of_csv(path: Path) -> Tracks:
         part = part[forward]
         v, w = (part[:, names.index(n) : names.index(n) + 3] if n in names else None
                 for n in ("vx", "wx"))  # fmt: skip
-        tracks[body] = Track(times[forward], part[:, 1:4], _unit(part[:, 4:8]), v, w)
+        tracks[body] = Track(times[forward], part[:, 1:4], unit(part[:, 4:8]), v, w)
     return Tracks(str(path), tracks, notes=[f"{path}: {note}" for note in notes])
 
 
@@ -464,7 +464,3 @@ def _same(one: Track, other: Track) -> bool:
 def _forward(t: Array) -> Array:
     """Which samples are later than all before them; a reset or a clock set back leaves out some."""
     return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
-
-
-def _unit(q: Array) -> Array:
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)

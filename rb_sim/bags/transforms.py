@@ -10,8 +10,8 @@ import numpy as np
 
 from rb_sim.bags.message_rates import GrowingTime
 from rb_sim.bags.sources import POSE, Piece
-from rb_sim.io.frames import cross, rotate
-from rb_sim.numerics.vectors import quaternion_product
+from rb_sim.numerics.rotations import angle_between, cross, rotate, unit
+from rb_sim.numerics.rotations import product as turned
 
 # Which frame stands in which in the transforms of a bag, and the way from a frame to its root.
 #
@@ -303,15 +303,14 @@ class _History:
 def product(parent: Array, child: Array) -> Array:
     """The pose of a child in the frame in which the parent's pose is; shapes (n, 7) or (1, 7)."""
     p, q = parent[:, :3], parent[:, 3:]
-    turned = quaternion_product(q.T, child[:, 3:].T)
-    return np.hstack([p + rotate(q, child[:, :3]), np.transpose(turned)])
+    return np.hstack([p + rotate(q, child[:, :3]), turned(q, child[:, 3:])])
 
 
 def interpolated(a: Array, b: Array, part: Array) -> Array:
     """The poses at a part, 0 to 1, of the way from a to b; shapes (n, 7), (n,)."""
     p, q, u = a[:, 3:], b[:, 3:], part[:, None]
     q = np.where(np.sum(p * q, axis=1, keepdims=True) < 0, -q, q)
-    angle = 2.0 * np.arctan2(*(np.linalg.norm(x, axis=1)[:, None] for x in (q - p, q + p)))
+    angle = 0.5 * angle_between(p, q)[:, None]
     size = np.where(angle > 0, np.sin(angle), 1.0)
     left = np.where(angle > 0, np.sin((1 - u) * angle) / size, 1 - u)
     right = np.where(angle > 0, np.sin(u * angle) / size, u)
@@ -319,8 +318,7 @@ def interpolated(a: Array, b: Array, part: Array) -> Array:
 
 
 def _unit(poses: Array) -> Array:
-    q = poses[:, 3:7]
-    return np.hstack([poses[:, :3], q / np.linalg.norm(q, axis=1, keepdims=True)])
+    return np.hstack([poses[:, :3], unit(poses[:, 3:7])])
 
 
 def _picked(piece: Piece, which: Array) -> Piece:

@@ -19,7 +19,7 @@ import numpy as np
 
 from rb_sim.checks.sample_integrals import CheckedQuadrature
 from rb_sim.io.contact_power import contacts_of, smooth_power
-from rb_sim.io.frames import cross, norms, rotate
+from rb_sim.numerics.rotations import cross, norms, rotate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

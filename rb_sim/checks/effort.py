@@ -9,7 +9,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.bounds import LARGEST_SHARE, STRAYED, below, round_down, try_step
-from rb_sim.io.frames import norms
+from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
     from rb_sim.checks.bounds import Effort

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.catalogue.effects.torsion import TorsionSpring
+from rb_sim.numerics.rotations import conjugate, product, rotate
 from rb_sim.numerics.vectors import quaternion_product
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
-
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -109,23 +108,21 @@ def has_attitudes(block: SampleBlock) -> bool:
 
 def _relative(
     scene: Scene, layout: SampleLayout, effect: TorsionSpring
-) -> tuple[int, int | None, Rotation]:
+) -> tuple[int, int | None, np.ndarray]:
     """(number of the body, of its parent or None, turn from parent to body at the start)."""
-    from scipy.spatial.transform import Rotation  # slow to import, and few scenes need it
-
     body, parent = effect.body, effect.parent
-    turn = Rotation.from_quat(np.array(scene.bodies[body].orientation, dtype=float))
+    turn = np.array(scene.bodies[body].orientation, dtype=float)
     if parent is None:
         return layout.bodies.index(body), None, turn
-    other = Rotation.from_quat(np.array(scene.bodies[parent].orientation, dtype=float))
-    return layout.bodies.index(body), layout.bodies.index(parent), other.inv() * turn
+    other = np.array(scene.bodies[parent].orientation, dtype=float)
+    return layout.bodies.index(body), layout.bodies.index(parent), product(conjugate(other), turn)
 
 
-def halves_of(effect: TorsionSpring, a: int | None, before: Rotation) -> np.ndarray:
+def halves_of(effect: TorsionSpring, a: int | None, before: np.ndarray) -> np.ndarray:
     """(cos, sin) of half the angle as numbers times the body's quaternion, or times products of
     the parent's elements with the body's; shape (2, 4) or (2, 4, 4)."""
     axis = np.array(effect.axis_B, dtype=float)
-    first, back = before.inv().as_quat(), np.diag([-1.0, -1.0, -1.0, 1.0])
+    first, back = conjugate(before), np.diag([-1.0, -1.0, -1.0, 1.0])
     units = np.eye(4)
     if a is None:
         products = np.array([quaternion_product(first, q) for q in units])
@@ -148,18 +145,16 @@ def _twist(
     block: SampleBlock,
     b: int,
     a: int | None,
-    before: Rotation,
+    before: np.ndarray,
     at: slice = slice(None),
 ) -> tuple[np.ndarray, np.ndarray]:
     """(angle in (-pi, pi] [rad], its rate about the axis [rad/s]) at every sample, or at some."""
-    from scipy.spatial.transform import Rotation
-
     axis = np.array(effect.axis_B, dtype=float)
-    turn, spin = Rotation.from_quat(block.orientation[at, b]), block.angular_velocity[at, b]
+    turn, spin = block.orientation[at, b], block.angular_velocity[at, b]
     if a is not None:
-        other = Rotation.from_quat(block.orientation[at, a])
-        spin = spin - turn.inv().apply(other.apply(block.angular_velocity[at, a]))
-        turn = other.inv() * turn
-    q = (before.inv() * turn).as_quat()
+        other = block.orientation[at, a]
+        spin = spin - rotate(conjugate(turn), rotate(other, block.angular_velocity[at, a]))
+        turn = product(conjugate(other), turn)
+    q = product(conjugate(before), turn)
     angle = 2.0 * np.arctan2(q[:, :3] @ axis, q[:, 3])
     return np.arctan2(np.sin(angle), np.cos(angle)), spin @ axis

@@ -10,8 +10,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.balance import bodies_at_work
-from rb_sim.io.frames import conjugate, cross, norms
-from rb_sim.numerics.vectors import quaternion_product
+from rb_sim.numerics.rotations import cross, norms, turn_between
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -184,9 +183,7 @@ def turned(
     """About each axis of each body what the mean of the spins, times the interval [rad], misses of
     the turn, more than turns about two axes make of each other (Magnus 1954) and a sine of its
     angle; both sizes; and what is rounding, in columns (n, 3 bodies)."""
-    factors = (np.moveaxis(q, -1, 0) for q in (conjugate(before), after))
-    turn = np.stack(quaternion_product(*factors), axis=-1)
-    found = np.where(turn[..., 3:] < 0.0, -2.0, 2.0) * turn[..., :3]
+    found = turn_between(before, after)
     expected = 0.5 * (spin_before + spin)
     both = norms(cross(spin_before, spin)) / 6.0 + norms(expected) ** 3 / 12.0
     miss = np.maximum(0.0, np.abs(found - expected) - both[..., None])

@@ -15,7 +15,7 @@ from rb_sim.integrate.layout import PIECE_STEPS
 from rb_sim.mechanics.error_scales import by_lengths, measured, measures_of
 from rb_sim.mechanics.methods import name_of
 from rb_sim.motion.motion import Motion
-from rb_sim.numerics.vectors import conjugate, quaternion_product
+from rb_sim.numerics.rotations import turn_between
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.error_scales import Measures
@@ -225,7 +225,7 @@ def _apart(
     steps = np.diff(times)[:, None]
     with np.errstate(all="ignore"):  # of a motion that grows without end
         place = np.linalg.norm(one[..., :3] - two[..., :3], axis=2)
-        turned = _turn_between(one, two)
+        turned = turn_between(two[..., 3:7], one[..., 3:7])
         turn, angle = (
             np.linalg.norm(vectors, axis=2) for vectors in (by_lengths(lengths, turned), turned)
         )
@@ -266,13 +266,6 @@ def by_measure(rows: Array, measures: Measures, bodies: int) -> Array:
 def velocities_of(rows: Array, lengths: Array) -> Array:
     """(v_C, A w) by measure, shape (n, M, 6), of coordinates by measure."""
     return measured(rows[..., 7:10], rows[..., 10:13], lengths)
-
-
-def _turn_between(one: Array, two: Array) -> Array:
-    """The turns from the other to the one as vectors in body axes (n, M, 3), twice the sine of half
-    the angle long."""
-    first, second = (tuple(np.moveaxis(rows[..., 3:7], -1, 0)) for rows in (one, two))
-    return 2.0 * np.stack(quaternion_product(conjugate(second), first)[:3], axis=-1)
 
 
 def _worst(shares: Array, times: Array, bodies: list[str], of: str) -> Strayed:

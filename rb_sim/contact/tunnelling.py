@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,9 @@ from rb_sim.catalogue.geometry.solids import Box, Cylinder
 from rb_sim.catalogue.types import WORLD
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of
+from rb_sim.numerics.rotations import conjugate, product
+from rb_sim.numerics.rotations import rotate as turned
 from rb_sim.numerics.vectors import cross, norm, rotate, sub
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
-
 
 # Sides that sink in unseen: edges of boxes and rods between the points at which they touch.
 #
@@ -81,7 +79,7 @@ def least_along(support: NamedTuple, start: Array, along: Array) -> Array:
     return depth_in(support, start + 0.5 * (low + high) * along)
 
 
-def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
+def entering(sides: Sides, turn: Array, shift: Array) -> Array:
     """Least signed distance from the body's own box of what of the support may enter its faces:
     edges of a box, the extreme points of a cylinder's rims; (n,).
 
@@ -90,11 +88,11 @@ def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
     support, own = sides.support, sides.own
     if isinstance(support, Box):
         edges = edges_of_box(support).reshape(-1, 3)
-        at = np.stack([turn.apply(point) + shift for point in edges], axis=1)
+        at = np.stack([turned(turn, point) + shift for point in edges], axis=1)
         return deepest_of_edges(own, at.reshape(len(shift), -1, 2, 3))[0]  # type: ignore[arg-type]
     if not isinstance(support, Cylinder):
         return np.full(len(shift), np.inf)
-    e, centre = turn.apply(np.array(support.axis)), turn.apply(np.array(support.centre)) + shift
+    e, centre = turned(turn, np.array(support.axis)), turned(turn, np.array(support.centre)) + shift
     found = []
     for normal in np.concatenate([np.eye(3), -np.eye(3)]):
         across = normal - (e @ normal)[:, None] * e
@@ -105,21 +103,20 @@ def entering(sides: Sides, turn: Rotation, shift: Array) -> Array:
     return np.array(found, dtype=float).min(axis=0)
 
 
-def poses(sides: Sides, times: Array, y: Array) -> tuple[Rotation, Array]:
+def poses(sides: Sides, times: Array, y: Array) -> tuple[Array, Array]:
     """(turn, shift) from the body's coordinates to the support's, at each of the rows of y."""
-    from scipy.spatial.transform import Rotation  # half a second, for scenes with sides alone
-
     b, a = WIDTH * sides.body, WIDTH * sides.parent
-    turn_B, p_B = Rotation.from_quat(y[:, b + 3 : b + 7]), y[:, b : b + 3]
+    turn_B, p_B = y[:, b + 3 : b + 7], y[:, b : b + 3]
     if sides.parent >= 0:
-        turn_A, p_A = Rotation.from_quat(y[:, a + 3 : a + 7]), y[:, a : a + 3]
+        turn_A, p_A = y[:, a + 3 : a + 7], y[:, a : a + 3]
     elif isinstance(sides.motion, Resting):
         return turn_B, p_B
     else:
         states = [carrier(sides.motion, t, WORLD)[0] for t in times]
-        turn_A = Rotation.from_quat([state.q_WB for state in states])
+        turn_A = np.array([state.q_WB for state in states])
         p_A = np.array([state.p_WC for state in states])
-    return turn_A.inv() * turn_B, turn_A.inv().apply(p_B - p_A)
+    back = conjugate(turn_A)
+    return product(back, turn_B), turned(back, p_B - p_A)
 
 
 def moved(edges: Array, least: float) -> NDArray[np.intp]:
@@ -142,14 +139,14 @@ def refuse_sunk(
         return
     for sides in all_sides:
         turn, shift = poses(sides, times, y)
-        flat = [turn.apply(point) + shift for point in sides.edges.reshape(-1, 3)]
+        flat = [turned(turn, point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
         seen = moved(edges, STILL * sunk * length)
         least, ends = deepest_of_edges(sides.support, edges[seen])
         if sides.own is not None:
             turn, shift = poses(sides, np.asarray(times)[seen], y[seen])
-            back = turn.inv()
-            least = np.minimum(least, entering(sides, back, -back.apply(shift)))
+            back = conjugate(turn)
+            least = np.minimum(least, entering(sides, back, -turned(back, shift)))
         deeper = np.minimum(ends, 0.0) - least
         bad = np.flatnonzero(deeper > sunk * length)
         if len(bad):

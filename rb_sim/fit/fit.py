@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.alignment import turn_between
 from rb_sim.bags.analysis.derivatives import NORMAL
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.base.errors import RbSimError, SceneError, SimulationError
@@ -42,6 +41,7 @@ from rb_sim.fit.unknowns import (
     with_numbers,
 )
 from rb_sim.mechanics.samples import SampleBlock, concatenate
+from rb_sim.numerics.rotations import conjugate, cross, product, rotate, turn_between
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene, SimulationOptions
 from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
@@ -197,7 +197,7 @@ def raw_jacobian(
             dq, h = change.orientation[at, i], STEP * float(sizes[k])
             dr = _center_change(scene_at, x, k, h, body)
             part = np.zeros((len(seen.t), 6))
-            part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotated(q, dr)
+            part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotate(q, dr)
             part[:n, 3:] = _turn_change(seen.orientation[:n], q, dq)
             columns[k] = np.append(columns[k], part.ravel())
     return np.stack(columns, axis=1)
@@ -217,23 +217,15 @@ def _center_change(
 
 def _turn_change(p: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """The change of turn_between(p, q), which is linear in q but for the sign of both."""
-    sign = np.where(np.sum(p * q, axis=1) < 0, -1.0, 1.0)[:, None]
-    same = np.where(np.sum(p * dq, axis=1) < 0, -1.0, 1.0)[:, None]
-    return sign * same * turn_between(p, dq)
-
-
-def rotated(q: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """R(q) a for unit quaternions (n, 4) and one vector, (n, 3)."""
-    u, w = q[:, :3], q[:, 3:]
-    t = 2.0 * np.cross(u, a)
-    return a + w * t + np.cross(u, t)
+    sign = np.where(np.sum(p * q, axis=1) < 0, -2.0, 2.0)[:, None]
+    return sign * product(conjugate(p), dq)[:, :3]
 
 
 def rotation_change(q: np.ndarray, dq: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """d (R(q) a) for the change dq."""
+    """d (R(q) a) for the change dq of unit quaternions (n, 4) and one vector, (n, 3)."""
     u, w, du, dw = q[:, :3], q[:, 3:], dq[:, :3], dq[:, 3:]
-    t, dt = 2.0 * np.cross(u, a), 2.0 * np.cross(du, a)
-    return dw * t + w * dt + np.cross(du, t) + np.cross(u, dt)
+    t, dt = 2.0 * cross(u, a), 2.0 * cross(du, a)
+    return dw * t + w * dt + cross(du, t) + cross(u, dt)
 
 
 MOST_RUNS = 200

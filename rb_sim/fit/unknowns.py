@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
 from rb_sim.io.bag.as_run import value_at
+from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
 
 # The numbers of a scene that a fit may change, as one vector of about unit size.
@@ -126,8 +126,8 @@ def with_numbers(
             at[last] = vector
     for key, turn in turns.items():
         body = changed["bodies"][body_of(key)]
-        q = Rotation.from_rotvec(turn) * Rotation.from_quat(attitudes[key])
-        body["orientation"] = q.as_quat().tolist()
+        q = product(from_rotation_vector(turn), unit(attitudes[key]))
+        body["orientation"] = q.tolist()
     return changed
 
 

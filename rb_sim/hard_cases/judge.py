@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from rb_sim.accuracy.differences import turn_between
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
@@ -342,7 +342,7 @@ def _against(case: Case, check: Check, outcome: Outcome) -> float:
         return float("inf")
     a, b = outcome.run.block, other.block
     shift = np.linalg.norm(a.position - b.position, axis=2).max()
-    return float(max(shift, turn_between(a.orientation, b.orientation).max()))
+    return float(max(shift, angle_between(a.orientation, b.orientation).max()))
 
 
 FIGURES: dict[str, Callable[[Case, Check, Outcome], float]] = {

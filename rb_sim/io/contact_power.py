@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.io.frames import rotate
 from rb_sim.numerics.kernels import for_python, interpreted, part, pointer_to, where
+from rb_sim.numerics.rotations import rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -5,13 +5,15 @@ Defined once; every sink derives its schema from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rb_sim.numerics.rotations import cross, rotate
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -265,3 +267,33 @@ def _shifted(parts: list[SampleBlock]) -> Iterator[Input]:
     for part in parts:
         yield from (entry._replace(index=entry.index + first) for entry in part.inputs)
         first += len(part)
+
+
+# From the centre of mass C to the body origin O.
+#
+#     p_O = p_C - R r_OC          v_O = v_C - w x (R r_OC)
+#
+# with r_OC the centre of mass in the body frame and w the angular velocity in world axes.
+
+
+def centers_of_mass(bodies: Mapping[str, Any], names: tuple[str, ...]) -> Array:
+    """r_OC of each named body, body frame [m], shape (N, 3)."""
+    return np.array([bodies[name].center_of_mass for name in names], dtype=float).reshape(-1, 3)
+
+
+class Origins(NamedTuple):
+    """Motion of the body origins, world axes, SI; each of shape (n, N, 3)."""
+
+    position: Array
+    linear_velocity: Array
+    angular_velocity: Array
+
+
+def origins(block: SampleBlock, center_of_mass: Array) -> Origins:
+    """Motion of the body origins. center_of_mass: r_OC, shape (N, 3)."""
+    spin_W = rotate(block.orientation, block.angular_velocity)
+    if not center_of_mass.any():
+        return Origins(block.position, block.linear_velocity, spin_W)
+    r_OC_W = rotate(block.orientation, center_of_mass)
+    velocity = block.linear_velocity - cross(spin_W, r_OC_W)
+    return Origins(block.position - r_OC_W, velocity, spin_W)

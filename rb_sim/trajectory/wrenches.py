@@ -9,8 +9,8 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.types import WORLD, BodyState, wrench
-from rb_sim.io.frames import conjugate, cross, rotate
 from rb_sim.mechanics.samples import Array, empty_block
+from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 from rb_sim.trajectory.record import Reaction, Record

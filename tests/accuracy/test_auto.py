@@ -21,10 +21,11 @@ from rb_sim.accuracy.checked import CheckedRun, independent_of, sharpest_adaptiv
 from rb_sim.accuracy.choice import Setting, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.counted import CountedRunner, affordable_times
-from rb_sim.accuracy.differences import pose_difference, turn_between
+from rb_sim.accuracy.differences import pose_difference
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.mechanics import methods
+from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene import schema
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -267,7 +268,7 @@ def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> 
     )
     run, true = simulation.run().block, sharp.run().block
     assert np.abs(run.position - true.position).max() <= 1e-4
-    assert float(turn_between(run.orientation, true.orientation).max()) <= 1e-4
+    assert float(angle_between(run.orientation, true.orientation).max()) <= 1e-4
 
 
 def test_what_one_ulp_does_not_make_is_not_called_round_off() -> None:

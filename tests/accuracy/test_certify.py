@@ -12,8 +12,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.accuracy.certify import Certificate, certify, growth_of, rounded_at_impacts
-from rb_sim.accuracy.differences import turn_between
 from rb_sim.base.errors import SimulationError
+from rb_sim.numerics.rotations import angle_between
 from tests.accuracy import double_pendulum
 from tests.oracles.compare import reaction_of
 from tests.oracles.to_scene import scene_of
@@ -83,7 +83,7 @@ def test_the_true_error_is_bracketed(name: str) -> None:
     own = run.block
     true = [
         np.linalg.norm(own.position[:, 0] - samples["position"], axis=1),
-        turn_between(own.orientation[:, 0], samples["quaternion_xyzw"]),
+        angle_between(own.orientation[:, 0], samples["quaternion_xyzw"]),
         np.linalg.norm(own.linear_velocity[:, 0] - samples["velocity_world"], axis=1),
         np.linalg.norm(own.angular_velocity[:, 0] - samples["omega_body"], axis=1),
     ]
@@ -162,7 +162,7 @@ def test_a_chaotic_run_is_certified_up_to_where_it_means_anything(
     )
     block = run.block
     position = np.linalg.norm(block.position - places, axis=2).max(axis=1)
-    rotation = turn_between(block.orientation, attitudes).max(axis=1)
+    rotation = angle_between(block.orientation, attitudes).max(axis=1)
     known = times <= found.known_until
     judge(found, [position[known], rotation[known]], [1.5, 1.0])
     follows = times <= found.follows_until

@@ -12,7 +12,8 @@ from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.closed_forms.special_functions import about, long, product, turned
+from rb_sim.accuracy.closed_forms.special_functions import about, long
+from rb_sim.numerics.rotations import product, rotate
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene, scene_from_mapping
@@ -47,7 +48,7 @@ def test_pendulum_agrees_with_a_taylor_series_in_192_bits() -> None:
     system: Any = compiled.system
     phi = long(exact_of(compiled).coordinates(scene.times)[:, 0])
     q = product(long(system.q_0), about(long(system.axis_B), phi))
-    p = long(system.point) + turned(q, long(system.rho))
+    p = long(system.point) + rotate(q, long(system.rho))
     true = Reference(scene).pose(scene.times)
     assert pose_error(p.astype(float), q.astype(float), *true).max() < 5e-15
 
@@ -183,7 +184,7 @@ def test_steady_top_precesses_at_its_rate_and_lean() -> None:
     exact = exact_of(top_of(1.7))
     t = np.linspace(0.0, 3.0, 7)
     y = exact.coordinates(t)
-    axis = np.asarray(turned(long(y[:, :4]), long([0.0, 0.0, 1.0])), dtype=float)
+    axis = np.asarray(rotate(long(y[:, :4]), long([0.0, 0.0, 1.0])), dtype=float)
     assert axis[:, 2] == pytest.approx(np.cos(np.pi / 6.0), abs=1e-15)
     turned_by = np.unwrap(np.arctan2(axis[:, 1], axis[:, 0]))
     assert turned_by - turned_by[0] == pytest.approx(1.7 * t, abs=1e-14)

@@ -11,7 +11,7 @@ import pytest
 
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.differences import turn_between
+from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import ball, box, scene, touch
@@ -103,7 +103,7 @@ def test_closed_form_is_the_motion(name: str) -> None:
     y = exact.coordinates(np.array(times))
     run = contact_run(mapping, times, tolerance=1e-12, duration=times[-1]).trajectory
     assert np.abs(run.position["body"] - y[:, 0:3]).max() < AGREE
-    assert turn_between(run.orientation["body"], y[:, 3:7]).max() < AGREE
+    assert angle_between(run.orientation["body"], y[:, 3:7]).max() < AGREE
     assert np.abs(run.linear_velocity["body"] - y[:, 7:10]).max() < AGREE
     spin = np.abs(run.angular_velocity["body"] - y[:, 10:13]).max()
     assert spin * 0.1 < AGREE

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from rb_sim.accuracy.differences import compare, pose_difference, turn_between
+from rb_sim.accuracy.differences import compare, pose_difference
 from rb_sim.accuracy.runs import dividing, one_ulp_apart
 from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.numerics.rotations import angle_between
 
 ONE = SampleLayout(("b",), ("r",), ("b",), ())
 
@@ -22,7 +23,7 @@ def rows(count: int = 2) -> np.ndarray:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_turn_is_the_angle_whatever_the_sign_of_the_quaternion(angle: float, side: float) -> None:
     q = side * np.array([0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)])
-    assert turn_between(q, np.array([0.0, 0.0, 0.0, 1.0])) == pytest.approx(angle, rel=1e-12)
+    assert angle_between(q, np.array([0.0, 0.0, 0.0, 1.0])) == pytest.approx(angle, rel=1e-12)
 
 
 def test_errors_are_the_largest_of_each_kind() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.alignment import Clocks, angle_between, moved, overlap
+from rb_sim.bags.alignment import Clocks, moved, overlap
 from rb_sim.bags.compare import differences, growth_rate, summary
 from rb_sim.bags.tracks import (
     ROUNDING,
@@ -23,6 +23,7 @@ from rb_sim.bags.tracks import (
 )
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.compare import CompareOptions, compare
+from rb_sim.numerics.rotations import angle_between
 from tests.bags.analysis import foreign
 from tests.bags.scenes import PUSHED, record_node, record_run
 from tests.interpreted import interpreted

@@ -108,7 +108,7 @@ def test_half_of_the_angle_beside_scipy(with_parent: bool) -> None:
     q, p, first = (Rotation.random(5, random_state=seed) for seed in (1, 2, 3))
     before, axis = first[0], np.array([2.0, -1.0, 2.0]) / 3.0
     effect: Any = SimpleNamespace(axis_B=axis)
-    ways = halves_of(effect, 0 if with_parent else None, before)
+    ways = halves_of(effect, 0 if with_parent else None, before.as_quat())
     found = halves(ways, q.as_quat(), p.as_quat() if with_parent else None)
     turn = before.inv() * (p.inv() * q if with_parent else q)
     wanted = np.stack([turn.as_quat()[:, 3], turn.as_quat()[:, :3] @ axis])

@@ -67,27 +67,27 @@ def test_rims_and_edges_of_the_support_that_enter_the_body() -> None:
     does so with an edge; of a log nothing is asked."""
     turn = Rotation.from_rotvec([[0.3, -0.2, 0.1]] * 2)
     drum = Cylinder((0.0, 0.0, 0.0), 0.1, 0.25, (0.0, 0.0, 1.0))
-    stands = Rotation.identity(2), CENTRE + [[0.1, 0.0, 0.4], [0.1, 0.0, 0.46]]
+    stands = Rotation.identity(2).as_quat(), CENTRE + [[0.1, 0.0, 0.4], [0.1, 0.0, 0.46]]
     assert_allclose(entering(sides(drum), *stands), [-0.05, 0.01], atol=1e-14)
     lies = (
-        Rotation.from_rotvec([[0.0, 0.5 * np.pi, 0.0]] * 2),
+        Rotation.from_rotvec([[0.0, 0.5 * np.pi, 0.0]] * 2).as_quat(),
         CENTRE + [[0, 0, 0.25], [0, 0, 0.31]],
     )
     assert_allclose(entering(sides(drum), *lies), [-0.05, 0.01], atol=1e-14)
-    leans = turn, CENTRE + [[0.0, 0.0, 0.4], [0.2, 0.1, 0.35]]
+    leans = turn.as_quat(), CENTRE + [[0.0, 0.0, 0.4], [0.2, 0.1, 0.35]]
     angles = np.linspace(0.0, 2.0 * np.pi, 20001)
     rim = 0.1 * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
     for k, found in enumerate(entering(sides(drum), *leans)):
-        points = [leans[0][k].apply(rim + [0, 0, z]) + leans[1][k] for z in (0.25, -0.25)]
+        points = [turn[k].apply(rim + [0, 0, z]) + leans[1][k] for z in (0.25, -0.25)]
         assert_allclose(found, min(depth_in(BOX, p).min() for p in points), atol=1e-8)
     small = Box((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))
     edges = edges_of_box(small)
     share = np.linspace(0.0, 1.0, 401)[:, None, None]
     at = turn[0].apply((edges[:, 0] + share * (edges[:, 1] - edges[:, 0])).reshape(-1, 3))
     shift = CENTRE + [[0.5, 0.2, 0.25], [0.4, 0.1, 0.1]]
-    for k, found in enumerate(entering(sides(small), turn, shift)):
+    for k, found in enumerate(entering(sides(small), turn.as_quat(), shift)):
         assert_allclose(found, depth_in(BOX, at + shift[k]).min(), atol=2e-3)
-    assert np.isinf(entering(sides(LOG), turn, shift)).all()
+    assert np.isinf(entering(sides(LOG), turn.as_quat(), shift)).all()
 
 
 @pytest.mark.parametrize("parent", [-1, 1])
@@ -108,4 +108,4 @@ def test_poses_beside_a_support_that_moves(monkeypatch: pytest.MonkeyPatch, pare
     point = np.array([0.3, -0.2, 0.5])
     for k in range(3):
         wanted = turns[3 + k].inv().apply(turns[k].apply(point) + y[k, :3] - y[k, 13:16])
-        assert_allclose(turn[k].apply(point) + shift[k], wanted, atol=1e-14)
+        assert_allclose(Rotation.from_quat(turn[k]).apply(point) + shift[k], wanted, atol=1e-14)

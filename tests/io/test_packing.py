@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim.io.frames import centers_of_mass, cross, origins
 from rb_sim.io.messages.topics import TopicTable
 from rb_sim.mechanics.samples import (
     ARRAYS,
     SampleLayout,
     SampleRow,
     block_of_rows,
+    centers_of_mass,
     empty_block,
+    origins,
     row_width,
 )
+from rb_sim.numerics.rotations import cross
 from rb_sim.scene.load import load_scene
 
 NAMES = tuple(f"heap/{k}" for k in range(1, 301))

@@ -15,8 +15,6 @@ from rb_sim.accuracy.closed_forms.special_functions import (
     long,
     np,
     steady_spin,
-    turned,
-    unit,
     unturned,
 )
 from rb_sim.catalogue.contacts.friction import Coulomb, NoResistance, Smooth
@@ -24,6 +22,7 @@ from rb_sim.catalogue.geometry.carriers import Resting
 from rb_sim.catalogue.geometry.pairs import PointOnPlane, SurfaceOnPlane
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
+from rb_sim.numerics.rotations import rotate, unit
 from rb_sim.scene.compiled import Compiled
 
 # A single body under gravity alone whose only constraint is one contact: what is read of it.
@@ -96,7 +95,7 @@ def single_of(compiled: Compiled, *, resting: bool = True) -> Single | None:
     q = unit(y[3:7])
     return Single(
         Long(system.bodies[0, MASS]), long(system.bodies[0, INERTIA : INERTIA + 6]),
-        gravity_of(effects), y[0:3], q, y[7:10], turned(q, y[10:13]), rows, laws[0],
+        gravity_of(effects), y[0:3], q, y[7:10], rotate(q, y[10:13]), rows, laws[0],
         system.length, system.speed,
     )  # fmt: skip
 
@@ -267,7 +266,7 @@ def stands(body: Single, n: LongArray, e: LongArray, kinetic: Long, slope: LongA
 
     A traction T under a centre of mass at the height h needs the normal force at -h T/N from it.
     """
-    points = [body.p + turned(body.q, long(row.pair.r_B)) for row in body.rows]
+    points = [body.p + rotate(body.q, long(row.pair.r_B)) for row in body.rows]
     gaps = [n @ (point - long(row.pair.r_A)) for point, row in zip(points, body.rows, strict=True)]
     touching = [
         np.asarray(point - body.p, dtype=float)

@@ -22,9 +22,6 @@ from rb_sim.accuracy.closed_forms.special_functions import (
     attitudes,
     long,
     np,
-    product,
-    turned,
-    unit,
     unturned,
 )
 from rb_sim.catalogue.contacts.friction import Rough, Smooth
@@ -34,6 +31,7 @@ from rb_sim.catalogue.geometry.carriers import Turntable
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, SurfaceOnPlane
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
 from rb_sim.mechanics.systems.rolling import RollingBody
+from rb_sim.numerics.rotations import product, rotate, unit
 from rb_sim.scene.compiled import Compiled
 
 # Homogeneous sphere that rolls on a plane under a constant world wrench (LL 38, problem 1).
@@ -61,7 +59,7 @@ def rolling_sphere(system: Any, y: Any) -> Exact | None:
     along = (torque @ n) * n
     alpha = (moment - (moment @ n) * n) / (inertia + mass * a * a) + along / inertia
     q0 = unit(long(y[3:7]))
-    w0 = turned(q0, long(y[7:10]))
+    w0 = rotate(q0, long(y[7:10]))
     largest = max(np.sqrt(alpha @ alpha), np.sqrt(w0 @ w0))
     if np.abs(np.cross(w0, alpha)).max() > 0:
         return None
@@ -154,10 +152,10 @@ def rolling_in_cylinder(compiled: Compiled) -> Exact | None:
         turn = about(up, rate * t)
         cos, sin = np.cos(swing * t), np.sin(swing * t)
         z, rise = z_m * (1 - cos) + high * sin, swing * (z_m * sin + high * cos)
-        p = body.p + b * (turned(turn, out) - out) + z[:, None] * up
-        v = b * rate * turned(turn, ahead) + rise[:, None] * up
+        p = body.p + b * (rotate(turn, out) - out) + z[:, None] * up
+        v = b * rate * rotate(turn, ahead) + rise[:, None] * up
         q = product(turn, attitudes(body.q, spin, t))
-        w = turned(turn, spin.at(t)) + rate * up
+        w = rotate(turn, spin.at(t)) + rate * up
         return coordinates_of(body, p, q, v, w)
 
     return Exact("ball inside a vertical cylinder", coordinates)

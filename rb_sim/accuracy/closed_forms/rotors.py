@@ -11,21 +11,18 @@ from rb_sim.accuracy.closed_forms.special_functions import (
     LongArray,
     about,
     argument,
-    conjugate,
     gauss_legendre,
     jacobi,
     long,
     np,
-    product,
     quarter_period,
     tensor,
-    turned,
-    unit,
     unturned,
 )
 from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
 from rb_sim.mechanics.systems.fixed_point import FixedPointBody
 from rb_sim.mechanics.systems.free import FreeRotor
+from rb_sim.numerics.rotations import conjugate, product, rotate, unit
 
 # Body on a fixed axis under gravity: the pendulum's elliptic functions.
 #
@@ -171,7 +168,7 @@ def free_rotor(system: Any, y: Any) -> Exact | None:
     if spin is None:
         return None
     q0 = unit(long(y[3:7]))
-    momentum = turned(q0, moments * w)
+    momentum = rotate(q0, moments * w)
 
     def coordinates(times: LongArray) -> LongArray:
         t = long(times)
@@ -275,7 +272,7 @@ def symmetric_rotor(system: Any, y: Any) -> Exact | None:
         return None
     across = moments[(axis + 1) % 3] if (w != 0).sum() > 1 else moments[axis]
     q0 = unit(long(y[3:7]))
-    momentum = turned(q0, moments * w)
+    momentum = rotate(q0, moments * w)
     own = w[axis] * (1 - moments[axis] / across)
 
     def coordinates(times: LongArray) -> LongArray:

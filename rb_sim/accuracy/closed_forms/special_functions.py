@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.numerics.rotations import conjugate, product, rotate, unit
+
 # Arithmetic of the closed forms: arrays of long doubles (64-bit mantissa on most machines).
 #
 # Quaternions are [x, y, z, w] as everywhere; vectors and quaternions run along the last axis.
@@ -24,39 +26,9 @@ def long(values: Any) -> LongArray:
     return np.asarray(values, dtype=Long)
 
 
-def product(p: LongArray, q: LongArray) -> LongArray:
-    """Quaternion p q (first turn by q, then by p), (..., 4)."""
-    x, y, z, w = np.moveaxis(p, -1, 0)
-    X, Y, Z, W = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            w * X + x * W + y * Z - z * Y,
-            w * Y - x * Z + y * W + z * X,
-            w * Z + x * Y - y * X + z * W,
-            w * W - x * X - y * Y - z * Z,
-        ],
-        axis=-1,
-    )
-
-
-def conjugate(q: LongArray) -> LongArray:
-    return q * long([-1, -1, -1, 1])
-
-
-def turned(q: LongArray, a: LongArray) -> LongArray:
-    """R(q) a, (..., 3)."""
-    u, w = q[..., :3], q[..., 3:]
-    t = 2 * np.cross(u, a)
-    return a + w * t + np.cross(u, t)
-
-
 def unturned(q: LongArray, a: LongArray) -> LongArray:
     """R(q)^T a, (..., 3)."""
-    return turned(conjugate(q), a)
-
-
-def unit(q: LongArray) -> LongArray:
-    return q / np.sqrt((q * q).sum(axis=-1, keepdims=True))
+    return rotate(conjugate(q), a)
 
 
 def about(axis: LongArray, angle: LongArray) -> LongArray:

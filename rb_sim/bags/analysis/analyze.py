@@ -18,8 +18,8 @@ from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.reader import BagReader, reader_of
-from rb_sim.io.frames import centers_of_mass, origins, rotate
-from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins
+from rb_sim.numerics.rotations import cross, rotate, unit
 from rb_sim.scene.schema import Scene
 
 # The wrenches that a bag of ours tells for each body, as one about its centre of mass.
@@ -72,13 +72,13 @@ class Loads:
                 if i is not None:
                     arm = block.anchor[:, k] - block.position[:, i]
                     total[:, i, :3] += sign * force
-                    total[:, i, 3:] += sign * (torque + np.cross(arm, force))
+                    total[:, i, 3:] += sign * (torque + cross(arm, force))
         for m, body in enumerate(self._layout.commanded):
             i = bodies.index(body)
             arm = -rotate(block.orientation[:, i], self._offsets[i])
             force, torque = block.command[:, m, :3], block.command[:, m, 3:]
             total[:, i, :3] += force
-            total[:, i, 3:] += torque + np.cross(arm, force)
+            total[:, i, 3:] += torque + cross(arm, force)
         return total
 
 
@@ -212,7 +212,7 @@ def _finish(found: Analysis) -> None:
 
 def coordinates(block: SampleBlock) -> np.ndarray:
     """p_WC, q_WB, v_WC, w_WB_B of each body in turn, shape (n, 13 N)."""
-    q = block.orientation / np.linalg.norm(block.orientation, axis=-1, keepdims=True)
+    q = unit(block.orientation)
     parts = [block.position, q, block.linear_velocity, block.angular_velocity]
     return np.concatenate(parts, axis=2).reshape(len(block), -1)
 

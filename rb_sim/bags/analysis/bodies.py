@@ -25,7 +25,7 @@ from rb_sim.bags.analysis.derivatives import (
     pieces,
 )
 from rb_sim.bags.analysis.figures import Figures
-from rb_sim.io.frames import norms
+from rb_sim.numerics.rotations import norms
 
 # Instants at which the velocity of a body jumps: nothing follows from poses beside them.
 #

@@ -16,10 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs
-from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.message_rates import GAP, LOST
-from rb_sim.io.frames import cross, rotate
+from rb_sim.numerics.rotations import conjugate, continuous, cross, product, rotate, unit
 
 WINDOW = 9
 ORDER = 5
@@ -113,7 +112,7 @@ def filled(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lost = np.flatnonzero(steps > LOST * np.median(steps)) if len(steps) > FILL else []
         if len(lost):
             own = own.copy()
-            own[:, 3:7] = _continuous(own[:, 3:7])
+            own[:, 3:7] = continuous(own[:, 3:7])
             at = 0.5 * (own_t[lost] + own_t[np.add(lost, 1)])
             known = np.isfinite(own).all(axis=0)
             made = np.full((len(at), own.shape[1]), np.nan)
@@ -166,7 +165,7 @@ def differentiated(
 
 def _in_world(q: np.ndarray, arm: np.ndarray, twist: np.ndarray) -> np.ndarray:
     """Velocity of the centre of mass, `arm` from the origin, and spin, world axes."""
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    q = unit(q)
     v, w = rotate(q, twist[:, :3]), rotate(q, twist[:, 3:])
     return np.hstack([v + cross(w, arm), w])
 
@@ -185,19 +184,13 @@ def even(
     more: other columns, whose rows follow. One row each: filters are several times faster along
     rows than along columns.
     """
-    q = _continuous(q / np.linalg.norm(q, axis=1, keepdims=True))
+    q = continuous(unit(q))
     both = np.concatenate([position.T, q.T, *([] if more is None else [more.T])])
     h = float((t[-1] - t[0]) / (len(t) - 1))
     grid = t[0] + h * np.arange(len(t))
     if np.abs(grid - t).max() <= UNEVEN * h:
         return t, both, h
     return grid, np.ascontiguousarray(CubicSpline(t, both, axis=1)(grid)), h
-
-
-def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions, each of the sign that is nearest to the one before."""
-    turns = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0)
-    return q * np.cumprod(np.concatenate([[1.0], turns]))[:, None]
 
 
 def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
@@ -234,8 +227,7 @@ def _coefficients(order: int) -> np.ndarray:
 
 def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
     """2 vec(rate q*), shape (n, 3)."""
-    u, v = rate[:, :3], q[:, :3]
-    return 2.0 * (rate[:, 3:] * -v + q[:, 3:] * u - cross(u, v))
+    return 2.0 * product(rate, conjugate(q))[:, :3]
 
 
 def error_at(turn: float) -> float:
@@ -263,19 +255,13 @@ class Taken(NamedTuple):
 
 def inverse_dynamics(motion: Motion, body: Body) -> Taken:
     """The wrench, energy and momenta of a motion."""
-    turn = Rotation.from_quat(motion.orientation).as_matrix()
-    back = turn.transpose(0, 2, 1)
+    q = motion.orientation
 
     def through_inertia(vector: np.ndarray) -> np.ndarray:
-        return _each(turn, _each(back, vector) @ body.inertia.T)
+        return rotate(q, rotate(conjugate(q), vector) @ body.inertia.T)
 
     own, linear = through_inertia(motion.spin), body.mass * motion.velocity
     torque = through_inertia(motion.turning) + cross(motion.spin, own)
     energy = 0.5 * np.sum(linear * motion.velocity + own * motion.spin, axis=1)
     angular = cross(motion.position, linear) + own
     return Taken(np.hstack([body.mass * motion.acceleration, torque]), energy, linear, angular)
-
-
-def _each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """The product of each of n matrices with its vector, shape (n, 3)."""
-    return np.einsum("nij,nj->ni", matrices, vectors)

@@ -6,10 +6,10 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.base.errors import RbSimError
+from rb_sim.numerics.rotations import from_rotation_vector, product, rotate
 from rb_sim.scene.schema import Scene
 
 MOST = 20_000_000
@@ -85,5 +85,7 @@ def _body(inertial: ElementTree.Element) -> Body:
     if origin is not None:
         xyz = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
         rpy = np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])
-    turn = Rotation.from_euler("xyz", rpy).as_matrix()
+    about_x, about_y, about_z = from_rotation_vector(np.diag(rpy))
+    q = product(about_z, product(about_y, about_x))
+    turn = rotate(q, np.eye(3)).T
     return Body(float(mass.attrib["value"]), turn @ tensor @ turn.T, xyz)

@@ -18,7 +18,7 @@ from rb_sim.bags.analysis.bodies import BodyFigures
 from rb_sim.bags.analysis.derivatives import Motion, velocity_noise
 from rb_sim.bags.sources import Piece
 from rb_sim.bags.tracks import axes_of
-from rb_sim.io.frames import conjugate, cross, rotate
+from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 AXES = {"world": "in the axes of the poses", "body": "in the body's axes"}
 FACTORS = (

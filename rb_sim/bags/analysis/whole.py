@@ -11,15 +11,14 @@ from collections.abc import Container, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
 from rb_sim.bags.message_rates import GAP, GrowingTime
 from rb_sim.bags.sources import words
 from rb_sim.checks.sample_integrals import CheckedQuadrature
-from rb_sim.io.frames import conjugate, cross, rotate
 from rb_sim.mechanics.samples import Array
+from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
 
 ROWS = 8192
@@ -77,8 +76,7 @@ class Whole:
 
     def motion(self, body: str, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
         """The next samples of a body, and where its stamps went back before them."""
-        q = motion.orientation
-        q = q / np.linalg.norm(q, axis=1, keepdims=True)
+        q = unit(motion.orientation)
         rows = [motion.position, q, motion.velocity, rotate(conjugate(q), motion.spin)]
         if self._late == np.inf:
             self._late = LATE * float(motion.t[-1] - motion.t[0]) / max(1, len(motion.t) - 1)
@@ -211,8 +209,7 @@ class Whole:
             )
             own = y[:, 13 * i : 13 * i + 13]
             own[:, :3] += p
-            turned = Rotation.from_rotvec(turn) * Rotation.from_quat(own[:, 3:7])
-            own[:, 3:7] = turned.as_quat()
+            own[:, 3:7] = product(from_rotation_vector(turn), own[:, 3:7])
             own[:, 7:10] += v
             own[:, 10:] += w
         return y

@@ -23,7 +23,6 @@ from rb_sim.io.bag.checked_records import Missing
 from rb_sim.io.bag.messages import Batch, Messages
 from rb_sim.io.bag.records import bag_paths, is_complete, metadata_names, read_metadata, unlisted
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
-from rb_sim.io.frames import centers_of_mass, conjugate, cross, rotate
 from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.topic_names import CONTACT_WORK, TF, body_topic, reaction_topic, state_topic
@@ -35,8 +34,10 @@ from rb_sim.mechanics.samples import (
     Input,
     SampleBlock,
     SampleLayout,
+    centers_of_mass,
     concatenate,
 )
+from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 # From the messages of a bag to whole samples: what belongs to one instant is put together.
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.names import ros_name
-from rb_sim.io.frames import conjugate, rotate
 from rb_sim.io.messages import cdr
-from rb_sim.numerics.vectors import quaternion_product
+from rb_sim.numerics.rotations import conjugate, product, rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
@@ -69,7 +68,7 @@ class JointTable:
         orientation, spin = block.orientation, block.angular_velocity
         own = orientation[:, self._body]
         parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
-        relative = np.stack(quaternion_product(_parts(conjugate(parent)), _parts(own)), axis=-1)
+        relative = product(conjugate(parent), own)
         carried = rotate(parent, _of_parents(spin, self._parent, (0.0, 0.0, 0.0)))
         along = np.sum(carried * rotate(own, self._axis_B), axis=-1)
         return relative, np.sum(spin[:, self._body] * self._axis_B, axis=-1) - along
@@ -83,7 +82,7 @@ class JointTable:
             self._initial, self._last = relative[0], (t[0], none, none, rate[0])
         t_last, turn_last, turns_last, rate_last = self._last
         # the turn from the first pose in the axes of the body: about axis_B alone
-        x, y, z, w = quaternion_product(_parts(conjugate(self._initial)), _parts(relative))
+        x, y, z, w = np.moveaxis(product(conjugate(self._initial), relative), -1, 0)
         along = x * self._axis_B[:, 0] + y * self._axis_B[:, 1] + z * self._axis_B[:, 2]
         turn = 2.0 * np.arctan2(along, w)
         mean = 0.5 * (np.vstack([rate_last, rate[:-1]]) + rate)
@@ -93,10 +92,6 @@ class JointTable:
         turns = turns_last + np.cumsum(more, axis=0)
         self._last = t[-1], turn[-1], turns[-1], rate[-1]
         return turn + TURN * turns
-
-
-def _parts(quaternion: Array) -> Any:
-    return np.moveaxis(quaternion, -1, 0)
 
 
 def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...]) -> Array:

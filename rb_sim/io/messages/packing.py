@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.io.frames import Origins, origins
 from rb_sim.io.messages.cdr import HEADER, NANO, Codec
 from rb_sim.io.messages.topic_names import NAMESPACE
-from rb_sim.mechanics.samples import SampleBlock, block_of, empty_block, row_width
+from rb_sim.mechanics.samples import Origins, SampleBlock, block_of, empty_block, origins, row_width
 from rb_sim.numerics.kernels import helper, loop
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
-from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
 from rb_sim.io.messages.topic_names import WORLD, body_frame
+from rb_sim.mechanics.samples import centers_of_mass, origins
+from rb_sim.numerics.rotations import conjugate, rotate
 from rb_sim.numerics.vectors import quaternion_product
 
 if TYPE_CHECKING:

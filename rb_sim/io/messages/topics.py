@@ -56,7 +56,6 @@ import numpy as np
 
 from rb_sim.base import __version__
 from rb_sim.base.errors import SinkError
-from rb_sim.io.frames import Origins, centers_of_mass, cross, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages import message_types as types
 from rb_sim.io.messages.cdr import stamp_of
@@ -79,7 +78,8 @@ from rb_sim.io.messages.topic_names import (
     reaction_topic,
     state_topic,
 )
-from rb_sim.mechanics.samples import SampleRow, row_width
+from rb_sim.mechanics.samples import Origins, SampleRow, centers_of_mass, row_width
+from rb_sim.numerics.rotations import cross, rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout

@@ -9,8 +9,9 @@ import numpy as np
 
 from rb_sim.io.contact_power import smooth_power
 from rb_sim.io.extent import reach
-from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.sink import stretches
+from rb_sim.mechanics.samples import centers_of_mass, origins
+from rb_sim.numerics.rotations import rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.io.extent import reach_of
-from rb_sim.io.frames import conjugate, rotate
+from rb_sim.numerics.rotations import conjugate, rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -13,11 +13,11 @@ import numpy as np
 from rclpy.node import Node
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.io.frames import Origins, centers_of_mass
 from rb_sim.io.messages.cdr import NANO, Layout, stamp_of
 from rb_sim.io.messages.packing import Packer
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.io.messages.topics import Topic
+from rb_sim.mechanics.samples import Origins, centers_of_mass
 from rb_sim.ros.offers import serve
 from rb_sim.ros.services.services import INACTIVE
 from rb_sim.ros.serving import Turns

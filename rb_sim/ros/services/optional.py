@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.io.frames import conjugate, rotate
+from rb_sim.numerics.rotations import conjugate, rotate
 from rb_sim.ros.build_interfaces import is_there
 from rb_sim.ros.offers import serve
 from rb_sim.ros.services.lockstep import Advancing, Commands, Lockstep, StateMessages

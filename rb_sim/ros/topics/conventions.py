@@ -14,12 +14,13 @@ import numpy as np
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import ros_name
 from rb_sim.catalogue.effects.gravity import Gravity
-from rb_sim.io.frames import centers_of_mass, conjugate, cross, origins, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable
+from rb_sim.mechanics.samples import centers_of_mass, origins
+from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.ros.offers import offer
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations

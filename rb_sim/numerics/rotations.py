@@ -1,0 +1,82 @@
+"""Vectors (..., 3) and quaternions [x, y, z, w] (..., 4) in arrays, body to world; all broadcast.
+
+`vectors` has the same for tuples of numbers, which kernels and laws take.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rb_sim.numerics.vectors import quaternion_product
+
+Array = NDArray[np.float64]
+
+
+def norms(vectors: Array) -> Array:
+    """Lengths of vectors, shape (...); several times faster than numpy's `norm`."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b: as np.cross, which takes ten times longer on one pair."""
+    a_0, a_1, a_2 = a[..., 0], a[..., 1], a[..., 2]
+    b_0, b_1, b_2 = b[..., 0], b[..., 1], b[..., 2]
+    parts = (a_1 * b_2 - a_2 * b_1, a_2 * b_0 - a_0 * b_2, a_0 * b_1 - a_1 * b_0)
+    out = np.empty((*parts[0].shape, 3), parts[0].dtype)
+    for k, part in enumerate(parts):
+        out[..., k] = part
+    return out
+
+
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """R(quaternion) vector.
+
+    A rotation to round-off, however far the quaternion is from unit length, so it can be undone.
+    """
+    axis, scalar = quaternion[..., :3], quaternion[..., 3:]
+    x, y, z, w = (quaternion[..., k : k + 1] for k in range(4))
+    turned = 2.0 / (x * x + y * y + z * z + w * w) * cross(axis, vector)
+    return vector + scalar * turned + cross(axis, turned)
+
+
+def conjugate(quaternion: Array) -> Array:
+    """The inverse rotation."""
+    return quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def product(a: Array, b: Array) -> Array:
+    """The rotation a after b."""
+    parts = (np.moveaxis(q, -1, 0) for q in (a, b))
+    return np.stack(quaternion_product(*parts), axis=-1)
+
+
+def unit(quaternion: Array) -> Array:
+    """Of length 1."""
+    return quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+
+
+def from_rotation_vector(vector: Array) -> Array:
+    """The quaternion of a turn about the vector, by its length [rad]."""
+    angle = norms(vector)[..., None]
+    half_sine = 0.5 * np.sinc(0.5 / np.pi * angle)  # sin(angle / 2) / angle
+    return np.concatenate([half_sine * vector, np.cos(0.5 * angle)], axis=-1)
+
+
+def continuous(quaternion: Array) -> Array:
+    """Quaternions (n, 4), each of the sign that is nearest to the one before."""
+    signs = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0, -1.0, 1.0)
+    return quaternion * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
+
+
+def turn_between(p: Array, q: Array) -> Array:
+    """The rotation from p to q, unit quaternions of either sign: axis times 2 sin(angle / 2), in
+    the axes of p."""
+    turn = product(conjugate(p), q)
+    return np.where(turn[..., 3:] < 0.0, -2.0, 2.0) * turn[..., :3]
+
+
+def angle_between(p: Array, q: Array) -> Array:
+    """Its angle [rad], exact near 0 and near half a turn; shape (...)."""
+    near, far = norms(p - q), norms(p + q)
+    return 4.0 * np.arctan2(np.minimum(near, far), np.maximum(near, far))
