@@ -11,9 +11,8 @@ import numpy as np
 
 from rb_sim.bags.message_rates import Rates
 from rb_sim.base.errors import SceneError, SinkError
-from rb_sim.io.bag.batches import Scan, scan_of
-from rb_sim.io.bag.messages import Messages
-from rb_sim.io.bag.records import bag_paths, unlisted
+from rb_sim.io.bag.batches import Messages
+from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
 from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
 from rb_sim.scene import yaml_reader

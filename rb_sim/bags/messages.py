@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.io.bag.messages import Messages
+from rb_sim.io.bag.batches import Messages
 
 # Where the fields of a message lie, by the schema in the file that holds it.
 #

@@ -14,9 +14,8 @@ from rb_sim.bags.messages import LAYOUTS, Group, decode, layout_of
 from rb_sim.bags.sources import IMU, POSE, SCALAR, TRANSFORMS, TWIST, WRENCH, Piece, Sources
 from rb_sim.bags.transforms import Composed, FixedFrames, chains, is_static
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.batches import Scan, scan_of
-from rb_sim.io.bag.messages import Batch, Messages, unpacked
-from rb_sim.io.bag.records import bag_paths, unlisted
+from rb_sim.io.bag.batches import Batch, Messages, unpacked
+from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
 
 if TYPE_CHECKING:
     from mcap.records import Channel

@@ -16,7 +16,7 @@ from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.io.bag.batches import scan_of
+from rb_sim.io.bag.folder import scan_of
 from rb_sim.io.bag.recover import recover_bag
 from tests.bags.analysis import foreign
 

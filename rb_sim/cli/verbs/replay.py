@@ -159,7 +159,7 @@ def recover(bag: Path, directory: Path | None = None) -> None:
 
     Raises SinkError as `recover_bag` does.
     """
-    from rb_sim.io.bag.records import unlisted
+    from rb_sim.io.bag.folder import unlisted
     from rb_sim.io.bag.recover import recover_bag
 
     result = recover_bag(bag, directory)

@@ -126,7 +126,7 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
 def _holds_bag(path: Path) -> bool:
     if not path.is_dir():  # then nobody waits for the library of bags to be loaded
         return False
-    from rb_sim.io.bag.records import holds_bag
+    from rb_sim.io.bag.folder import holds_bag
 
     return holds_bag(path)
 

@@ -20,7 +20,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.index import (
+from rb_sim.io.bag.records import (
     FRAME,
     INDEX_HEAD,
     NO_SUMMARY,
@@ -230,6 +230,8 @@ class Frames:
         self.index = summary.index if summary.checked else None
         self.claimed = summary.index.messages if summary.index and not summary.checked else None
         """messages that an index without a checksum counts; None: there is none."""
+        self.span = None if summary.index is None else summary.index.times
+        """log times of the first and of the last message by the summary [ns], if there is one."""
         self._broken_index = summary.broken
         self._channels: set[int] = set()
         self._loose = False  # messages that stand in no chunk

@@ -18,10 +18,9 @@ import numpy as np
 from mcap.records import Channel
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.batches import BagScan
+from rb_sim.io.bag.batches import BagScan, Batch, Messages
 from rb_sim.io.bag.checked_records import Missing
-from rb_sim.io.bag.messages import Batch, Messages
-from rb_sim.io.bag.records import bag_paths, is_complete, metadata_names, read_metadata, unlisted
+from rb_sim.io.bag.folder import bag_paths, is_complete, metadata_names, read_metadata, unlisted
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.messages.input_messages import InputTable

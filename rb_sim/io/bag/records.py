@@ -1,30 +1,185 @@
-"""The files of a bag, of either storage (MCAP, SQLite), and single records of an MCAP file."""
+"""Records of an MCAP file, and what a finished file says of itself: its chunks, its topics."""
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from io import BytesIO
-from pathlib import Path, PurePath
+from typing import NamedTuple
 
-import yaml
-from mcap.exceptions import McapError
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Footer,
+    Header,
+    Message,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+from mcap.writer import MCAP0_MAGIC
 
-from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.checked_records import Frames
-from rb_sim.io.bag.index import name_of
-from rb_sim.io.bag.salvage import WholeStream
-from rb_sim.io.bag.sqlite import SUFFIX, is_sqlite, span_of
+FRAME = struct.Struct("<BQ")
+"""Before each record: its opcode and the length of its content."""
+_FOOTER_SIZE = FRAME.size + 20
+_DATA_END = struct.Struct("<BQI")
+_PLACE = struct.Struct("<QQQ")
+
+
+class ChunkPlace(NamedTuple):
+    """What the index says of a chunk: the beginning of an MCAP ChunkIndex record."""
+
+    message_start_time: int
+    """[ns]"""
+    message_end_time: int
+    offset: int
+    """[bytes]"""
+
+
+ENTRY = struct.Struct("<QQ")
+"""Of a message index: log time [ns] and offset of a message in its chunk."""
+INDEX_HEAD = struct.Struct("<BQHI")
+"""The beginning of a message index: opcode, length, channel, bytes of entries."""
+
+
+def past_indices(data: bytes, at: int, room: int) -> int:
+    """The end of the whole message indices from `at` on; they may reach as far as `room`."""
+    while 0 <= at <= len(data) - INDEX_HEAD.size:
+        opcode, length, _, entries = INDEX_HEAD.unpack_from(data, at)
+        end = at + FRAME.size + length
+        if opcode != Opcode.MESSAGE_INDEX or entries != length - 6 or end > room:
+            break
+        at = end
+    return at
+
+
+def index_entries(indices: bytes) -> Iterator[tuple[int, int, int]]:
+    """Channel, log time [ns] and offset in the chunk, of all entries of message index records."""
+    at = 0
+    while at < len(indices):
+        _, length, channel, size = INDEX_HEAD.unpack_from(indices, at)
+        content = indices[at + INDEX_HEAD.size : at + INDEX_HEAD.size + size // 16 * 16]
+        yield from ((channel, *entry) for entry in ENTRY.iter_unpack(content))
+        at += FRAME.size + length
+
+
+def count_entries(indices: bytes) -> int:
+    """How many `index_entries` gives."""
+    count = at = 0
+    while at < len(indices):
+        _, length, _, size = INDEX_HEAD.unpack_from(indices, at)
+        count += size // ENTRY.size
+        at += FRAME.size + length
+    return count
+
+
+class Index(NamedTuple):
+    """What a finished file says of itself."""
+
+    chunks: dict[int, ChunkPlace]
+    offsets: tuple[int, ...]
+    """of all records that the index names, increasing; the end of the data is the last one."""
+    messages: int | None
+    times: tuple[int, int] | None
+    """log times of the first and of the last message [ns]."""
+    schemas: dict[int, Schema]
+    channels: dict[int, Channel]
+    names: dict[int, str]
+    """of the metadata records, by their offset; no checksum covers those that stand there."""
+    kinds: dict[int, int]
+    """opcodes of metadata and attachments, by their offset."""
+
+
+def name_of(index: Index | None, offset: int, name: str) -> str:
+    """The name of the metadata record at this offset, which stands there as `name`."""
+    return name if index is None else index.names.get(offset, name)
+
+
+class Summary(NamedTuple):
+    """The index of a finished file, if it can be read.
+
+    checked: its checksum is right. broken: there is one that is not as written.
+    """
+
+    index: Index | None
+    checked: bool = False
+    broken: bool = False
+
+
+NO_SUMMARY = Summary(None)
+
+
+def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
+    """The summary of a finished file of `size` bytes, of which `read` gives (offset, size)."""
+    at = max(0, size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
+    tail = read(at, _FOOTER_SIZE)
+    if len(tail) < _FOOTER_SIZE or FRAME.unpack_from(tail) != (Opcode.FOOTER, 20):
+        return Summary(None, broken=True)
+    footer = Footer.read(ReadDataStream(BytesIO(tail[FRAME.size :])))
+    start = footer.summary_start
+    if start == 0:
+        return NO_SUMMARY
+    summary = read(start, at - start) if len(MCAP0_MAGIC) < start <= at else b""
+    checked = footer.summary_crc == zlib.crc32(tail[:-4], zlib.crc32(summary)) != 0
+    try:
+        index = parse_index(summary, start)
+    except Exception:  # a checksum that is right over content that is not, or none
+        index = None
+    wrong = footer.summary_crc != 0 and not checked
+    if not checked and read(start - _DATA_END.size, FRAME.size) != FRAME.pack(Opcode.DATA_END, 4):
+        wrong = True  # what stands there is no summary: something came in before it, or is missing
+    return Summary(None if wrong else index, checked, wrong or index is None)
+
+
+def parse_index(summary: bytes, start: int) -> Index:
+    """The index in the summary section, which begins at `start` [bytes]."""
+    chunks: dict[int, ChunkPlace] = {}
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    names: dict[int, str] = {}
+    kinds: dict[int, int] = {}
+    offsets, messages, at = {start - _DATA_END.size}, None, 0
+    times: tuple[int, int] | None = None
+    while at < len(summary):
+        opcode, length = FRAME.unpack_from(summary, at)
+        at += FRAME.size
+        content = summary[at : at + length]
+        at += length
+        if opcode == Opcode.CHUNK_INDEX:
+            place = ChunkPlace(*_PLACE.unpack_from(content))
+            chunks[place.offset] = place
+            offsets.add(place.offset)
+            continue
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.METADATA_INDEX:
+            named = MetadataIndex.read(stream)
+            offsets.add(named.offset)
+            names[named.offset] = named.name
+            kinds[named.offset] = Opcode.METADATA
+        elif opcode == Opcode.ATTACHMENT_INDEX:
+            offset = AttachmentIndex.read(stream).offset
+            offsets.add(offset)
+            kinds[offset] = Opcode.ATTACHMENT
+        elif opcode == Opcode.STATISTICS:
+            counted = Statistics.read(stream)
+            messages = counted.message_count
+            times = counted.message_start_time, counted.message_end_time
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            channels[channel.id] = channel
+    return Index(chunks, tuple(sorted(offsets)), messages, times, schemas, channels, names, kinds)
+
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
 
-_FRAME = struct.Struct("<BQ")
 _KINDS = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -33,151 +188,15 @@ _KINDS = {
     Opcode.ATTACHMENT: Attachment,
 }
 
-STORAGES = (".mcap", SUFFIX)
-"""Endings of the files of bags."""
-_COMPRESSED = ".zstd"
-"""What rosbag2 adds to the name of a file that it compressed as a whole."""
 
-_YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The one in C where it was built: metadata.yaml holds every topic's QoS."""
+class WholeStream(ReadDataStream):
+    """Raises EOFError where fewer bytes are left than are asked for; mcap's gives what there is."""
 
-
-def bag_paths(bag: Path) -> list[Path]:
-    """The files of `bag` in their order: of a directory, or the file itself.
-
-    Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
-    without it all, if they follow each other in time. The order is that of their numbers, or of
-    their first stamps if they have none: log times of a bag may go back where its clock was reset.
-    Raises SinkError where there is none, or they are several bags.
-    """
-    if not bag.is_dir():
-        if not bag.exists():
-            raise SinkError(f"{bag}: no such bag")
-        if bag.suffix == _COMPRESSED:
-            raise SinkError(_packed(bag, bag))
-        return [bag]
-    listed = _listed(bag / "metadata.yaml")
-    there = [path for path in listed if path.exists()]
-    found = there or ([] if listed else _files(bag))
-    if not found:
-        packed = sorted(bag.glob(f"*{_COMPRESSED}"))
-        if packed:
-            raise SinkError(_packed(bag, packed[0]))
-        if listed:
-            raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
-        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it")
-    if len({path.suffix for path in found}) > 1:
-        raise SinkError(
-            f"{bag}: not one bag: files of two storages without metadata.yaml, as {found[0].name}"
-            f" and {found[-1].name}; name one of them"
-        )
-    if len(found) == 1:
-        return found
-    numbered = all(path.stem.rpartition("_")[2].isdigit() for path in found)
-    if numbered and len({path.stem.rpartition("_")[0] for path in found}) == 1:
-        return sorted(found, key=_number)
-    spans = {path: _span(path) for path in found}
-    found = sorted(found, key=lambda path: spans[path][0])  # equal ones, as of empty files, stay
-    if not listed:
-        for one, two in zip(found, found[1:], strict=False):
-            if spans[one][1] >= spans[two][0]:
-                raise SinkError(
-                    f"{bag}: not one bag: {len(found)} {found[0].suffix} files without "
-                    f"metadata.yaml, of which {one.name} and {two.name} overlap in time; name one "
-                    "of them"
-                )
-    return found
-
-
-def _files(bag: Path) -> list[Path]:
-    """All files of a folder that may be of a bag."""
-    return sorted((path for end in STORAGES for path in bag.glob(f"*{end}")), key=_number)
-
-
-def _packed(bag: Path, path: Path) -> str:
-    return (
-        f"{bag}: {path.name} was compressed as a whole by rosbag2; unpack it first: "
-        f"zstd -d {path.parent}/*{''.join(path.suffixes[-2:])}"
-    )
-
-
-def holds_bag(folder: Path) -> bool:
-    """Whether there are files of a bag in a folder."""
-    return bool(_files(folder))
-
-
-_TIMES, _HEAD = struct.Struct("<QQ"), struct.Struct("<HIQ")
-"""How a chunk begins, and a message."""
-_MAGIC = 8
-"""Bytes before the first record of an MCAP file."""
-
-
-def _span(path: Path) -> tuple[int, int]:
-    """Log times of the first and of the last message of a file, as its summary, or its first chunk
-    or message, has them [ns]; (0, 0) for a file that has none."""
-    if is_sqlite(path):
-        return span_of(path)
-    try:
-        with path.open("rb") as file:
-            try:
-                summary = make_reader(file).get_summary()
-            except (McapError, ValueError, struct.error):
-                summary = None
-            if summary is not None and summary.statistics is not None:
-                times = summary.statistics
-                return times.message_start_time, times.message_end_time
-            at = _MAGIC
-            while True:
-                file.seek(at)
-                opcode, length = _FRAME.unpack(file.read(_FRAME.size))
-                if opcode == Opcode.CHUNK:
-                    first, last = _TIMES.unpack(file.read(_TIMES.size))
-                    return first, last
-                if opcode == Opcode.MESSAGE:
-                    _, _, time = _HEAD.unpack(file.read(_HEAD.size))
-                    return time, time
-                at += _FRAME.size + length
-    except (OSError, struct.error, OverflowError):
-        return 0, 0
-
-
-def unlisted(bag: Path) -> list[str]:
-    """Lines on the files of a folder that its metadata.yaml leaves out, which nobody reads,
-    and on those that it names and that are not there."""
-    if not bag.is_dir():
-        return []
-    named = _listed(bag / "metadata.yaml")
-    listed = {os.path.normpath(path) for path in named}
-    others = sorted(p.name for p in _files(bag) if os.path.normpath(p) not in listed)
-    lines = absent(bag)
-    if listed and others:
-        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-        lines.append(f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read")
-    return lines
-
-
-def absent(bag: Path) -> list[str]:
-    """A line for each file that metadata.yaml of a folder names and that is not there."""
-    gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
-    return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
-
-
-def _listed(metadata: Path) -> list[Path]:
-    """The files that a metadata.yaml names, as unpacked; none if it cannot be read."""
-    try:
-        document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
-        names = document["rosbag2_bagfile_information"]["relative_file_paths"]
-        # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
-        plain = [PurePath(str(name)).name.removesuffix(_COMPRESSED) for name in names]
-        paths = [metadata.parent / name for name in plain]
-    except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
-        return []
-    return paths if all(path.suffix in STORAGES for path in paths) else []
-
-
-def _number(path: Path) -> tuple[str, int]:
-    stem, _, number = path.stem.rpartition("_")
-    return (stem, int(number)) if number.isdigit() else (path.stem, 0)
+    def read(self, length: int) -> bytes:
+        data = super().read(length)
+        if len(data) < length:
+            raise EOFError
+        return data
 
 
 class BrokenRecordError(Exception):
@@ -201,46 +220,3 @@ def parse_record(opcode: int, content: bytes) -> Record | None:
 def _attachment_is_whole(content: bytes) -> bool:
     (checksum,) = struct.unpack_from("<I", content, len(content) - 4)
     return checksum in (0, zlib.crc32(content[:-4]))
-
-
-def read_metadata(path: Path) -> Iterator[Metadata]:
-    """The metadata records of a file: those that its index names, else by reading all of it.
-
-    SQLite files have none. Raises SinkError for a file that is no MCAP or cannot be opened.
-    """
-    if is_sqlite(path):
-        return
-    frames = Frames(path)
-    found = frames.named() if frames.index is not None else iter(frames)
-    for frame in found:
-        if frame.opcode != Opcode.METADATA:  # chunks hold none
-            continue
-        try:
-            record = parse_record(frame.opcode, frame.content)
-        except BrokenRecordError:
-            continue
-        if isinstance(record, Metadata):
-            yield replace(record, name=name_of(frames.index, frame.offset, record.name))
-
-
-def metadata_names(path: Path) -> set[str]:
-    """Of all metadata records that the index of a file names."""
-    if is_sqlite(path):
-        return set()
-    frames = Frames(path)
-    frames.close()
-    return set() if frames.index is None else set(frames.index.names.values())
-
-
-def is_complete(path: Path) -> bool:
-    """True if the file ends as a finished one does; of SQLite files each does."""
-    if is_sqlite(path):
-        return True
-    from mcap.writer import MCAP0_MAGIC
-
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
-        if size < 2 * len(MCAP0_MAGIC):
-            return False
-        file.seek(size - len(MCAP0_MAGIC))
-        return file.read() == MCAP0_MAGIC

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yaml
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag import records
-from rb_sim.io.bag.batches import Scan, scan_of
+from rb_sim.io.bag import folder
+from rb_sim.io.bag.batches import Batch
 from rb_sim.io.bag.file import BagFile
-from rb_sim.io.bag.messages import Batch
+from rb_sim.io.bag.folder import Scan, scan_of
 from rb_sim.io.bag.sink import LIBRARY
 
 
@@ -37,7 +38,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     directory: where to; None: beside the source, with `_recovered` added to its name.
     Raises SinkError: no MCAP, nothing readable in it, no room, the directory exists.
     """
-    sources = records.bag_paths(bag)
+    sources = folder.bag_paths(bag)
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
@@ -58,10 +59,10 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
             raise
     except OSError as error:
         raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
-    complete = all(records.is_complete(source) for source in sources)
+    complete = all(folder.is_complete(source) for source in sources)
     missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
-    gone = records.absent(bag)
+    gone = folder.absent(bag)
     lines = (*gone, *(line for part in missing for line in part.lines()))
     unchecked = sum(scan.unchecked for scan in scans)
     return Recovered(target, file.count, complete and not damaged and not gone, lines, unchecked)
@@ -93,7 +94,7 @@ class _Copied:
         self._channels: dict[tuple[str, ...], int] = {}
         self._files: set[tuple[object, ...]] = set()
 
-    def channel(self, channel: records.Channel, schema: records.Schema) -> int:
+    def channel(self, channel: Channel, schema: Schema) -> int:
         """Its number in the new bag."""
         profiles = channel.metadata.get("offered_qos_profiles", "[]")
         type_hash = channel.metadata.get("topic_type_hash", "")
@@ -104,12 +105,12 @@ class _Copied:
             self._channels[key] = added
         return self._channels[key]
 
-    def metadata(self, record: records.Metadata) -> None:
+    def metadata(self, record: Metadata) -> None:
         """Take over a record, once."""
         if record.name != "rosbag2" and self._is_new(record.name, *sorted(record.metadata.items())):
             self.file.add_metadata(record.name, record.metadata)  # rosbag2's is made anew
 
-    def attachment(self, record: records.Attachment) -> None:
+    def attachment(self, record: Attachment) -> None:
         """Take over an attachment, once."""
         if self._is_new(record.name, record.media_type, record.data):
             self.file.add_attachment(record.name, record.media_type, record.data, record.log_time)

@@ -16,11 +16,10 @@ from io import BytesIO
 from struct import Struct
 from typing import Any, NamedTuple
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from rb_sim.io.bag.index import FRAME
+from rb_sim.io.bag.records import FRAME, WholeStream
 
 RUN = 4
 """Records in a row that are no chance."""
@@ -195,16 +194,6 @@ class Unchecked(NamedTuple):
                 return False
             at = after
         return True
-
-
-class WholeStream(ReadDataStream):
-    """Raises EOFError where fewer bytes are left than are asked for; mcap's gives what there is."""
-
-    def read(self, length: int) -> bytes:
-        data = super().read(length)
-        if len(data) < length:
-            raise EOFError
-        return data
 
 
 def _fills(kind: Any, content: bytes) -> bool:

@@ -18,8 +18,8 @@ import yaml
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
+from rb_sim.io.bag.batches import Batch, Messages
 from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Missing
-from rb_sim.io.bag.messages import Batch, Messages
 
 SUFFIX = ".db3"
 _TOGETHER = 1 << 21

@@ -33,6 +33,8 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from rb_sim.io.bag.records import ENTRY, INDEX_HEAD
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -84,10 +86,6 @@ class Rows(NamedTuple):
         return Rows(out, bounds)
 
 
-_ENTRY = struct.Struct("<QQ")
-"""Of a chunk's index: log time [ns] and offset of a message."""
-_INDEX = struct.Struct("<BQHI")
-"""Opcode, length, channel, bytes of entries; pairs of log time and offset follow."""
 _FOOTER = struct.Struct("<BQQQ")
 """Of a footer, what its checksum covers."""
 
@@ -110,7 +108,7 @@ class _Chunk:
     def __init__(self) -> None:
         self.data = bytearray()
         self.index: dict[int, bytearray] = {}
-        """by channel: _ENTRY of each message, one behind the other."""
+        """by channel: ENTRY of each message, one behind the other."""
 
     def times(self) -> tuple[int, int]:
         """Earliest and latest log time [ns]."""
@@ -161,7 +159,7 @@ class McapWriter:
         """A message on each of the channels, logged and published at `time` [ns], all with the
         same number; whether a chunk ended by it."""
         begun = chunk = self._chunk
-        content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, _ENTRY.pack
+        content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, ENTRY.pack
         for channel, data in zip(channels, messages, strict=True):
             entries = index.get(channel)
             if entries is None:
@@ -275,8 +273,8 @@ class McapWriter:
         for channel, entries in chunk.index.items():
             places[channel] = at + len(record) + len(indices)
             size = len(entries)
-            indices += _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries
-            self._counts[channel] = self._counts.get(channel, 0) + size // _ENTRY.size
+            indices += INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries
+            self._counts[channel] = self._counts.get(channel, 0) + size // ENTRY.size
         self._sink.write(bytes(indices))
         span = self._span or (first, last)
         self._span = min(first, span[0]), max(last, span[1])

@@ -1,0 +1,201 @@
+"""The files of a bag, of either storage (MCAP, SQLite), and how each of them is read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path, PurePath
+
+import yaml
+from mcap.opcode import Opcode
+from mcap.records import Metadata
+from mcap.writer import MCAP0_MAGIC
+
+from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.batches import BagScan
+from rb_sim.io.bag.checked_records import Frames
+from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
+from rb_sim.io.bag.salvage import MESSAGE_HEAD
+from rb_sim.io.bag.sqlite import SUFFIX, SqliteScan, is_sqlite, span_of
+
+STORAGES = (".mcap", SUFFIX)
+"""Endings of the files of bags."""
+_COMPRESSED = ".zstd"
+"""What rosbag2 adds to the name of a file that it compressed as a whole."""
+
+_YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""The one in C where it was built: metadata.yaml holds every topic's QoS."""
+
+
+def bag_paths(bag: Path) -> list[Path]:
+    """The files of `bag` in their order: of a directory, or the file itself.
+
+    Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
+    without it all, if they follow each other in time. The order is that of their numbers, or of
+    their first stamps if they have none: log times of a bag may go back where its clock was reset.
+    Raises SinkError where there is none, or they are several bags.
+    """
+    if not bag.is_dir():
+        if not bag.exists():
+            raise SinkError(f"{bag}: no such bag")
+        if bag.suffix == _COMPRESSED:
+            raise SinkError(_packed(bag, bag))
+        return [bag]
+    listed = _listed(bag / "metadata.yaml")
+    there = [path for path in listed if path.exists()]
+    found = there or ([] if listed else _files(bag))
+    if not found:
+        packed = sorted(bag.glob(f"*{_COMPRESSED}"))
+        if packed:
+            raise SinkError(_packed(bag, packed[0]))
+        if listed:
+            raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
+        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it")
+    if len({path.suffix for path in found}) > 1:
+        raise SinkError(
+            f"{bag}: not one bag: files of two storages without metadata.yaml, as {found[0].name}"
+            f" and {found[-1].name}; name one of them"
+        )
+    if len(found) == 1:
+        return found
+    numbered = all(path.stem.rpartition("_")[2].isdigit() for path in found)
+    if numbered and len({path.stem.rpartition("_")[0] for path in found}) == 1:
+        return sorted(found, key=_number)
+    spans = {path: _span(path) for path in found}
+    found = sorted(found, key=lambda path: spans[path][0])  # equal ones, as of empty files, stay
+    if not listed:
+        for one, two in zip(found, found[1:], strict=False):
+            if spans[one][1] >= spans[two][0]:
+                raise SinkError(
+                    f"{bag}: not one bag: {len(found)} {found[0].suffix} files without "
+                    f"metadata.yaml, of which {one.name} and {two.name} overlap in time; name one "
+                    "of them"
+                )
+    return found
+
+
+def _files(bag: Path) -> list[Path]:
+    """All files of a folder that may be of a bag."""
+    return sorted((path for end in STORAGES for path in bag.glob(f"*{end}")), key=_number)
+
+
+def _packed(bag: Path, path: Path) -> str:
+    return (
+        f"{bag}: {path.name} was compressed as a whole by rosbag2; unpack it first: "
+        f"zstd -d {path.parent}/*{''.join(path.suffixes[-2:])}"
+    )
+
+
+def holds_bag(folder: Path) -> bool:
+    """Whether there are files of a bag in a folder."""
+    return bool(_files(folder))
+
+
+def _span(path: Path) -> tuple[int, int]:
+    """Log times of the first and of the last message of a file, as its summary, or its first chunk
+    or message, has them [ns]; (0, 0) for a file that has none."""
+    if is_sqlite(path):
+        return span_of(path)
+    try:
+        frames = Frames(path)
+    except SinkError:
+        return 0, 0
+    if frames.span is not None:
+        frames.close()
+        return frames.span
+    for frame in frames:
+        if frame.opcode == Opcode.CHUNK:
+            return frame.start, frame.end
+        if frame.opcode == Opcode.MESSAGE:
+            time = MESSAGE_HEAD.unpack_from(frame.content)[2]
+            return time, time
+    return 0, 0
+
+
+def unlisted(bag: Path) -> list[str]:
+    """Lines on the files of a folder that its metadata.yaml leaves out, which nobody reads,
+    and on those that it names and that are not there."""
+    if not bag.is_dir():
+        return []
+    named = _listed(bag / "metadata.yaml")
+    listed = {os.path.normpath(path) for path in named}
+    others = sorted(p.name for p in _files(bag) if os.path.normpath(p) not in listed)
+    lines = absent(bag)
+    if listed and others:
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        lines.append(f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read")
+    return lines
+
+
+def absent(bag: Path) -> list[str]:
+    """A line for each file that metadata.yaml of a folder names and that is not there."""
+    gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
+    return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
+
+
+def _listed(metadata: Path) -> list[Path]:
+    """The files that a metadata.yaml names, as unpacked; none if it cannot be read."""
+    try:
+        document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
+        names = document["rosbag2_bagfile_information"]["relative_file_paths"]
+        # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
+        plain = [PurePath(str(name)).name.removesuffix(_COMPRESSED) for name in names]
+        paths = [metadata.parent / name for name in plain]
+    except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
+        return []
+    return paths if all(path.suffix in STORAGES for path in paths) else []
+
+
+def _number(path: Path) -> tuple[str, int]:
+    stem, _, number = path.stem.rpartition("_")
+    return (stem, int(number)) if number.isdigit() else (path.stem, 0)
+
+
+def read_metadata(path: Path) -> Iterator[Metadata]:
+    """The metadata records of a file: those that its index names, else by reading all of it.
+
+    SQLite files have none. Raises SinkError for a file that is no MCAP or cannot be opened.
+    """
+    if is_sqlite(path):
+        return
+    frames = Frames(path)
+    found = frames.named() if frames.index is not None else iter(frames)
+    for frame in found:
+        if frame.opcode != Opcode.METADATA:  # chunks hold none
+            continue
+        try:
+            record = parse_record(frame.opcode, frame.content)
+        except BrokenRecordError:
+            continue
+        if isinstance(record, Metadata):
+            yield replace(record, name=name_of(frames.index, frame.offset, record.name))
+
+
+def metadata_names(path: Path) -> set[str]:
+    """Of all metadata records that the index of a file names."""
+    if is_sqlite(path):
+        return set()
+    frames = Frames(path)
+    frames.close()
+    return set() if frames.index is None else set(frames.index.names.values())
+
+
+def is_complete(path: Path) -> bool:
+    """True if the file ends as a finished one does; of SQLite files each does."""
+    if is_sqlite(path):
+        return True
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        if size < 2 * len(MCAP0_MAGIC):
+            return False
+        file.seek(size - len(MCAP0_MAGIC))
+        return file.read() == MCAP0_MAGIC
+
+
+Scan = BagScan | SqliteScan
+
+
+def scan_of(path: Path) -> Scan:
+    """The reader of one file of a bag, by its storage. Raises SinkError, MissingExtraError."""
+    return SqliteScan(path) if is_sqlite(path) else BagScan(path)
