@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -13,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.io.bag.batches import Messages
+from rb_sim.io.messages.cdr import HEADER, Codec, Cursor
 
 # Where the fields of a message lie, by the schema in the file that holds it.
 #
@@ -168,8 +168,6 @@ def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
 # after the four bytes of the encapsulation header (OMG XTypes, encoding version 1, little endian).
 
 
-NANO = 1_000_000_000
-_ENCAPSULATION = 4
 _MOST = 10_000
 """Transforms in one message; more are taken for damage."""
 
@@ -205,13 +203,6 @@ class Group(NamedTuple):
     """shape (n, m)."""
 
 
-class _Field(NamedTuple):
-    names: tuple[str, ...]
-    stamp: int | None
-    runs: tuple[tuple[int, int], ...]
-    """(offset, how many doubles)."""
-
-
 def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
     """The readings in the messages of one topic; counts those that are not of that type, by why."""
     rest = np.arange(len(messages.start))
@@ -227,87 +218,47 @@ def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) 
         rows = messages.take(same).rows(len(first))
         alike = (rows[:, fixed] == np.frombuffer(first, np.uint8)[fixed]).all(axis=1)
         rows, same = rows[alike], same[alike]
-        for field in fields:
-            stamp = None if field.stamp is None else _stamps(rows, field.stamp)
-            values = [_doubles(rows, offset, count) for offset, count in field.runs]
-            yield Group(same, field.names, stamp, np.concatenate(values, axis=1))
+        for names, codec in fields:
+            stamp = codec.unpack_stamps(rows) if codec.stamps else None
+            yield Group(same, names, stamp, codec.unpack_rows(rows))
         rest = np.setdiff1d(rest, same, assume_unique=True)
 
 
-def _stamps(rows: np.ndarray, offset: int) -> np.ndarray:
-    part = np.ascontiguousarray(rows[:, offset : offset + 8])
-    seconds = part[:, :4].copy().view("<i4")[:, 0].astype(np.int64)
-    return seconds * NANO + part[:, 4:].copy().view("<u4")[:, 0]
-
-
-def _doubles(rows: np.ndarray, offset: int, count: int) -> np.ndarray:
-    return np.ascontiguousarray(rows[:, offset : offset + 8 * count]).view("<f8")
-
-
-def _parse(layout: str, data: bytes, ros_type: str) -> tuple[list[_Field], np.ndarray]:
-    """Where the fields of a message are, and which bytes are the same in all like it."""
-    if len(data) < _ENCAPSULATION:
+def _parse(
+    layout: str, data: bytes, ros_type: str
+) -> tuple[list[tuple[tuple[str, ...], Codec]], np.ndarray]:
+    """Strings and numbers of each reading in a message, and which bytes are the same in all like
+    it."""
+    if len(data) < len(HEADER):
         raise ValueError(f"a message of {len(data)} bytes is no {ros_type}")
-    if data[:2] != b"\x00\x01":
+    if data[:2] != HEADER[:2]:
         raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
-    cursor = _Cursor(data, ros_type)
+    cursor = Cursor(data, ros_type)
     if not layout.startswith("("):
-        return [cursor.field(layout.split())], cursor.fixed
+        return [_reading(cursor, data, layout.split())], cursor.fixed
     count = cursor.count()
     if count > _MOST:
         raise ValueError(f"a message with {count} parts is no {ros_type}")
-    return [cursor.field(layout[1:-1].split()) for _ in range(count)], cursor.fixed
+    return [_reading(cursor, data, layout[1:-1].split()) for _ in range(count)], cursor.fixed
 
 
-class _Cursor:
-    """Walks over a message."""
-
-    def __init__(self, data: bytes, ros_type: str) -> None:
-        self._data, self._type, self._at = data, ros_type, _ENCAPSULATION
-        self.fixed = np.ones(len(data), bool)
-        """bytes that are the same in all messages of this layout."""
-
-    def field(self, parts: list[str]) -> _Field:
-        names: list[str] = []
-        runs: list[tuple[int, int]] = []
-        stamp = None
-        for part in parts:
-            if part == "T":
-                stamp = self._take(4, 8)
-                self.fixed[stamp : stamp + 8] = False
-            elif part == "S":
-                names.append(self._text())
-            elif part == "s":
-                self._text()
-            elif part[0] in "-[":
-                self._pass_over(int(part[1:]), 1 if part[0] == "-" else self.count())
-            else:
-                count = int(part.lstrip("_"))
-                at = self._take(8, 8 * count)
-                self.fixed[at : at + 8 * count] = False
-                if not part.startswith("_"):
-                    runs.append((at, count))
-        return _Field(tuple(names), stamp, tuple(runs))
-
-    def _pass_over(self, size: int, count: int) -> None:
-        """Numbers of this size that are not read; a sequence has one length in all alike."""
-        if count:
-            at = self._take(size, size * count)
-            self.fixed[at : at + size * count] = False
-
-    def count(self) -> int:
-        return struct.unpack_from("<I", self._data, self._take(4, 4))[0]
-
-    def _text(self) -> str:
-        length = self.count()
-        at = self._take(1, length)
-        return self._data[at : at + max(0, length - 1)].decode("utf-8", "replace")
-
-    def _take(self, alignment: int, size: int) -> int:
-        before = self._at
-        self._at += -(self._at - _ENCAPSULATION) % alignment
-        self.fixed[before : self._at] = False  # padding is whatever it is
-        start, self._at = self._at, self._at + size
-        if self._at > len(self._data):
-            raise ValueError(f"a message of {len(self._data)} bytes is no {self._type}")
-        return start
+def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, ...], Codec]:
+    """The strings of the next reading, and where its stamp and numbers are."""
+    names: list[str] = []
+    stamps: list[int] = []
+    runs: list[tuple[int, str, int]] = []
+    for part in parts:
+        if part == "T":
+            stamps.append(cursor.take(4, 8, numbers=True))
+        elif part in ("S", "s"):
+            text = cursor.text("replace")
+            names += [text] if part == "S" else []
+        elif part[0] in "-[":  # a sequence has one length in all alike
+            size, count = int(part[1:]), 1 if part[0] == "-" else cursor.count()
+            if count:
+                cursor.take(size, size * count, numbers=True)
+        else:
+            count = int(part.lstrip("_"))
+            at = cursor.take(8, 8 * count, numbers=True)
+            runs += [] if part.startswith("_") else [(at, "d", count)]
+    return tuple(names), Codec(data, stamps, runs)

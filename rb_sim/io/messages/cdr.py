@@ -21,7 +21,6 @@ HEADER = b"\x00\x01\x00\x00"
 NANO = 1_000_000_000
 _STAMP = struct.Struct("<iI")
 _COUNT = struct.Struct("<I")
-_OCTET = struct.Struct("<B")
 
 
 def stamp_of(t: float) -> int:
@@ -249,38 +248,42 @@ def diagnostic(stamp: int, name: str, message: str, values: Mapping[str, str]) -
 
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
     """The arguments of `diagnostic`. Raises ValueError for any other message."""
-    reader = _Reader(data)
-    seconds, nanoseconds = reader.take(_STAMP)
-    reader.text()
-    if reader.count() != 1:
+    cursor = Cursor(data, "diagnostic_msgs/msg/DiagnosticArray")
+    seconds, nanoseconds = _STAMP.unpack_from(data, cursor.take(4, _STAMP.size))
+    cursor.text()
+    if cursor.count() != 1:
         raise ValueError("not one status")
-    reader.take(_OCTET)
-    name, message, _ = reader.text(), reader.text(), reader.text()
-    values = {reader.text(): reader.text() for _ in range(reader.count())}
+    cursor.take(1, 1)
+    name, message, _ = cursor.text(), cursor.text(), cursor.text()
+    values = {cursor.text(): cursor.text() for _ in range(cursor.count())}
     return seconds * NANO + nanoseconds, name, message, values
 
 
-class _Reader:
-    """Takes fields off a message one after the other; ValueError where it ends too early."""
+class Cursor:
+    """Walks over the fields of a message; ValueError where it ends too early."""
 
-    def __init__(self, data: bytes) -> None:
-        self._data, self._at = data, len(HEADER)
+    def __init__(self, data: bytes, ros_type: str) -> None:
+        self._data, self._type, self._at = data, ros_type, len(HEADER)
+        self.fixed = np.ones(len(data), bool)
+        """bytes that are the same in all messages of this layout: all but padding, and what is
+        taken as a number."""
 
-    def take(self, fields: struct.Struct) -> tuple[int, ...]:
-        try:
-            values = fields.unpack_from(self._data, self._at)
-        except struct.error as error:
-            raise ValueError(str(error)) from None
-        self._at += fields.size
-        return values
+    def take(self, alignment: int, size: int, *, numbers: bool = False) -> int:
+        """Where the next `size` bytes begin."""
+        before = self._at
+        self._at += -(self._at - len(HEADER)) % alignment
+        start, self._at = self._at, self._at + size
+        if self._at > len(self._data):
+            raise ValueError(f"a message of {len(self._data)} bytes is no {self._type}")
+        self.fixed[before : self._at if numbers else start] = False
+        return start
 
     def count(self) -> int:
-        self._at += -(self._at - len(HEADER)) % 4
-        return self.take(_COUNT)[0]
+        """The length of a sequence."""
+        return _COUNT.unpack_from(self._data, self.take(4, 4))[0]
 
-    def text(self) -> str:
-        end = self.count() + self._at
-        if end > len(self._data):
-            raise ValueError(f"{len(self._data)} bytes are too few")
-        value, self._at = self._data[self._at : end - 1].decode(), end
-        return value
+    def text(self, errors: str = "strict") -> str:
+        """A string; errors: as of bytes.decode."""
+        length = self.count()
+        at = self.take(1, length)
+        return self._data[at : at + max(0, length - 1)].decode("utf-8", errors)
