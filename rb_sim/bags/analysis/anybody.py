@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,8 @@ from rb_sim.bags.transforms import carried_over, plain
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.result import Analysis
+    from rb_sim.bags.analysis.figures import Figures
+    from rb_sim.bags.analysis.result import Analysis, Reading
     from rb_sim.bags.readings import Readings
     from rb_sim.scene.schema import Scene
 
@@ -78,6 +79,9 @@ class Fall:
         return ""
 
 
+FEW, SHUFFLED = 3, 0.01
+"""Steps back, and how many of a source's readings they are, from which on its messages lie in no
+order: a clock is not set so often."""
 MOST_EARLY = 4096
 """Pieces of wrenches that wait for the poses of their body."""
 
@@ -121,7 +125,28 @@ class Anybody:
         if scene is not None:
             self._make(scene.name or "scene", tuple(scene.bodies), lambda: scene)
 
-    def add(self, piece: Piece, t: np.ndarray) -> None:
+    def readings(self) -> Iterator[Reading]:
+        """All readings, in one pass over the bag, at times [s] from its start."""
+        found, readings = self._found, self._readings
+        start: int | None = None
+        for piece in readings.pieces():
+            if start is None:
+                start = round(float(piece.log[0]) * 1e9)
+                # stamps may count from the epoch and log times from 0, or the other way round
+                first = int(piece.stamp[0])
+                start = first if abs(first - start) > 1e15 else min(first, start)
+            t = (piece.stamp - start) * 1e-9
+            yield piece.source, piece.kind, t, piece.values
+            self._follow(piece, t)
+        found.notes += readings.notes
+        found.other_topics = readings.other_topics
+        found.bytes, found.messages = readings.bytes, readings.messages
+        for name, figures in found.figures.items():
+            back = figures.rates.backwards
+            if back:
+                found.notes.append(f"{name}: time goes back {back} times{_why(back, figures)}")
+
+    def _follow(self, piece: Piece, t: np.ndarray) -> None:
         """The next readings, at times t [s]."""
         if piece.kind == POSE:
             if piece.source not in self._found.bodies:
@@ -286,3 +311,10 @@ class Anybody:
                     "one, so that its balances and constraints may mean nothing"
                 )
         return lines
+
+
+def _why(back: int, figures: Figures) -> str:
+    """What a reader can do where it is no clock that was set now and then."""
+    if back < max(FEW, SHUFFLED * figures.rates.count):
+        return ""
+    return ": its messages do not lie in the order of their times; sort the bag first (`mcap sort`)"

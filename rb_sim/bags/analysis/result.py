@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rb_sim.bags.analysis.bodies import BodyFigures
-from rb_sim.bags.analysis.figures import Figures, sizes_beside, sizes_of
+from rb_sim.bags.analysis.figures import COLUMNS, Figures, sizes_beside, sizes_of
+
+Reading = tuple[str, str, np.ndarray, np.ndarray]
+"""Source, kind, times [s] of shape (n,) and numbers of shape (n, size of the kind)."""
 
 
 @dataclass
@@ -30,6 +35,18 @@ class Analysis:
     """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
     bytes: int = 0
     messages: int = 0
+
+    def add(self, name: str, kind: str, t: np.ndarray, values: np.ndarray) -> None:
+        """The next readings of a source."""
+        self.kinds[name] = kind
+        self.figures.setdefault(name, Figures(COLUMNS[kind])).add(t, values)
+
+    def begin_anew(self) -> None:
+        """What comes is another motion."""
+        for figures in self.figures.values():
+            figures.begin_anew()
+        for body in self.bodies.values():
+            body.finish()
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""

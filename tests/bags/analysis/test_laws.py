@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rb_sim import load_scene
-from rb_sim.bags.analysis.analyze import coordinates
+from rb_sim.bags.analysis.run import coordinates
 from rb_sim.bags.analysis.scene_laws import SceneLaws
 from tests.interpreted import interpreted
 

@@ -1,0 +1,295 @@
+"""A run of ours: its samples, stretch by stretch, and what follows from all that was recorded.
+
+No motion leads from the sample before a reset, or a state that was set, to the one at it: nothing
+is differentiated, and no balance drawn, across it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.bags.analysis.bodies import BodyFigures, Struck
+from rb_sim.bags.analysis.masses import bodies_of
+from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
+from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
+from rb_sim.bags.tracks import Impacts, length_of
+from rb_sim.checks.balance import FIRST_EVENTS, Ledger
+from rb_sim.io.bag.as_run import scene_as_run
+from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.sink import stretches
+from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins
+from rb_sim.numerics.rotations import cross, rotate, unit
+from rb_sim.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from rb_sim.bags.analysis.result import Analysis, Reading
+
+
+class RecordedRun:
+    """The readings of a bag of ours, by the names of its topics, and what `found` gets of them."""
+
+    def __init__(self, found: Analysis, reader: BagReader) -> None:
+        self._found, self._reader = found, reader
+        scene, layout = scene_as_run(reader), reader.layout
+        self._balances, self._loads = Balances(scene, layout), Loads(scene, layout)
+        self._impacts = Impacts(scene)
+        self._offsets = centers_of_mass(scene.bodies, layout.bodies)
+        self._laws = SceneLaws(scene) if scene.constraints else None
+        self._constraints = None if self._laws is None else ConstraintFigures(self._laws)
+        found.length = length_of(scene.bodies.values())
+        for name, properties in bodies_of(scene).items():
+            found.bodies[name] = BodyFigures(properties, struck=Struck(told=True))
+
+    def readings(self) -> Iterator[Reading]:
+        """All readings, in one pass over the bag."""
+        for part in parts_of(self._reader):
+            if part.anew:
+                self._found.begin_anew()
+            self._balances.add(part)
+            if self._laws is not None and self._constraints is not None:
+                at = self._laws.at(part.block.t - part.since, coordinates(part.block))
+                self._constraints.add(part.block.t, at)
+            yield from self._readings(part.block)
+
+    def _readings(self, block: SampleBlock) -> Iterator[Reading]:
+        t, layout, found = block.t, self._reader.layout, self._found
+        motion, totals = origins(block, self._offsets), self._loads.totals(block)
+        for name, times in self._impacts.times(block.events).items():
+            found.bodies[name].struck(times)
+        for i, name in enumerate(layout.bodies):
+            pose = np.hstack([motion.position[:, i], block.orientation[:, i]])
+            found.bodies[name].add(t, pose, totals[:, i])
+            twist = np.hstack([motion.linear_velocity[:, i], motion.angular_velocity[:, i]])
+            yield f"{name}/pose", POSE, t, pose
+            yield f"{name}/twist", TWIST, t, twist
+        for k, name in enumerate(layout.reactions):
+            wrench = np.hstack([block.reaction_force[:, k], block.reaction_torque[:, k]])
+            yield f"reactions/{name}", WRENCH, t, wrench
+        for k, name in enumerate(layout.commanded):
+            yield f"{name}/wrench_applied", WRENCH, t, block.command[:, k]
+        for name in ("energy", "power", "residual"):
+            yield name, SCALAR, t, getattr(block, name)[:, None]
+
+    def finish(self) -> None:
+        """Balances, contacts and constraints; no more readings come."""
+        found, reader = self._found, self._reader
+        found.notes += reader.left_out
+        if any(missing.within for missing in reader.missing):
+            found.notes.append(
+                "the balances go across what is missing: they are off by what it did"
+            )
+        found.balance = self._balances.finish()
+        found.notes += self._loads.notes + self._balances.notes
+        found.contacts = self._balances.contacts
+        found.constraints = None if self._constraints is None else self._constraints.as_dict()
+
+
+def coordinates(block: SampleBlock) -> np.ndarray:
+    """p_WC, q_WB, v_WC, w_WB_B of each body in turn, shape (n, 13 N)."""
+    q = unit(block.orientation)
+    parts = [block.position, q, block.linear_velocity, block.angular_velocity]
+    return np.concatenate(parts, axis=2).reshape(len(block), -1)
+
+
+# The wrenches that a bag of ours tells for each body, as one about its centre of mass.
+
+
+TOLD = ("gravity", "commanded_wrench")
+"""Effects whose force follows from the samples."""
+
+
+class Loads:
+    """Adds up reactions (on the body and, opposite, on its parent), commands and uniform gravity.
+
+    notes: effects whose wrench is not among the samples; what a motion takes differs by it.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._layout = layout
+        self._offsets = centers_of_mass(scene.bodies, layout.bodies)
+        self._weights = np.zeros((len(layout.bodies), 3))
+        untold = []
+        for name, effect in scene.effects.items():
+            kind = effect.type  # type: ignore[attr-defined]
+            if kind == "gravity":
+                for body in effect.bodies or layout.bodies:  # type: ignore[attr-defined]
+                    g = np.array(effect.acceleration)  # type: ignore[attr-defined]
+                    self._weights[layout.bodies.index(body)] += scene.bodies[body].mass * g
+            elif kind not in TOLD:
+                untold.append(f"{name} ({kind})")
+        self._parents = [self._parent(scene, name) for name in layout.reactions]
+        # a bearing's share is in the total of its constraint, which has an entry of its own
+        self._counted = ["/" not in name for name in layout.reactions]
+        text = "the samples do not tell the wrench of " + ", ".join(untold)
+        self.notes = [f"{text}: the recorded total is without it"] if untold else []
+
+    def _parent(self, scene: Scene, reaction: str) -> int | None:
+        spec = scene.constraints.get(reaction.partition("/")[0])
+        parent = getattr(spec, "parent", None)
+        return None if parent is None else self._layout.bodies.index(parent)
+
+    def totals(self, block: SampleBlock) -> np.ndarray:
+        """Force and torque about C, world axes, shape (n, N, 6)."""
+        n, bodies = len(block), self._layout.bodies
+        total = np.zeros((n, len(bodies), 6))
+        total[:, :, :3] = self._weights
+        for k, body in enumerate(self._layout.reaction_bodies):
+            if not self._counted[k]:
+                continue
+            force, torque = block.reaction_force[:, k], block.reaction_torque[:, k]
+            for i, sign in ((bodies.index(body), 1.0), (self._parents[k], -1.0)):
+                if i is not None:
+                    arm = block.anchor[:, k] - block.position[:, i]
+                    total[:, i, :3] += sign * force
+                    total[:, i, 3:] += sign * (torque + cross(arm, force))
+        for m, body in enumerate(self._layout.commanded):
+            i = bodies.index(body)
+            arm = -rotate(block.orientation[:, i], self._offsets[i])
+            force, torque = block.command[:, m, :3], block.command[:, m, 3:]
+            total[:, i, :3] += force
+            total[:, i, 3:] += torque + cross(arm, force)
+        return total
+
+
+# The stretches between resets and states that were set, and their balances.
+
+
+MOST_TOLD = 3
+FEW = 4
+"""Samples between changes of commands, on average, below which balances are only a rough figure."""
+
+
+class Part(NamedTuple):
+    """Samples in a row."""
+
+    block: SampleBlock
+    anew: bool
+    """whether they begin with a state that no motion leads to."""
+    since: float
+    """stamp at which the scene's own time, that of its laws, was zero [s]."""
+
+
+def parts_of(reader: BagReader) -> Iterator[Part]:
+    """The samples of a bag, cut where a state was set or the run began anew."""
+    node = reader.settings.get("by") == "node"
+    period = 1.0 / reader.scene.simulation.rate if node else 0.0
+    since, some = 0.0, False
+    for block in reader.blocks():
+        for part, given in stretches(block):
+            if given is not None:
+                # a node's stamps go on: after a reset time is zero again, a state takes a period
+                since = since + period if given.state else given.t * node
+            if len(part) or part.events:
+                yield Part(part, given is not None and some, since)
+            some = some or len(part) > 0
+
+
+class Balances:
+    """Energy and momenta of a run over its stretches, summed up; bounded memory."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._scene, self._layout = scene, layout
+        self._ledger = Ledger(scene, layout)
+        self._energy: dict[str, Any] | None = None
+        self._momentum: dict[str, Any] | None = None
+        self._contacts: dict[str, Any] | None = None
+        self._anew: list[float] = []
+        self._latest = -np.inf
+        self._count = self._samples = self._changes = 0
+
+    def add(self, part: Part) -> None:
+        """The next samples."""
+        if part.anew:
+            self._close()
+            self._ledger = Ledger(self._scene, self._layout, part.since)
+            self._count += 1
+            self._anew += part.block.t[: MOST_TOLD - len(self._anew)][:1].tolist()
+        self._samples += len(part.block)
+        self._ledger.add(part.block, self._commands(part.block, part.anew))
+        if len(part.block):  # else events alone, after the last sample
+            self._latest = float(part.block.t[-1])
+
+    def finish(self) -> dict[str, Any]:
+        """Balances of energy and momentum, as of one run; no more samples come."""
+        self._close()
+        found = {"energy": self._energy, "momentum": self._momentum}
+        return found | ({"stretches": 1 + self._count} if self._count else {})
+
+    @property
+    def contacts(self) -> dict[str, Any] | None:
+        """Work and events of all stretches, after `finish`."""
+        return self._contacts
+
+    @property
+    def notes(self) -> list[str]:
+        """Where the balances begin anew, and whether commands leave them too few samples."""
+        lines = []
+        if self._count:
+            at = ", ".join(f"{t:g}" for t in self._anew) + ", ..." * (self._count > len(self._anew))
+            lines.append(f"reset or put elsewhere {self._count} times (t = {at} s): nothing is "
+                         "differentiated or balanced across that")  # fmt: skip
+        if self._changes * FEW > self._samples:
+            lines.append(f"commands come at {self._changes} of {self._samples} samples: power and "
+                         "reactions jump there, and the balances are only as good as the samples "
+                         "in between")  # fmt: skip
+        return lines
+
+    def _commands(self, block: SampleBlock, anew: bool) -> list[float]:
+        """Instants from which on another command acts: right after the sample before."""
+        changed = sorted({given.index for given in block.inputs})
+        self._changes += len(changed)
+        if len(changed) * FEW > len(block):
+            return []
+        before = [block.t[k - 1] if k else self._latest for k in changed if k or not anew]
+        return [float(np.nextafter(t, np.inf)) for t in before]
+
+    def _close(self) -> None:
+        """A stretch is over."""
+        ledger = self._ledger
+        if not ledger.samples:
+            return
+        self._energy = _energies(self._energy, ledger.energy())
+        self._contacts = _contacts(self._contacts, ledger.contacts())
+        momentum = ledger.momentum()
+        if momentum is not None:
+            before = self._momentum or dict.fromkeys(momentum)
+            self._momentum = {
+                name: _joined(before[name], balance) for name, balance in momentum.items()
+            }
+
+
+def _joined(before: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any]:
+    """Errors and doubts added, the larger of the scales."""
+    if before is None:
+        return now
+    error, scale = before["error"] + now["error"], max(before["scale"], now["scale"])
+    found = before | {"error": error, "scale": scale}
+    found["relative"] = abs(error) / scale if scale > 0.0 else None
+    found["quadrature"] = before["quadrature"] + now["quadrature"]
+    return found
+
+
+def _energies(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict[str, Any] | None:
+    if before is None or now is None:
+        return before or now
+    return _joined(before, now) | {"final": now["final"], "work": before["work"] + now["work"]}
+
+
+def _contacts(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict[str, Any] | None:
+    if before is None or now is None:
+        return before or now
+    counts = {
+        kind: before["events"].get(kind, 0) + now["events"].get(kind, 0)
+        for kind in {**before["events"], **now["events"]}
+    }
+    sums = [before["impulses"], now["impulses"]]
+    impulses = {
+        name: np.sum([part[name] for part in sums if name in part], axis=0).tolist()
+        for name in {**sums[0], **sums[1]}
+    }
+    first = (before["first_events"] + now["first_events"])[:FIRST_EVENTS]
+    return {"work": before["work"] + now["work"], "events": counts, "first_events": first,
+            "impulses": impulses}  # fmt: skip
