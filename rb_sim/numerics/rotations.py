@@ -78,5 +78,5 @@ def turn_between(p: Array, q: Array) -> Array:
 
 def angle_between(p: Array, q: Array) -> Array:
     """Its angle [rad], exact near 0 and near half a turn; shape (...)."""
-    near, far = norms(p - q), norms(p + q)
-    return 4.0 * np.arctan2(np.minimum(near, far), np.maximum(near, far))
+    apart = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
+    return 4.0 * np.arcsin(np.minimum(0.5 * apart, 1.0))
