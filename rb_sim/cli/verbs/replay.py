@@ -248,7 +248,10 @@ def _page_of_scene(source: str) -> dict[str, Any]:
     from rb_sim.simulation.simulation import Simulation
 
     simulation = Simulation(load_scene(find_moving(source)))
-    with warnings.catch_warnings(), progress_bar(simulation.scene.simulation.duration, False) as show:
+    with (
+        warnings.catch_warnings(),
+        progress_bar(simulation.scene.simulation.duration, False) as show,
+    ):
         warnings.simplefilter("ignore", AccuracyWarning)  # they stand on the page
         run = simulation.run(progress=lambda t, end: show(t))
     return page_of_run(run, _facts(run, {}), [f"warning: {f}" for f in run.findings])

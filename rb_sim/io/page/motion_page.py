@@ -209,13 +209,13 @@ class RunPage:
         force = self._per_metre(every, length)
         groups, arrows = {}, []
         for key, (name, color, on) in names.items():
-            self._add(groups, arrows, key, wanted[key], force, length,
-                      {"name": name, "unit": "N", "color": color, "on": on, "heads": 1})  # fmt: skip
+            about = {"name": name, "unit": "N", "color": color, "on": on, "heads": 1}
+            self._add(groups, arrows, key, wanted[key], force, length, about)
         least = RESOLUTION * float(np.nanmax(norms(np.array(every)), initial=0.0)) * self._view[1]
         torques = [one for one in torques if norms(one["vector"]).max(initial=0.0) > least]
         torque = self._per_metre([one["vector"] for one in torques], length)
-        self._add(groups, arrows, "torque", torques, torque, length,
-                  {"name": "torques", "unit": "N m", "color": TORQUE, "on": False, "heads": 2})  # fmt: skip
+        about = {"name": "torques", "unit": "N m", "color": TORQUE, "on": False, "heads": 2}
+        self._add(groups, arrows, "torque", torques, torque, length, about)
         return groups, arrows
 
     def _per_metre(self, vectors: list[Array], length: float) -> float:
@@ -239,7 +239,9 @@ class RunPage:
         about: dict[str, Any],
     ) -> None:
         """Those of a group that are ever long enough to be seen."""
-        seen = [one for one in wanted if norms(one["vector"]).max(initial=0.0) > 0.005 * per * length]
+        seen = [
+            one for one in wanted if norms(one["vector"]).max(initial=0.0) > 0.005 * per * length
+        ]
         if not seen:
             return
         unit = 10.0 ** np.floor(np.log10(length))
@@ -283,7 +285,9 @@ class RunPage:
             about = "the contact point" if name in contacts else "the anchor"
             torque = packed(columns[:, 3:]) if turns else None
             force = packed(columns[:, :3])
-            found.append({"name": name, "body": body, "about": about, "force": force, "torque": torque})
+            found.append(
+                {"name": name, "body": body, "about": about, "force": force, "torque": torque}
+            )
         return found
 
     def _exact(self, lawful: Lawful) -> dict[str, Any]:

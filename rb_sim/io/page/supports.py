@@ -181,8 +181,8 @@ class Supports:
 
     def _link(self, kind: str, spec: Any, ends: Any) -> None:
         from_ = self._joint(spec.body, ends.point_B)
-        to = {"on": self._on(_parent(spec))}
-        to["point"] = self._in(_parent(spec), self._world(_parent(spec), ends.point_A))
+        there = self._in(_parent(spec), self._world(_parent(spec), ends.point_A))
+        to = {"on": self._on(_parent(spec)), "point": there}
         self.links.append({"kind": kind, "from": from_, "to": to})
 
     def _draw_distance(self, spec: Any) -> None:
@@ -196,7 +196,9 @@ class Supports:
 
     def _draw_plane(self, spec: Any) -> None:
         given = spec.point_A is not None
-        point = self._world(*((_parent(spec), spec.point_A) if given else (spec.body, spec.point_B)))
+        point = self._world(
+            *((_parent(spec), spec.point_A) if given else (spec.body, spec.point_B))
+        )
         self._plane(_parent(spec), point, self._turned(_parent(spec), spec.normal_A))
 
     def _draw_rolling(self, spec: Any) -> None:
@@ -207,7 +209,10 @@ class Supports:
         surface = spec.surface
         match surface.type:
             case "plane":
-                if _parent(spec) is not None and self._scene.bodies[_parent(spec)].shape is not None:
+                if (
+                    _parent(spec) is not None
+                    and self._scene.bodies[_parent(spec)].shape is not None
+                ):
                     return  # the shape shows it
                 point = self._world(_parent(spec), surface.point)
                 normal = self._turned(_parent(spec), surface.normal)
@@ -250,9 +255,7 @@ class Supports:
         line = [self._in(parent, point) for point in points]
         self._add_once(self.lines, {"on": self._on(parent), "points": line})
 
-    def _plane(
-        self, parent: str | None, point: Array, normal: Array, motion: Any = None
-    ) -> None:
+    def _plane(self, parent: str | None, point: Array, normal: Array, motion: Any = None) -> None:
         foot = self._center - np.dot(self._center - point, normal) * normal
         plane = {
             "on": self._on(parent),

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
-
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
 
 if TYPE_CHECKING:
