@@ -1,4 +1,4 @@
-"""`rb_sim layout`: what the files name is in the bags, with these fields, in the programs' formats."""
+"""`rb_sim layout`: the files have the programs' formats; bags have the topics and fields in them."""
 
 from __future__ import annotations
 

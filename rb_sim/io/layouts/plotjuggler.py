@@ -13,7 +13,7 @@ ROWS = 4
 def text_of(shown: Shown) -> str:
     """The layout as the program loads it."""
     root = Element("root")
-    widget = SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    widget = SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tabs: dict[str, list[Panel]] = {}
     for panel in shown.panels:
         tabs.setdefault(panel.tab, []).append(panel)

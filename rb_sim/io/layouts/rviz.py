@@ -1,7 +1,7 @@
 """A layout for RViz 2 (YAML): `rviz2 -d FILE`.
 
-The shapes come from /robot_description (the node with `robot_description:=true`, every bag), or from
-the markers of a node with `markers:=true`.
+The shapes come from /robot_description (of the node with `robot_description:=true`, and of every
+bag), or from the markers of a node with `markers:=true`.
 """
 
 from __future__ import annotations
