@@ -1,4 +1,4 @@
-"""`rb_sim layout`: the files have the programs' formats; bags have the topics and fields in them."""
+"""`rb_sim layout`: files in the programs' formats, whose topics and fields bags have."""
 
 from __future__ import annotations
 
