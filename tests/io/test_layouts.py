@@ -96,7 +96,8 @@ def test_foxglove_plots_numbers_of_the_messages(files, messages):
     transitions = text["configById"]["StateTransitions!contacts"]["paths"]
     assert [float(messages[p["value"].removesuffix(".data")].data) for p in transitions]  # type: ignore[attr-defined]
     scene = text["configById"]["3D!scene"]
-    assert scene["topics"]["/tf"]["visible"] and scene["topics"]["/robot_description"]["visible"]
+    assert scene["topics"]["/tf"]["visible"]
+    assert "<robot" in messages[scene["layers"]["shapes"]["topic"]].data  # type: ignore[attr-defined]
 
 
 def test_foxglove_lays_out_every_panel_once(files):

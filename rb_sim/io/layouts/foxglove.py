@@ -65,7 +65,7 @@ def text_of(shown: Shown) -> str:
 def _scene(shown: Shown) -> dict[str, Any]:
     width, cells = grid(shown.size)
     eye = camera(shown)
-    seen = [TF, DESCRIPTION, f"{NAMESPACE}/{MARKERS}", *shown.poses]
+    seen = [TF, f"{NAMESPACE}/{MARKERS}", *shown.poses]
     return {
         "foxglovePanelTitle": shown.scene,
         "followTf": WORLD,
@@ -86,7 +86,17 @@ def _scene(shown: Shown) -> dict[str, Any]:
                 "color": "#9aa3adff",
                 "position": [0, 0, 0],
                 "rotation": [0, 0, 0],
-            }
+            },
+            "shapes": {
+                "layerId": "foxglove.Urdf",
+                "instanceId": "shapes",
+                "label": "Shapes",
+                "visible": True,
+                "sourceType": "topic",
+                "topic": DESCRIPTION,
+                "framePrefix": "",
+                "displayMode": "visual",
+            },
         },
         "cameraState": {
             "perspective": True,

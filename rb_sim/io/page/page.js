@@ -51,7 +51,7 @@ const placed = (frames, on, p) => {
 
 /** The solid of a description {kind, center, axis or axes, ...} in its frame. */
 function solidOf(shape, frame, rgb) {
-  const axes = shape.axes || axesAlong(shape.axis || [0, 0, 1]);
+  const axes = shape.axes || (shape.axis ? axesAlong(shape.axis) : REST.axes);
   return {
     ...shape, color: rgb, center: add(frame.position, inWorld(frame.axes, shape.center)),
     axes: axes.map((axis) => inWorld(frame.axes, axis)),

@@ -191,7 +191,7 @@ function inOrder(solids, eye) {
 
 class Camera {
   constructor(center, size) {
-    this.home = { target: center.slice(), yaw: -0.98, pitch: 0.36, distance: 1.5 * size };
+    this.home = { target: center.slice(), yaw: -0.98, pitch: 0.36, distance: 1.35 * size };
     this.reset();
   }
 
