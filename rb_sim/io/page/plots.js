@@ -16,7 +16,7 @@ function ticks(low, high, count) {
 function figure(value, step) {
   const size = Math.abs(value);
   if (size < 1e-9 * step) return "0";
-  if (step < 1e-4 || size >= 1e6) {
+  if (step < 1e-6 || size >= 1e6) {
     const digits = Math.max(0, Math.floor(Math.log10(size)) - Math.floor(Math.log10(step)));
     return value.toExponential(Math.min(digits, 6)).replace("e+", "e").replace("-", "\u2212");
   }

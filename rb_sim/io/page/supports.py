@@ -225,15 +225,24 @@ class Supports:
                 self._link("string", spec, surface)
 
     def _ball(self, parent: str | None, surface: Any) -> None:
-        center = self._world(parent, surface.center)
-        if surface.side == "outside":
-            ball = {"kind": "ball", "radius": surface.radius, "plain": True}
+        """A solid; of a bowl, and of a ball that is larger than the view, lines on it."""
+        center, radius = self._world(parent, surface.center), surface.radius
+        if surface.side == "outside" and radius < self._size:
+            ball = {"kind": "ball", "radius": radius, "plain": True}
             about = {"center": self._in(parent, center), "on": self._on(parent)}
             self._add_once(self.solids, {**ball, **about})
             return
-        for normal in np.eye(3):
-            arm = surface.radius * np.roll(normal, 1)
-            self._wire(parent, _circle(center, normal, arm))
+        pole = self._center - center
+        pole = pole / (np.linalg.norm(pole) or 1.0) if pole.any() else np.eye(3)[2]
+        across = _across(pole)
+        wide = min(0.5 * np.pi, 0.6 * self._size / radius)
+        for angle in np.linspace(0.0, wide, 6)[1:]:
+            middle = center + radius * np.cos(angle) * pole
+            self._wire(parent, _circle(middle, pole, radius * np.sin(angle) * across))
+        for start in _circle(np.zeros(3), pole, across)[:-1:6]:
+            angles = np.linspace(0.0, wide, 21)
+            points = [center + radius * (np.cos(a) * pole + np.sin(a) * start) for a in angles]
+            self._wire(parent, points)
 
     def _pipe(self, parent: str | None, surface: Any) -> None:
         axis = self._turned(parent, surface.axis)
