@@ -213,6 +213,20 @@ def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
     assert ask(tmp_path / "page.html", "rb_sim.seek(0.05); return rb_sim.state.time") == 0.05
 
 
+def test_between_samples_a_body_turns_the_short_way(tmp_path):
+    """Whatever the signs of the quaternions are; the sample after t = 0.4 s has the other one."""
+    disk = {"mass": 1.0, "shape": {"type": "disk", "radius": 0.1}, "angular_velocity": [0, 0, 2.0]}
+    scene = load_scene({"bodies": {"disk": disk}, "simulation": {"duration": 1.0, "rate": 5}})
+    run = Simulation(scene).run(watched=False)
+    run.block.orientation[3:] *= -1.0
+    save(RunPage(scene, run.layout, run.block).data(facts=[], warnings=[]), tmp_path / "page.html")
+    for t in (0.3, 0.5):
+        found = ask(tmp_path / "page.html", f"rb_sim.seek({t}); return rb_sim.poseOf('disk')")
+        x, y, z, w = found["orientation"]
+        assert 2.0 * np.arctan2(z * np.sign(w), abs(w)) == pytest.approx(2.0 * t, abs=1e-6)
+        assert (x, y) == (0.0, 0.0)
+
+
 def test_nearer_solids_are_drawn_later(run):
     """Whatever their centres are: a small ball on a long plank, from above and from below."""
     show(str(run))
@@ -230,6 +244,7 @@ def test_nearer_solids_are_drawn_later(run):
     assert below[-1] == "plank"
 
 
+@pytest.mark.filterwarnings("ignore:.*nothing moves")
 @pytest.mark.parametrize(
     "shape, half",
     [
