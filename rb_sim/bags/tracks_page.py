@@ -75,6 +75,7 @@ def page_of_tracks(
         ],
         "exact": None,
         "events": [],
+        "point": "origin of its frame",
         "trace": True,
         "axes": True,
         "names": True,

@@ -325,6 +325,8 @@ def test_a_bag_of_others_is_shown_by_its_axes(tmp_path, capsys):
     pose = ask(page, "rb_sim.seek(1.0); return rb_sim.poseOf(rb_sim.bodies[0])")
     assert pose["position"] == pytest.approx([0.5 * np.sin(3.0), 0.1, 0.2], abs=1e-6)
     assert abs(pose["orientation"][3]) == pytest.approx(np.cos(0.4), abs=1e-6)
+    titles = ask(page, "return plots.map((plot) => plot.title)")
+    assert titles[0] == "position of /body:drone, origin of its frame"  # no mass is known
     data = data_of(page)
     assert data["axes"] and data["trace"] and all(b["solid"] is None for b in data["bodies"])
 

@@ -128,6 +128,7 @@ class RunPage:
             "reactions": self._reaction_curves(),
             "exact": None if lawful is None else self._exact(lawful),
             "events": self._events(),
+            "point": "centre of mass",
             "trace": False,
             "axes": False,
             "names": 1 < len(self.layout.bodies) <= 5 and few,

@@ -374,7 +374,7 @@ function specs() {
   const angles = anglesOf(orientation, body, kind), lawful = exact && anglesOf(exact.orientation, body, kind);
   const found = [
     {
-      title: `position of ${name}, centre of mass`, unit: "m", scale: D.view.size,
+      title: `position of ${name}, ${D.point}`, unit: "m", scale: D.view.size,
       lines: ["x", "y", "z"].map((axis, k) => ({
         name: axis, color: D.colors.axes[k], t: times_, y: bodyColumn(position, body, k),
         exact: exact && { t: times_, y: bodyColumn(exact.position, body, k) },
@@ -572,7 +572,7 @@ function begin() {
   $("slider").addEventListener("input", () => seek(Number($("slider").value)));
   $("play").addEventListener("click", () => play(!state.playing));
   for (const [key, group] of Object.entries(D.groups)) checkbox(key, group.name, group.on);
-  checkbox("trace", N > 1 ? "traces of the centres of mass" : "trace of the centre of mass", D.trace);
+  checkbox("trace", `trace of the ${D.point}`, D.trace);
   checkbox("axes", "body axes", D.axes);
   checkbox("names", "names", D.names);
   checkbox("follow", N > 1 ? "camera follows the body chosen below" : "camera follows the body", false);
