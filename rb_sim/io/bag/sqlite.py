@@ -40,7 +40,7 @@ def span_of(path: Path) -> tuple[int, int]:
 class SqliteScan:
     """Reads one file from its first message to its last; iterate over `batches` once.
 
-    Attributes as of `bag_batches.BagScan`. Raises SinkError for what is no such file,
+    Attributes as of `batches.BagScan`. Raises SinkError for what is no such file,
     MissingExtraError without rosbags.
     """
 

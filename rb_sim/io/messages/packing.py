@@ -40,7 +40,7 @@ def pack_row(
     numbers, chosen: places among the doubles, and the columns that go there.
     stamps: places of seconds among the 32-bit integers of the same buffer; `whole` goes there and
     `rest` [ns] behind it.
-    The numbers are those of rb_sim.io.frames, to the last bit.
+    The numbers are those of rb_sim.numerics.rotations, to the last bit.
     """
     bodies = len(centers)
     p, v, w = 2, 2 + 7 * bodies, 2 + 10 * bodies
