@@ -259,8 +259,8 @@ def _page_of_scene(source: str) -> dict[str, Any]:
 
 def _page_of_bag(bag: Path) -> dict[str, Any]:
     """Of a bag that was never finished, what can be read of it."""
-    from rb_sim.io.bag.reader import reader_of
     from rb_sim.io.bag.folder import is_complete
+    from rb_sim.io.bag.reader import reader_of
     from rb_sim.simulation.shown import page_of_run
     from rb_sim.trajectory.trajectory import recorded
 
