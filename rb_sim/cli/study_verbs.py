@@ -36,10 +36,13 @@ def accuracy(
     """
     from rb_sim.cli.verbs.accuracy import accuracy as of_motion
     from rb_sim.cli.verbs.accuracy import of_statics
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import is_statics
 
-    path, at_rest = find_moving_or_at_rest(scene)
-    return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
+    path = find_scene(scene)
+    if is_statics(path):
+        return of_statics(path, out, target)
+    return of_motion(path, out, target, budget)
 
 
 def hard_cases(
