@@ -89,9 +89,6 @@ def sweep(
     lanes: Annotated[
         bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
     ] = True,
-    device: Annotated[
-        str, typer.Option(metavar="NAME", help="cpu, or cuda: a GPU, one run a thread.")
-    ] = "cpu",
 ) -> int:
     """Run a scene many times with varied numbers; what DIR holds already is not run again."""
     from rb_sim.cli.verbs import sweep as verbs
@@ -104,7 +101,7 @@ def sweep(
         return verbs.sweep_report(folder)
     if folder is not None:
         raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, lanes, device)
+    return verbs.sweep(plan, out, workers, scheduler, batch, lanes)
 
 
 def register(verb: Callable[..., Any]) -> None:
