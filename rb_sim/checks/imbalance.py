@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.bounds import Effort
+    from rb_sim.checks.effort import Effort
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 

@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.bounds import Effort
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import Effort
 from rb_sim.checks.half_turn import HalfTurns, halves, halves_of
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.scene.load import scene_from_mapping
@@ -21,7 +21,7 @@ from tests.checks.blocks import Block
 from tests.runs import trajectory
 
 INERTIA = 0.02
-TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
+TIGHT = Effort("dopri853", None, 1e-10, 100)
 
 
 def wheel(stiffness: float, spin: float, rate: float, **more: Any) -> dict[str, Any]:

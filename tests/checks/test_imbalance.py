@@ -19,13 +19,13 @@ from rb_sim.checks.balance import (
     may_work,
     unknown_force,
 )
-from rb_sim.checks.bounds import Effort
+from rb_sim.checks.effort import Effort
 from rb_sim.checks.imbalance import DOUBTS, energy_found, liveliest, momentum_found
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.blocks import Block
 
-RUN = Effort("rk4", 0.1, None, 100, 0)
+RUN = Effort("rk4", 0.1, None, 100)
 """A bound of 1e-3 on balances, and of 1e-2 on those of momentum."""
 NAMES = SampleLayout(("a", "b"), (), (), ())
 SAMPLES: Any = Block(
