@@ -197,25 +197,6 @@ def test_a_run_too_coarsely_sampled_is_not_accused() -> None:
     assert findings(mapping, trajectory(mapping)) == {}
 
 
-@pytest.mark.parametrize(("step", "told"), [(0.0033, True), (0.0001, False)])
-def test_euler_is_told_where_a_body_turns_by_half_a_radian_between_samples(
-    step: float, told: bool
-) -> None:
-    """A force drives a rod on a pivot to 53 rad/s; the longer step makes 6 % of its work, and half
-    of the samples, which are 0.01 s apart, show by how little the quadrature errs."""
-    shape = {"type": "cylinder", "radius": 0.11, "length": 0.25}
-    push = {"type": "wrench", "body": "rod", "force": [-120.0, -130.0, -170.0]}
-    mapping: dict[str, Any] = {
-        "bodies": {"rod": {"mass": 0.38, "shape": shape}},
-        "constraints": {"pivot": {"type": "fixed_point", "body": "rod"}},
-        "effects": {"push": push | {"torque": [0.1, -0.05, 0.24]}},
-        "simulation": {"method": "euler", "step": step, "rate": 100.0, "duration": 0.5},
-    }
-    mapping["constraints"]["pivot"]["point_B"] = [-0.35, -0.4, 0.28]
-    found = findings(mapping, trajectory(mapping), Effort("euler", step, None, 100))
-    assert ("energy" in found) is told
-
-
 def test_a_body_at_rest_has_no_balance_to_break() -> None:
     mapping = {
         "bodies": {"bob": SWING["bodies"]["rod"] | {"angular_velocity": [0.0, 0.0, 0.0]}},
