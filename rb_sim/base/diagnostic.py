@@ -15,7 +15,7 @@ class Finding(NamedTuple):
 
     watch: str
     """which: global error, auto, energy, momentum, angular momentum, residual, inside, dead point,
-    step, turn, half turn, contact steps, ambiguous, events, time."""
+    step, turn, contact steps, ambiguous, events, time."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

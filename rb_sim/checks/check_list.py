@@ -13,7 +13,6 @@ import numpy as np
 from rb_sim.base.diagnostic import Finding, tell
 from rb_sim.checks.balance import SPARSE, Ledger
 from rb_sim.checks.effort import SAFE_TURN, Effort, effort_of, found_in, turns
-from rb_sim.checks.half_turn import HalfTurns
 from rb_sim.checks.imbalance import Resolutions, energy_found, momentum_found
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import STRIDE, Conditioning
@@ -91,8 +90,8 @@ class Chatter:
 #
 # The first samples are all looked at closely, and from there on one block whenever the samples have
 # doubled, so that watching a long run costs little of it; the others are passed with a glance. That
-# takes in every sample's residual and work, the energy at the end of the block, half turns and dead
-# points, and where one of them passes its bound the block is looked at closely at once.
+# takes in every sample's residual and work, the energy at the end of the block and dead points, and
+# where one of them passes its bound the block is looked at closely at once.
 
 
 FIRST = 2048
@@ -115,9 +114,7 @@ class WatchList:
         self._ledger = Ledger(scene, layout)
         self._resolution = Resolutions(scene, layout)
         self._conditioning: Conditioning | None = None
-        self._half_turns = HalfTurns(scene, layout)
         self._inside = Inside(scene, layout)
-        self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._chatter = Chatter()
         self._samples = 0
@@ -278,8 +275,6 @@ class WatchList:
         if not missed <= self._balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
-        if self._springs:
-            self._watch_springs(block)
         if self._conditioning is not None and self._conditioning.watching:
             self._watch_rank(block, STRIDE)
         if effort.step is not None:
@@ -334,7 +329,6 @@ class WatchList:
         self._watch_rank(block)
         self._watch_effort(block, effort)
         self._watch_turns(block, effort)
-        self._watch_springs(block)
         self._watch_inside(block)
         self._watch_events(block)
 
@@ -397,17 +391,6 @@ class WatchList:
         if "turn" not in self._found:
             for finding in turns(block, effort, self._layout.bodies, stride):
                 self._say(finding)
-
-    def _watch_springs(self, block: SampleBlock) -> None:
-        """Whether a torsion spring has passed half a turn."""
-        if "half turn" in self._found:
-            return
-        jump = self._half_turns.first(block)
-        if jump is not None:
-            name, t, angle = jump
-            what = "angle of a torsion spring [rad]"
-            advice = "it counts from -pi again, so that the torque has jumped to the other sign"
-            self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
 
     def _watch_inside(self, block: SampleBlock) -> None:
         """Whether the shape of a body with listed points lies in what it may touch."""

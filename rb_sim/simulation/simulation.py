@@ -17,6 +17,7 @@ from rb_sim.checks.second_run import SecondRun
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
+from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.instants import (
     SAME_INSTANT,
@@ -115,6 +116,7 @@ class Simulation(SceneInMotion):
         check_smooth(self.layout)
         compiled = compile_scene(self.scene, coordinates="maximal")
         system = self._commands.in_law(compiled.system, compiled.commands)
+        system = with_kept(system, self._motion.kept.tolist())
         block = self.sample().block
         columns = (
             block.position,

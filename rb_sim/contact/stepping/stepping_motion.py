@@ -48,6 +48,7 @@ from rb_sim.integrate.attempt import LOST, correct_positions, position_error, re
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
 from rb_sim.mechanics.independent import Dependent
+from rb_sim.mechanics.inputs import input_values, kept_inputs, next_inputs, with_kept
 from rb_sim.mechanics.laws import CompiledLaws
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
@@ -185,6 +186,7 @@ class SteppedContacts(GridMotion):
         )  # two boxes touch with their edges as well
         system = compiled.system
         self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+        self._kept_inputs = kept_inputs(system)
         self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
@@ -252,6 +254,7 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
+        self._take_effects(self.system)
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
@@ -294,8 +297,28 @@ class SteppedContacts(GridMotion):
             self._room.notes[note] = run._room.notes[note]
 
     def change_law(self, system: Any) -> None:
+        kept = self.kept
         super().change_law(system)
+        self.kept = kept
+
+    @property
+    def kept(self) -> Any:
+        return np.array(input_values(self.system, 0.0))[self._kept_inputs]
+
+    @kept.setter
+    def kept(self, values: Any) -> None:
+        self._take_effects(with_kept(self.system, np.asarray(values).tolist()))
+
+    def _take_effects(self, system: Any) -> None:
+        self.system = system
         self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+    def _keep(self, y: Array) -> None:
+        """Keep what laws keep from step to step, for a step that begins at y."""
+        if self._kept_inputs:
+            now = input_values(self.system, 0.0)
+            found = next_inputs(self.system, now, lambda body: state_of(y, body))
+            self.kept = np.array(found)[self._kept_inputs]
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -357,6 +380,7 @@ class SteppedContacts(GridMotion):
             if end > stop * (1 - ULPS):
                 end = stop
             self._memory_before[:] = self._memory
+            self._keep(y)
             self._one_step(self._memory, start, y, step if end < stop else end - start)
             count = 1
             done = 1 if np.isfinite(y).all() else 0

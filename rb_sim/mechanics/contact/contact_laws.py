@@ -40,6 +40,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     apply_effects,
     energetics,
     fill_all,
+    state_of,
 )
 from rb_sim.numerics.kernels import by_address, place_of
 
@@ -184,6 +185,17 @@ class ContactLaws:
         return self._law(kernel)
 
     @cached_property
+    def carry(self) -> Law | None:
+        """The inputs of the step after one, where laws keep something from step to step."""
+        if not self.inputs.kept(self._system):
+            return None
+
+        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
+            return self.inputs.next(self._system, y[0].graph, lambda body: state_of(y, body))
+
+        return self._law(kernel)
+
+    @cached_property
     def contacts(self) -> tuple[np.ndarray, np.ndarray]:
         """(table of the contacts, their constants); see layout."""
         placed = [contact for group in self._system.contacts for contact in group]
@@ -201,9 +213,9 @@ class ContactLaws:
         """(the system for loops, what must live as long); inputs: of the laws, in place."""
 
         table, constants = self.contacts
-        room = np.zeros(ROOM + 6 * len(system.bodies))
-        laws = (self.loads, self.lines, self.anchors, self.energy)
-        names = ("loads_law", "lines_law", "anchors_law", "energy_law")
+        room = np.zeros(ROOM + max(6 * len(system.bodies), len(inputs)))
+        laws = (self.loads, self.lines, self.anchors, self.energy, self.carry)
+        names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
             **{name: getattr(system, name, None) for name in LAYOUT.fields},
             "joints": len(system.constraints),
