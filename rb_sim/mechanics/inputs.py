@@ -18,11 +18,11 @@ Place = tuple[int, ...]
 
 
 CLEARED: dict[type, Callable[[Any], Any]] = {}
-"""For classes of systems that have room to work in: the same system with zeros there."""
+"""For classes of systems that have a workspace: the same system with zeros there."""
 
 
 def cleared(system: Any) -> Any:
-    """The system without what was left in its room to work in."""
+    """The system without what was left in its workspace."""
     clear = CLEARED.get(type(system))
     return system if clear is None else clear(system)
 
@@ -108,10 +108,9 @@ def _rows(system: Any) -> list[Any]:
 def _with_ends(system: Any) -> Iterator[tuple[Any, int, int]]:
     """What has inputs, in their order, with the numbers of its body and parent."""
     for effect in system.effects:
-        ends = (effect.body, effect.parent) if isinstance(effect, Placed) else (0, -1)
-        row = effect.row if isinstance(effect, Placed) else effect
-        if type(row) in CHANGING:
-            yield row, *ends
+        placed = effect if isinstance(effect, Placed) else Placed(effect, 0, -1)
+        if type(placed.row) in CHANGING:
+            yield placed.row, placed.body, placed.parent
     for x in (*getattr(system, "spins", ()), system):
         if type(x) in CHANGING:
             yield x, -1, -1

@@ -25,7 +25,7 @@ from rb_sim.mechanics.contact.constraint_tables import (
     CONTACT_COLUMNS,
     KEPT,
     LAYOUT,
-    ROOM,
+    WORKSPACE,
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
@@ -213,7 +213,7 @@ class ContactLaws:
         """(the system for loops, what must live as long); inputs: of the laws, in place."""
 
         table, constants = self.contacts
-        room = np.zeros(ROOM + max(6 * len(system.bodies), len(inputs)))
+        workspace = np.zeros(WORKSPACE + max(6 * len(system.bodies), len(inputs)))
         laws = (self.loads, self.lines, self.anchors, self.energy, self.carry)
         names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
@@ -222,7 +222,7 @@ class ContactLaws:
             "contacts": table,
             "parameters": constants,
             "inputs": inputs,
-            "room": room,
+            "workspace": workspace,
             **{name: law.address if law else 0 for name, law in zip(names, laws, strict=True)},
             "free_by_address": free.address,
             "accelerate_by_address": accelerate.address,
