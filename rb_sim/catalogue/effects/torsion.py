@@ -84,7 +84,7 @@ class TorsionDamperRow(NamedTuple):
 
 
 @inline
-def _twist(row, B, A):
+def twist(row, B, A):
     """Twist angle [rad], the whole turns in it [rad], and its gradient in body axes."""
     q = quaternion_product(row.q_BA, quaternion_product(conjugate(A.q_WB), B.q_WB))
     v = (q[0], q[1], q[2])
@@ -105,7 +105,7 @@ def _twist(row, B, A):
 
 def _next(row, B, A):
     """Angle and whole turns where a step ends."""
-    angle, turns, _ = _twist(row, B, A)
+    angle, turns, _ = twist(row, B, A)
     return angle, turns
 
 
@@ -119,13 +119,13 @@ CHANGING[TorsionSpringRow] = Changing(
 
 @wrench.register(TorsionSpringRow)
 def torsion_spring(row, t, body, B, A):
-    angle, _, gradient = _twist(row, B, A)
+    angle, _, gradient = twist(row, B, A)
     return ZERO, scale(-row.stiffness * (angle - row.rest_angle), gradient)
 
 
 @potential.register(TorsionSpringRow)
 def torsion_potential(row, t, body, B, A):
-    angle, *_ = _twist(row, B, A)
+    angle, *_ = twist(row, B, A)
     return 0.5 * row.stiffness * (angle - row.rest_angle) ** 2
 
 
