@@ -206,7 +206,8 @@ class TracedStepper:
     def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
         """The setting for variables other than coordinates, whose sizes nobody knows."""
         assert self.small is not None
-        scaled = setting[place.TOLERANCE] * float(self.small.floors.min())
+        tolerance = setting[place.TOLERANCE]
+        scaled = tolerance * float(self.small.within(tolerance).min())
         return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
@@ -396,9 +397,17 @@ class TracedMotion(Motion):
 
 
 def small_of(compiled: Compiled, method: Any) -> Small | None:
-    """The bodies that move by little from the scene's start; a fixed step needs none of it."""
-    if not getattr(method, "tolerance", 0.0) or compiled.layout.commanded or compiled.breakpoints:
+    """The bodies that move by little from the scene's start, and those whose absolute tolerance the
+    scene gives; a fixed step needs none of it."""
+    if not getattr(method, "tolerance", 0.0):
         return None
-    laws: Any = compiled.laws
-    inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
-    return small_motions(compiled.system, laws, np.array(compiled.y, dtype=float), inputs)
+    found, y = None, np.array(compiled.y, dtype=float)
+    if not (compiled.layout.commanded or compiled.breakpoints):
+        laws: Any = compiled.laws
+        inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
+        found = small_motions(compiled.system, laws, y, inputs)
+    if compiled.absolute:
+        found = found or Small(len(y))
+        each = np.array([value or 0.0 for value in compiled.absolute])
+        found.absolute[:] = np.repeat(each, len(y) // len(each))  # 13 of each, or those of one
+    return found
