@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.catalogue.contacts.friction import traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
 from rb_sim.catalogue.types import WORLD, BodyState
@@ -89,6 +90,30 @@ def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
     return _KINDS[key]
 
 
+_TRACTIONS: dict[Any, Any] = {}
+"""Laws of traction by what their kind is."""
+
+
+def traction_law(rubs: Any) -> Any:
+    """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
+
+    slip: 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers each.
+    """
+    key = skeleton(rubs)
+    if key not in _TRACTIONS:
+        graph = Graph()
+        places = [place for place, _ in numbers(rubs)]
+        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
+        symbolic = with_numbers(rubs, constants) if places else rubs
+        slip = graph.vector("y", 3)
+
+        def found(s: Any) -> Any:
+            return traction(symbolic, s, s, 0.0, False)
+
+        _TRACTIONS[key] = compile_law(list(leaves(explored(found, slip))))
+    return _TRACTIONS[key]
+
+
 def _traced(row: Any, in_world: bool, closed: bool) -> list[Any]:
     """What the law of such a contact gives, on symbols."""
     graph = Graph()
@@ -122,6 +147,13 @@ def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:
     return row._replace(pair=row.pair._replace(surface=PackedHull(place_of(kept[-1]))))
 
 
+def loads_of(system: Any, t: Any, y: list[Any]) -> list[Any]:
+    """Forces (world) and torques (body) of the effects on each body."""
+    system.bodies[:, LOAD:BODY_WIDTH] = 0.0
+    apply_effects(system.effects, t, system, y)
+    return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+
+
 class ContactLaws:
     """What loops call for a system of bodies in contact, and the system packed for them."""
 
@@ -141,13 +173,16 @@ class ContactLaws:
     @cached_property
     def loads(self) -> Law:
         """Forces (world) and torques (body) of the effects on each body, 6 N numbers."""
+        return self._law(loads_of)
+
+    @cached_property
+    def loads_and_inputs(self) -> Law:
+        """As `loads`; then the inputs of the next step, where some are kept from step to step."""
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            system.bodies[:, LOAD:BODY_WIDTH] = 0.0
-            apply_effects(system.effects, t, system, y)
-            return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+            return [*loads_of(system, t, y), *self._next(y)]
 
-        return self._law(kernel)
+        return self._law(kernel) if self.inputs.kept(self._system) else self.loads
 
     @cached_property
     def lines(self) -> Law | None:
@@ -189,11 +224,10 @@ class ContactLaws:
         """The inputs of the step after one, where laws keep something from step to step."""
         if not self.inputs.kept(self._system):
             return None
+        return self._law(lambda system, t, y: self._next(y))
 
-        def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            return self.inputs.next(self._system, y[0].graph, lambda body: state_of(y, body))
-
-        return self._law(kernel)
+    def _next(self, y: list[Any]) -> list[Any]:
+        return self.inputs.next(self._system, y[0].graph, lambda body: state_of(y, body))
 
     @cached_property
     def contacts(self) -> tuple[np.ndarray, np.ndarray]:
