@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim.checks import singular_configuration
-from rb_sim.checks.bounds import Effort
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import Effort
 from rb_sim.checks.singular_configuration import Conditioning, has_loops
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.scene.load import scene_from_mapping
@@ -144,7 +144,7 @@ def test_it_is_one_finding_with_time_and_constraint():
     watches = WatchList(scene, simulation.layout)
     block = simulation.run().block
     for _ in range(2):
-        watches.add(block, Effort("rk4", 1e-3, None, 1000, 0))
+        watches.add(block, Effort("rk4", 1e-3, None, 1000))
     told = [finding for finding in watches.findings if finding.watch == "dead point"]
     assert len(told) == 1
     assert (told[0].where, told[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))

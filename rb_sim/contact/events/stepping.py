@@ -241,6 +241,8 @@ class EventStepping(GridMotion):
         self._packed: Any = None
         self._made: tuple[Any, Tasks] | None = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
+        self._places = np.array(self._laws.inputs.kept(self.system), dtype=int)
+        """of the inputs that laws keep from step to step."""
         self._due = -1
         self._pause = math.inf
         self._begun = time
@@ -365,7 +367,17 @@ class EventStepping(GridMotion):
 
     def _take_inputs(self, onwards: bool = True) -> None:
         """Commands and tables from now on, or at this instant alone."""
+        kept = self.kept
         self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
+        self.kept = kept
+
+    @property
+    def kept(self) -> Array:
+        return self._inputs[self._places]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._inputs[self._places] = values
 
     def _restart_grid(self) -> None:
         super()._restart_grid()

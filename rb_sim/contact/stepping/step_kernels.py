@@ -444,16 +444,18 @@ def note_aims(memory, workspace, t):
 
 
 @inline
-def add_loads(tables, workspace, t, y):
+def add_loads(tables, t, y):
     """Add the loads of all effects but gravity at (t, y)."""
     law, n = tables.addresses[LOADS], tables.bodies.shape[0]
     if law == 0:
         return
-    loads = pointer(workspace.loads)
+    loads = pointer(tables.loads)
     call_law(law, t, pointer(y), pointer(tables.inputs), loads)
     for i in range(n):
         for j in range(6):
             tables.bodies[i, LOAD + j] += loads[6 * i + j]
+    for i in range(tables.loads.shape[0] - 6 * n):
+        tables.inputs[i] = loads[6 * n + i]
 
 
 class JointWay(NamedTuple):
@@ -523,7 +525,7 @@ def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
-    add_loads(tables, workspace, t + 0.5 * h, y)
+    add_loads(tables, t + 0.5 * h, y)
     write_joint_rows(tables, workspace, t + 0.5 * h, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)

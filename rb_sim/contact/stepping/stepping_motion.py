@@ -55,6 +55,7 @@ from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.independent import Dependent
+from rb_sim.mechanics.inputs import kept_inputs, with_kept
 from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
@@ -176,8 +177,11 @@ class SteppedContacts(GridMotion):
         self._loads = ContactLaws(alone)
         if self._others:
             inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
-            found = [reference(self._loads.loads), *tables.addresses[1:]]
-            tables = tables._replace(addresses=addresses(found), inputs=inputs)
+            found = [reference(self._loads.loads_and_inputs), *tables.addresses[1:]]
+            kept = len(inputs) - 1 if kept_inputs(alone) else 0
+            loads = np.zeros(6 * len(system.bodies) + kept)
+            tables = tables._replace(addresses=addresses(found), inputs=inputs, loads=loads)
+        self._kept_inputs = np.array(kept_inputs(alone), dtype=int)
         self._joints = Joints(system) if system.constraints else None
         if self._joints is not None:
             tables = self._joints.into(tables)
@@ -257,7 +261,7 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
-        self._take_inputs()
+        self._take_inputs(fresh=True)
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
@@ -303,12 +307,22 @@ class SteppedContacts(GridMotion):
         super()._restart_grid()
         self._take_inputs()
 
-    def _take_inputs(self) -> None:
-        """Commands and tables from now on."""
+    def _take_inputs(self, *, fresh: bool = False) -> None:
+        """Commands and tables from now on; fresh: what is kept from step to step begins anew."""
         self._others = other_effects(self.system)
         if self._others:
-            system = self.system._replace(effects=self._others)
+            system, kept = self.system._replace(effects=self._others), self.kept
             self._fixed.inputs[:-1] = self._loads.inputs.values(system, self.time)
+            if not fresh:
+                self.kept = kept
+
+    @property
+    def kept(self) -> Array:
+        return self._fixed.inputs[self._kept_inputs]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._fixed.inputs[self._kept_inputs] = values
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -488,7 +502,9 @@ class SteppedContacts(GridMotion):
         at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
         if self._others:
             system = self._carrying()
-            potential, power = energetics(self._others, t, system, y)
+            if len(self._kept_inputs):
+                system = with_kept(system, self.kept.tolist())
+            potential, power = energetics(other_effects(system), t, system, y)
             out[at + 1] += potential
             out[at + 2] += power
         if self._joints is not None:
