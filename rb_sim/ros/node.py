@@ -117,6 +117,8 @@ class SimulationLoop:
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
         )
         extras = asked_for(node, settings)
+        found = (getattr(sink, "latest", None) for sink in (self._topics, *extras))
+        self._latest = [latest for latest in found if latest is not None]
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
         self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
@@ -331,6 +333,8 @@ class SimulationLoop:
         self._serving.check()
         self._keep_to_the_clock()
         self.commands.collect()
+        for latest in self._latest:
+            latest.tick(stands=self._stands)
         if self._logs is None or not self._logs.tick():  # not both between the same two samples
             self._report()
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.base.names import ros_name
 from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
+from rb_sim.io.messages.joints import slides
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.numerics.vectors import quaternion_product
 
@@ -19,15 +20,18 @@ if TYPE_CHECKING:
 
 # URDF of a scene: links with their inertia and shape, joints where URDF has them.
 #
-# A `fixed_axis` becomes a continuous joint of its name, whose position is that in `joint_states`; a
-# `weld` a fixed joint; any other body hangs on the world by a floating joint, and the pose on /tf
-# is its own. URDF wants a tree and joints at the child's origin: a constraint that would close a
-# loop is left out, and a bearing beside the body's origin is a link of its own, CONSTRAINT/bearing.
+# A `fixed_axis` becomes a continuous joint of its name, a `translation` along a line a prismatic
+# one, whose positions are those in `joint_states`; a `weld` a fixed joint; any other body hangs on
+# the world by a floating joint, and the pose on /tf is its own. URDF wants a tree and joints at the
+# child's origin: a constraint that would close a loop is left out, and a bearing beside the body's
+# origin is a link of its own, CONSTRAINT/bearing.
 
 
 Element = ElementTree.Element
 THIN = 0.03
 """Thickness of a disk, in radii."""
+UNLIMITED = 1e9
+"""[m, m/s, N]: limits of a prismatic joint, which URDF demands and a guide has not."""
 
 
 def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
@@ -52,14 +56,19 @@ def _tree(scene: Scene) -> dict[str, tuple[str, Any]]:
     found: dict[str, tuple[str, Any]] = {}
     specs: dict[str, Any] = dict(scene.constraints)
     for name, spec in specs.items():
-        if spec.type not in ("fixed_axis", "weld") or spec.body in found:
+        if not (spec.type in ("fixed_axis", "weld") or slides(spec)) or spec.body in found:
             continue
-        above = spec.parent
+        above = _parent(spec)
         while above in found and above != spec.body:
-            above = found[above][1].parent
+            above = _parent(found[above][1])
         if above != spec.body:
             found[spec.body] = name, spec
     return found
+
+
+def _parent(spec: Any) -> str | None:
+    """The body on which the constraint hangs its own; None: the world, as every guide does."""
+    return None if slides(spec) else spec.parent
 
 
 def _link(name: str, body: Body) -> Element:
@@ -116,12 +125,23 @@ def _join(
         _origin(joint, position, orientation)
         return
     name, spec = ros_name(hangs[0]), hangs[1]
-    parent = body_frame(spec.parent or WORLD)
-    p_A, q_A = poses.get(spec.parent or WORLD, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+    hung_on = _parent(spec) or WORLD
+    parent = body_frame(hung_on)
+    p_A, q_A = poses.get(hung_on, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
     turn = np.array(quaternion_product(conjugate(q_A), orientation))
     if spec.type == "weld":
         joint = _joint(robot, name, "fixed", parent, link)
         _origin(joint, rotate(conjugate(q_A), position - p_A), turn)
+        return
+    if slides(spec):
+        joint = _joint(robot, name, "prismatic", parent, link)
+        _origin(joint, position, orientation)
+        axis = rotate(conjugate(orientation), np.array(spec.guide.direction))
+        ElementTree.SubElement(joint, "axis", xyz=_texts(axis))
+        limits = {"lower": -UNLIMITED, "upper": UNLIMITED}
+        limits |= {"effort": UNLIMITED, "velocity": UNLIMITED}
+        entries = {key: _text(value) for key, value in limits.items()}
+        ElementTree.SubElement(joint, "limit", entries)
         return
     point_B = np.array(spec.point_B)
     bearing = f"{name}/bearing" if point_B.any() else link

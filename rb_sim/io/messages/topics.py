@@ -18,7 +18,7 @@
 | BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
 | BODY/state_command     | JointState    | state that was set; in bags only  | world             |
 | resets                 | Clock         | back to the start; in bags only   |                   |
-| joint_states           | JointState    | angle and rate of each fixed_axis |                   |
+| joint_states           | JointState    | of each fixed_axis, linear guide |                   |
 | description            | String        | what is simulated, JSON; latched  |                   |
 | robot_description      | String        | URDF; latched, beside the node    |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |

@@ -21,6 +21,7 @@ from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable
 from rb_sim.ros.offers import offer
+from rb_sim.ros.topics.topic_sink import Latest
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations
 
@@ -42,6 +43,7 @@ class Accel:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publishers: list[Publisher] = []
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers. RbSimError: the method has no accelerations."""
@@ -54,15 +56,18 @@ class Accel:
         for name, _ in self._table.topics:
             publisher = offer(self._node, kind, f"~/{name}", self._settings.publish_depth)
             self._publishers.append(publisher)
+        self.latest.open(self._publishers)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         for messages in self._table.messages(block):
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
+            self.latest.sent(messages)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         for publisher in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []
@@ -117,6 +122,7 @@ class Imu:
         self._node, self._settings = node, settings
         self._sensors = read_sensors(settings.imu)
         self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
@@ -136,10 +142,12 @@ class Imu:
             frame = self._settings.frame_prefix + body_frame(body)
             publisher = offer(self._node, kind, name, self._settings.publish_depth)
             self._publishers.append((publisher, imu_codec(frame)))
+        self.latest.open([publisher for publisher, _ in self._publishers])
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         found = accelerations(Trajectory(block, self._layout, self._scene))
+        last = []
         for sensor, (publisher, codec) in zip(self._sensors, self._publishers, strict=True):
             i = self._layout.bodies.index(sensor.body)
             arm = np.array(sensor.point_B) - self._scene.bodies[sensor.body].center_of_mass
@@ -149,8 +157,11 @@ class Imu:
             force += cross(found.angular[:, i], arm[None]) + cross(spin, cross(spin, arm[None]))
             none = np.zeros((len(block), COVARIANCE_3X3))
             rows = np.concatenate([turn, none, spin, none, force, none], axis=1)
-            for t, row in zip(block.t, rows, strict=True):
-                publisher.publish(codec.pack(stamp_of(t), row))
+            messages = [codec.pack(stamp_of(t), r) for t, r in zip(block.t, rows, strict=True)]
+            for data in messages:
+                publisher.publish(data)
+            last.append(messages[-1])
+        self.latest.sent(last)
 
     def _gravity(self, body: str) -> Array:
         """Of all uniform fields on the body, world axes [m/s^2]."""
@@ -162,6 +173,7 @@ class Imu:
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         for publisher, _ in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []
@@ -183,6 +195,7 @@ class Odometry:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
@@ -194,6 +207,7 @@ class Odometry:
             self._publishers.append(
                 (publisher, odometry_codec(prefix + WORLD, prefix + body_frame(body)))
             )
+        self.latest.open([publisher for publisher, _ in self._publishers])
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
@@ -203,11 +217,15 @@ class Odometry:
         pose = (motion.position, block.orientation, none)
         values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
         for t, row in zip(block.t, values, strict=True):
-            for (publisher, codec), numbers in zip(self._publishers, row, strict=True):
-                publisher.publish(codec.pack(stamp_of(t), numbers))
+            pairs = list(zip(self._publishers, row, strict=True))
+            messages = [codec.pack(stamp_of(t), numbers) for (_, codec), numbers in pairs]
+            for (publisher, _), data in zip(self._publishers, messages, strict=True):
+                publisher.publish(data)
+            self.latest.sent(messages)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         for publisher, _ in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []
@@ -219,21 +237,25 @@ class JointStates:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publisher: Publisher | None = None
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher, also where no axis is there: then the message is empty."""
         self._table = JointTable(scene, layout)
         kind, depth = import_module("sensor_msgs.msg").JointState, self._settings.publish_depth
         self._publisher = offer(self._node, kind, f"~/{JOINT_STATES}", depth)
+        self.latest.open([self._publisher])
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         assert self._publisher is not None
         for data in self._table.messages(block):
             self._publisher.publish(data)
+            self.latest.sent([data])
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
+        self.latest.close()
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
         self._publisher = None
