@@ -150,7 +150,7 @@ class SimulationLoop:
     def show(self) -> None:
         """Emit the initial state; from here on requests are taken."""
         self._stepper.emit()
-        self._presence.tell(self._state)
+        self._tell_state()
         self._services.serve(self)
 
     def run(self) -> None:
@@ -344,8 +344,14 @@ class SimulationLoop:
             return "error"
         return "inactive" if self.inactive else "paused" if self.paused else "running"
 
-    def _report(self) -> None:
+    def _tell_state(self) -> None:
+        """Publish and record it, if it is a new one."""
         self._presence.tell(self._state)
+        if self._logs is not None:
+            self._logs.note_state(self._state)
+
+    def _report(self) -> None:
+        self._tell_state()
         factor = self._settings.real_time_factor
         self._diagnostics.tick(self._state, self.failure, real_time_factor=factor)
 

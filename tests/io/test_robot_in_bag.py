@@ -46,8 +46,9 @@ def test_what_is_latched_comes_first_and_is_for_who_comes_late(record):
         reader = make_reader(file, validate_crcs=True)
         order = [channel.topic for _, channel, _ in reader.iter_messages()]
         channels = {c.topic: c.metadata for c in reader.get_summary().channels.values()}
-    latched = ["/rb_sim/description", "/robot_description"]
-    assert order[:2] == latched and not set(order[2:]) & set(latched)
+    latched = ["/rb_sim/description", "/robot_description", "/rb_sim/markers"]
+    assert order[:3] == latched and not set(order[3:]) & set(latched)
+    latched.append("/rb_sim/joint_states")
     info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     of_rosbag2 = {t["topic_metadata"]["name"]: t for t in info["topics_with_message_count"]}
     for topic, metadata in channels.items():
@@ -68,6 +69,50 @@ def test_the_description_is_that_of_the_scene(record):
     assert robot.find("joint[@name='hinge']").get("type") == "continuous"
     (told,) = messages(bag, "/rb_sim/description")
     assert json.loads(told.data)["constraints"] == {"floor": "rolling", "hinge": "fixed_axis"}
+
+
+def test_the_markers_are_the_shapes_in_the_frames_of_the_bodies(record):
+    (array,) = messages(record(), "/rb_sim/markers")
+    ball, door = array.markers
+    assert (ball.header.frame_id, door.header.frame_id) == ("ball", "door")
+    assert (ball.type, door.type) == (2, 1) and ball.frame_locked
+    assert (ball.scale.x, ball.scale.z) == (0.2, 0.2)
+    assert (door.scale.x, door.scale.y, door.scale.z) == (0.6, 0.04, 1.0)
+    assert (door.pose.position.x, door.pose.position.z) == (0.3, 0.5)
+    assert (ball.id, door.id) == (0, 1) and ball.color.a == 1.0
+
+
+def test_odometry_is_recorded_where_it_is_asked_for(record):
+    assert not messages(record("without"), "/rb_sim/door/odometry")
+    bag = record(odometry=True)
+    odometry = messages(bag, "/rb_sim/door/odometry")
+    poses, twists = (messages(bag, f"/rb_sim/door/{name}") for name in ("pose", "twist"))
+    assert len(odometry) == len(poses) == 200
+    one, pose, twist = odometry[77], poses[77].pose, twists[77].twist
+    assert (one.header.frame_id, one.child_frame_id) == ("world", "door")
+    assert str(one.header) == str(poses[77].header) and str(one.pose.pose) == str(pose)
+    q = pose.orientation
+    turn = Rotation.from_quat([q.x, q.y, q.z, q.w])
+    for name in ("linear", "angular"):
+        own, world = (getattr(of, name) for of in (one.twist.twist, twist))
+        mine = turn.apply([own.x, own.y, own.z])
+        np.testing.assert_allclose(mine, [world.x, world.y, world.z], atol=1e-12)
+
+
+def test_the_state_of_the_node_is_recorded_when_it_changes(tmp_path, scene, layout, samples):
+    sink = BagSink(tmp_path / "bag", split_duration=0.5)
+    sink.open(scene, layout)
+    sink.note_state("paused")
+    sink.write(samples(30))
+    sink.note_state("running")
+    sink.write(samples(60, start=0.3))
+    sink.close()
+    texts = [m.data for m in messages(tmp_path / "bag", "/rb_sim/state")]
+    assert texts == ["paused", "running", "running"]  # once more in the second file
+    with AnyReader([tmp_path / "bag"], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+        mine = [c for c in bag.connections if c.topic == "/rb_sim/state"]
+        times = [time * 1e-9 for _, time, _ in bag.messages(mine)]
+    np.testing.assert_allclose(times, [0.0, 0.29, 0.5], atol=1e-9)
 
 
 def test_the_namespace_of_the_node_is_that_of_its_description(tmp_path, scene, layout, samples):

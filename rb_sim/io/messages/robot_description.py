@@ -1,4 +1,4 @@
-"""Robot description: the scene as URDF, which viewers draw on the frames of /tf."""
+"""Robot description (URDF) and markers of a scene, which viewers draw on the frames of /tf."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.base.names import ros_name
 from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
+from rb_sim.io.messages import cdr
 from rb_sim.io.messages.joints import slides
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.numerics.vectors import quaternion_product
@@ -185,6 +186,47 @@ def from_z(axis: Array) -> Array:
         return np.array([1.0, 0.0, 0.0, 0.0])
     q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
     return q / np.linalg.norm(q)
+
+
+# Markers: each body's shape in its own frame. They are locked to the frames of /tf, so once is
+# enough; a body without shape has none.
+
+
+CUBE, SPHERE, CYLINDER = 1, 2, 3
+"""Kinds of visualization_msgs/Marker."""
+COLOUR = (0.35, 0.55, 0.85, 1.0)
+"""Of bodies: red, green, blue, opacity."""
+
+
+def marker_array(scene: Scene, prefix: str = "") -> bytes:
+    """The visualization_msgs/MarkerArray of a scene. prefix: before the name of each frame."""
+    shapes = [(n, body.shape) for n, body in scene.bodies.items() if body.shape is not None]
+    layout = cdr.Layout().count(len(shapes))
+    for number, (name, shape) in enumerate(shapes):
+        kind, size, turn = _marker(shape)
+        layout.fixed("I", 0, 0).text(prefix + body_frame(name)).text(name)  # stamp, frame, ns
+        layout.fixed("i", number, kind, 0)  # id, type, action: add
+        layout.fixed("d", *shape.center_B, *turn, *size)
+        layout.fixed("f", *COLOUR).fixed("I", 0, 0).fixed("B", 1)  # lifetime: endless; locked
+        layout.count(0).count(0).text("")  # points, colours, texture
+        layout.fixed("I", 0, 0).text("").text("").count(0).count(0)  # image, coordinates in it
+        layout.text("").text("").text("").count(0).fixed("B", 0)  # text, mesh and its file
+    return layout.codec().pack(0, ())
+
+
+def _marker(shape: Any) -> tuple[int, list[float], Array]:
+    """Kind, size along its own axes [m], and the turn of these axes in those of the body."""
+    turn = np.array([0.0, 0.0, 0.0, 1.0])
+    match shape.type:
+        case "sphere":
+            return SPHERE, [2.0 * shape.radius] * 3, turn
+        case "ellipsoid":
+            return SPHERE, [2.0 * value for value in shape.semi_axes], turn
+        case "box":
+            return CUBE, list(shape.size), turn
+        case _:
+            length, radius = length_and_radius(shape)
+            return CYLINDER, [2.0 * radius, 2.0 * radius, length], from_z(shape.axis_B)
 
 
 def _text(value: float) -> str:
