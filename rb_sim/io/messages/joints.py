@@ -27,7 +27,8 @@ TURN = 2.0 * np.pi
 
 
 class JointTable:
-    """The messages of the joints of a scene, sample after sample. names: in their order."""
+    """The messages of the joints of a scene, sample after sample. names: in their order; units: of
+    their positions."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         joints: dict[str, Any] = {
@@ -35,6 +36,7 @@ class JointTable:
         }
         self.names = list(joints)
         self._slides = np.array([slides(c) for c in joints.values()], dtype=bool)
+        self.units = ["m" if sliding else "rad" for sliding in self._slides]
         axes = [c for c in joints.values() if not slides(c)]
         self._axis_B = np.array([c.axis_B for c in axes]).reshape(-1, 3)
         index = {name: i for i, name in enumerate(layout.bodies)}

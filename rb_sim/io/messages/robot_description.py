@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
-from rb_sim.io.frames import centers_of_mass, conjugate, origins, rotate
+from rb_sim.io.frames import centers_of_mass, conjugate, origins, roll_pitch_yaw, rotate
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.joints import slides
 from rb_sim.io.messages.topic_names import WORLD, body_frame
@@ -165,19 +165,6 @@ def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Ele
 def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
     q = np.array([0.0, 0.0, 0.0, 1.0]) if turn is None else turn
     ElementTree.SubElement(of, "origin", xyz=_texts(xyz), rpy=_texts(roll_pitch_yaw(q)))
-
-
-def roll_pitch_yaw(q: Array) -> Array:
-    """Angles about the fixed axes x, y, z, in that order, of a unit quaternion [rad]."""
-    x, y, z, w = q
-    sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
-    if abs(sine) > 1.0 - 1e-12:  # roll and yaw turn about the same axis: all of it is yaw
-        return np.array(
-            [0.0, np.copysign(0.5 * np.pi, sine), -2.0 * np.sign(sine) * np.arctan2(x, w)]
-        )
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.array([roll, np.arcsin(sine), yaw])
 
 
 def from_z(axis: Array) -> Array:
