@@ -263,6 +263,17 @@ def read_string(data: bytes) -> str:
     return _Reader(data).text()
 
 
+def read_joint_state(data: bytes) -> tuple[int, list[str], tuple[float, ...]]:
+    """Stamp [ns], names and positions of a sensor_msgs/JointState. Raises ValueError otherwise."""
+    reader = _Reader(data)
+    if data[: len(HEADER)] != HEADER:
+        raise ValueError("not CDR, little endian")
+    seconds, nanoseconds = reader.take(_STAMP)
+    reader.text()
+    names = [reader.text() for _ in range(reader.count())]
+    return seconds * NANO + nanoseconds, names, reader.doubles(reader.count())
+
+
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
     """The arguments of `diagnostic`. Raises ValueError for any other message."""
     reader = _Reader(data)
@@ -293,6 +304,12 @@ class _Reader:
     def count(self) -> int:
         self._at += -(self._at - len(HEADER)) % 4
         return self.take(_COUNT)[0]
+
+    def doubles(self, length: int) -> tuple[float, ...]:
+        if 8 * length > len(self._data):
+            raise ValueError(f"{len(self._data)} bytes are too few")
+        self._at += -(self._at - len(HEADER)) % 8 if length else 0
+        return self.take(struct.Struct(f"<{length}d"))
 
     def text(self) -> str:
         end = self.count() + self._at

@@ -44,7 +44,7 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
         name: (motion.position[0, i], initial.orientation[0, i])
         for i, name in enumerate(layout.bodies)
     }
-    joints = _tree(scene)
+    joints = joints_above(scene)
     for name, body in scene.bodies.items():
         robot.append(_link(name, body))
         _join(robot, name, joints.get(name), poses)
@@ -52,7 +52,7 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
-def _tree(scene: Scene) -> dict[str, tuple[str, Any]]:
+def joints_above(scene: Scene) -> dict[str, tuple[str, Any]]:
     """The constraint, with its name, on which each body hangs: the first that closes no loop."""
     found: dict[str, tuple[str, Any]] = {}
     specs: dict[str, Any] = dict(scene.constraints)
