@@ -90,7 +90,7 @@ def _chain(body: str, above: Mapping[str, tuple[str, Any]]) -> list[tuple[str, A
     """The joints and welds from the world, or a free body, to a body."""
     chain: list[tuple[str, Any]] = []
     at: str | None = body
-    while at in above:
+    while at is not None and at in above:
         chain.insert(0, above[at])
         at = getattr(above[at][1], "parent", None)
     # on a body that is free nothing is placed

@@ -95,7 +95,7 @@ def test_rerun_verifies_it(recording):
 SUPPORTS = {
     "bodies": {
         name: {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 2.0]}
-        for name in ("top", "door", "cart", "bead", "point")
+        for name in ("top", "door", "cart", "bead", "point", "sled")
     },
     "constraints": {
         "tip": {"type": "fixed_point", "body": "top", "point_B": [0.0, 0.0, -1.0]},
@@ -109,6 +109,14 @@ SUPPORTS = {
             "type": "translation",
             "body": "bead",
             "guide": {"type": "circle", "center": [0, 0, 1], "normal": [0, 1, 0], "radius": 1.0},
+        },
+        "curve": {
+            "type": "translation",
+            "body": "sled",
+            "guide": {
+                "type": "curve",
+                "points": [[0, 0, 2], [1, 0, 3], [2, 0, 2], [3, 0, 3], [4, 1, 2]],
+            },
         },
         "table": {"type": "plane", "body": "point", "normal_A": [0, 0, 1]},
     },
@@ -141,6 +149,9 @@ def test_what_holds_the_bodies_is_drawn(tmp_path):
     ring = points_of(path, "/world/support/ring", "LineStrips3D:strips")
     np.testing.assert_allclose(np.linalg.norm(ring - [0, 0, 1], axis=1), 1.0, atol=1e-6)
     assert np.ptp(points_of(path, "/world/support/rail", "LineStrips3D:strips")[:, 0]) > 1.0
+    curve = points_of(path, "/world/support/curve", "LineStrips3D:strips")
+    for point in ([0, 0, 2], [1, 0, 3], [4, 1, 2]):
+        assert np.linalg.norm(curve - point, axis=1).min() < 0.03
     table = points_of(path, "/world/support/table", "LineStrips3D:strips")
     assert len(table) > 12 and np.ptp(table[:, 2]) < 1e-6  # lines, which hide nothing
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, UInt8
 
@@ -128,6 +129,25 @@ def test_the_topics_and_the_bag_hold_the_same_bytes(sphere, start, client: Clien
         raw = recorded[f"{NAME}/{topic}"].raw
         client.until(lambda m=messages, raw=raw: m[-1] == raw[-1], "the last one")
         assert [bytes(m) for m in messages] == raw[-len(messages) :]
+
+
+def test_the_bag_has_the_state_and_the_odometry_that_were_published(
+    sphere, start, client: Client, tmp_path
+):
+    more = {"log_rerun": False, "log_plots": False, "start_paused": True, "odometry": True}
+    node = start(sphere, out=tmp_path, **more)
+    received = client.listen(Odometry, "ball/odometry", raw=True)
+    client.step_until(lambda: len(received) >= 5)
+    client.pause(False)
+    client.until(lambda: len(received) >= 15, "samples")
+    client.pause(True)
+    client.spin(0.2)  # samples that were sent before
+    assert node.stop() == 0
+    recorded = bags.read(tmp_path / "bag")
+    states = [message.data for message in recorded[f"{NAME}/state"].messages]
+    assert states[:2] == ["paused", "running"]
+    raw = recorded[f"{NAME}/ball/odometry"].raw
+    assert bytes(received[-1]) in raw and len(raw) >= 15
 
 
 def test_measured_reaction_and_acceleration_are_those_of_the_book(sphere, start, client, tmp_path):

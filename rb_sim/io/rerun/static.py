@@ -8,12 +8,6 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
-from rb_sim.catalogue.constraints.joints import FixedPoint
-from rb_sim.catalogue.constraints.rolling import Rolling
-from rb_sim.catalogue.constraints.simple import Plane
-from rb_sim.catalogue.constraints.translation import Translation
-from rb_sim.catalogue.curves import curve_point, spline_through
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import inertia_box, reach_of
 from rb_sim.io.frames import rotate
@@ -139,10 +133,7 @@ def rail(guide: Any, start: Any, near: Any, size: float, origin: Any) -> Any:
             flat = guide.radius * np.c_[np.cos(angles), np.sin(angles), 0.0 * angles]
             points = np.array(guide.center) - origin + [_turned(turn, each) for each in flat]
         case _:
-            curve = spline_through(np.array(guide.points), guide.closed)
-            breaks = curve.pieces.breaks
-            ways = np.linspace(breaks[0], breaks[-1], ROUND)
-            points = [np.array(curve_point(curve, float(s))[0]) - origin for s in ways]
+            points = guide.points_along(ROUND) - origin
     return lines([points], JOINT, WIDE_LINE)
 
 
@@ -297,20 +288,21 @@ class Static:
         a shape is not drawn: the shape shows it.
         """
         length = self._scales.length
-        for name, spec in self._scene.constraints.items():
-            entity = f"world/{getattr(spec, 'body', '')}/support/{name}"
-            match spec:
-                case FixedPoint():
+        specs: dict[str, Any] = dict(self._scene.constraints)
+        for name, spec in specs.items():
+            entity = f"world/{spec.body}/support/{name}"
+            match spec.type:
+                case "fixed_point":
                     self._log(entity, pivot(spec.point_B, length))
-                case FixedAxis():
+                case "fixed_axis":
                     solid, axis = bearing(spec.point_B, spec.axis_B, length)
                     self._log(entity, solid)
                     self._log(f"{entity}/axis", axis)
-                case Translation() if spec.guide is not None:
+                case "translation" if spec.guide is not None:
                     start = self._start_of(spec.body, spec.point_B)
                     drawn = rail(spec.guide, start, center, size, self._scales.origin)
                     self._log(f"world/support/{name}", drawn)
-                case Rolling() | Plane() if spec.parent is None:
+                case "rolling" | "plane" if spec.parent is None:
                     self._log(f"world/support/{name}", self._plane(spec, center, size))
         for name, spec in contacts_of(self._scene).items():
             on = None if spec.parent is None else self._scene.bodies[spec.parent].shape
@@ -358,8 +350,8 @@ def drawn_reactions(layout: SampleLayout) -> list[int]:
 
 def has_plane(scene: Scene) -> bool:
     """Whether a plane of the world is drawn, beside which the view's own grid would confuse."""
-    kinds = (Rolling, Plane)
-    if any(isinstance(c, kinds) and c.parent is None for c in scene.constraints.values()):
+    specs: list[Any] = list(scene.constraints.values())
+    if any(spec.type in ("rolling", "plane") and spec.parent is None for spec in specs):
         return True
     surfaces = (spec for spec in contacts_of(scene).values() if spec.parent is None)
     return any(spec.surface.type == "plane" for spec in surfaces)
