@@ -232,7 +232,7 @@ def test_two_nodes_in_one_domain_do_not_disturb_each_other(sphere, start, client
     energy = client.listen(Float64, "/one/rb_sim/energy")
     still = client.listen(Float64, "/two/rb_sim/energy")
     client.until(lambda: len(clocks) >= 50 and len(energy) >= 20, "time")
-    assert still == []
+    assert len(still) <= 1  # the last sample, for who comes in a pause
     (info,) = client.node.get_publishers_info_by_topic("/clock")
     assert info.node_namespace == "/one"
     assert client.node.count_publishers("/tf") == 0
