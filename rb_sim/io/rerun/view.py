@@ -42,8 +42,15 @@ from rb_sim.io.plots.panels import (
     Angles,
     Joints,
 )
-from rb_sim.io.rerun.arrow_scales import Extent, Lengths, Resolved, clear_of, scales_of
-from rb_sim.io.rerun.static import Static, drawn_reactions, entity_path, has_plane, spacing
+from rb_sim.io.rerun.arrow_scales import (
+    Extent,
+    Lengths,
+    Resolved,
+    clear_of,
+    drawn_reactions,
+    scales_of,
+)
+from rb_sim.io.rerun.static import Static, entity_path, has_plane, spacing
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline
 
