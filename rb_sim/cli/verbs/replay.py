@@ -18,6 +18,7 @@ from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
+    from rb_sim.scene.schema import Scene
     from rb_sim.trajectory.trajectory import Trajectory
 
 
@@ -192,6 +193,16 @@ def check_ending(path: Path | None, ending: str) -> None:
         raise SinkError(f"{path}: the name must end in {ending}")
 
 
+def _drawn(reader: BagReader) -> Scene:
+    """The scene, with its joints; of one that this version cannot read what the bag has of it."""
+    from rb_sim.io.bag.as_run import scene_as_run
+
+    try:
+        return scene_as_run(reader)
+    except RbSimError:
+        return reader.scene  # type: ignore[return-value]  # has all that a sink must read
+
+
 def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) -> float:
     """Write the samples of a bag as a recording for the viewer (.rrd); its span [s].
 
@@ -201,7 +212,7 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
     from rb_sim.io.sink import Timeline
 
     sink = RerunSink(recording, motion_only=motion_only)
-    sink.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has all that a sink reads
+    sink.open(_drawn(reader), reader.layout)
     timeline = Timeline()
     ends: list[float] = []
     for block in reader.blocks():

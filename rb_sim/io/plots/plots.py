@@ -154,7 +154,8 @@ def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
         t, values = with_jumps(t, values, instants)
     for k, (label, color) in enumerate(zip(panel.labels, panel.colors, strict=True)):
         style = "--" if label.startswith("work") else "-"
-        ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2)
+        steps = "steps-pre" if panel.held else "default"
+        ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2, drawstyle=steps)
     ax.set_title(panel.title, loc="left", fontsize=10, fontweight="bold")
     ax.set_ylabel(f"[{panel.unit}]" if panel.unit else "")
     ax.grid(color="#dddddd", linewidth=0.6)
