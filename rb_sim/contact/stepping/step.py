@@ -19,9 +19,16 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import factor_joints, fill_block, gauss_seidel, is_plain
+from rb_sim.contact.solvers.gauss_seidel import (
+    eliminates,
+    factor_joints,
+    fill_block,
+    gauss_seidel,
+    is_plain,
+)
 from rb_sim.contact.solvers.graph import LINES, push, rate_of
 from rb_sim.contact.solvers.hybrid import solve_exactly, sweep_against_joints, sweep_near
+from rb_sim.contact.solvers.least_shares import take_least_shares
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
 from rb_sim.contact.stepping.after import keep_impulses, made_by, quieten, work_done
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
@@ -37,6 +44,7 @@ from rb_sim.contact.stepping.step_workspace import (
     FRESH,
     GAVE,
     GYROSCOPIC_ROUNDS,
+    LEAVES,
     LENGTH,
     MADE,
     NEXT,
@@ -287,6 +295,22 @@ def is_quiet(tables, y):
 @inline
 def solve_impulses(tables, room, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
+
+    Shares that joints leave open are the least ones.
+    """
+    rest, made = some_impulses(tables, room, graph, x, y)
+    if rest > ENOUGH or not eliminates(graph):
+        return rest, made
+    slow, goal = LEAVES * tables.scales[1], max(rest, SETTLED)
+    rest, more = take_least_shares(
+        graph, room.u, x, room.joint_x, tables.scales[0], slow, rest, goal
+    )
+    return rest, made + more
+
+
+@inline
+def some_impulses(tables, room, graph, x, y):
+    """As `solve_impulses`, with any shares.
 
     A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
     their cube, so that after it some steps go without, more where it did not get there.  One that
