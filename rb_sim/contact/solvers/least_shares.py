@@ -4,8 +4,10 @@ Two flat pads that fingers press against a block determine the sum of the pressu
 of each pad, but not their centre: the joints of the fingers carry any offset.  Of a block that slips
 the friction, and so the motion, depends on it.  As under event-driven contact (`impacts`) the
 impulses taken are those of minimum norm among those that give all normals, and what sticks, the same
-velocities.  With the joints eliminated these velocities are G x of the impulses x of contacts that
-bear; a contact that slips has one unknown, its push with the friction that goes with it.
+velocities.  With the joints eliminated these are W r + q of the impulses r of contacts that bear.
+
+Pushes of minimum norm and friction within the bound of these pushes are found in turns, which keeps
+the shares (Haslinger 1983); sweeps over contacts, each with its own push, would change them.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import give_joints, relax_joints
+from rb_sim.contact.solvers.gauss_seidel import PROXIMAL, give_joints, relax_joints
 from rb_sim.contact.solvers.graph import (
     BOUND,
     GIVE,
@@ -22,23 +24,27 @@ from rb_sim.contact.solvers.graph import (
     PULLS,
     ROLLS,
     SPINS,
+    VISCOUS,
     VISCOUS_PER_PUSH,
     largest,
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.hybrid import sweep_against_joints
+from rb_sim.contact.solvers.hybrid import sweep_against_joints, take_over
+from rb_sim.contact.solvers.one_contact import within_circle
 from rb_sim.numerics.kernels import inline
 
-MOST_UNKNOWNS = 60
-"""Unknown impulses up to which their least shares are found: it costs their cube."""
+MOST_CONTACTS = 20
+"""Contacts that bear up to which their least shares are found: it costs their cube."""
 DEPENDENT = 1e-8
-"""What is left of a line of G, relative to its length, that depends on others: above what is left
+"""What is left of a line of W, relative to its length, that depends on others: above what is left
 of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
-ROUNDS, SWEEPS = 8, 50
-"""Of finding least shares and sweeping until friction follows; sweeps in each."""
-LEAST = 1e-9
-"""Change of an impulse, relative to the largest, at which shares are the least."""
+ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
+"""Of finding least shares and checking them by sweeps; turns of pushes and friction in each; sweeps
+of friction in a turn; sweeps of the check."""
+LEAST, FINE = 1e-7, 1e-9
+"""Change of an impulse, relative to the largest, at which shares are the least, and at which turns
+of pushes and friction end."""
 AT_BOUND = 1e-9
 """Part of the bound of friction by which a contact that sticks is inside it."""
 
@@ -56,40 +62,69 @@ def shares_load(graph, u, x, i, slow):
 
 
 @inline
-def friction_of(graph, u, x, i, slow):
-    """(whether contact i sticks, friction along both tangents that goes with a push of 1)."""
-    k, b, a = LINES * i, graph.ends[i, 0], graph.ends[i, 1]
-    mu, push_of = graph.rules[i, BOUND], x[k]
-    if mu == 0.0:
-        return False, 0.0, 0.0
-    s1 = rate_of(graph.rows, k + 1, u, b, a) - graph.targets[k + 1]
-    s2 = rate_of(graph.rows, k + 2, u, b, a) - graph.targets[k + 2]
-    if mu < 0.0:
-        per_push = graph.rules[i, VISCOUS_PER_PUSH]
-        return False, -per_push * s1, -per_push * s2
-    across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
-    if push_of > 0.0 and across >= (1.0 - AT_BOUND) * mu * push_of:
-        return False, x[k + 1] / push_of, x[k + 2] / push_of
-    slip = math.sqrt(s1 * s1 + s2 * s2)
-    if push_of > 0.0 or slip <= slow:
-        return True, 0.0, 0.0
-    return False, -mu * s1 / slip, -mu * s2 / slip
+def sharing(graph, u, x, slow):
+    """Numbers of the contacts that share loads; none if they are too many."""
+    found = 0
+    chosen = np.zeros(graph.ends.shape[0], np.int64)
+    for i in range(graph.ends.shape[0]):
+        if shares_load(graph, u, x, i, slow):
+            chosen[found] = i
+            found += 1
+    return chosen[: found if found <= MOST_CONTACTS else 0]
 
 
 @inline
-def list_unknowns(graph, u, x, slow, lines, along):
-    """Write the line of each unknown impulse, and the impulses along the normal and both tangents
-    that go with 1 of it; how many there are, or -1 if they are too many."""
+def eliminated(graph, u, x, chosen):
+    """(W, r, v) of the chosen contacts: their Delassus matrix with joints that follow, impulses and
+    velocities."""
+    n, ends, joints = chosen.shape[0], graph.ends, graph.joint_rows.shape[0]
+    W, r, v = np.empty((3 * n, 3 * n)), np.empty(3 * n), np.empty(3 * n)
+    w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
+    for m in range(3 * n):
+        i, k = chosen[m // 3], LINES * chosen[m // 3] + m % 3
+        r[m] = x[k]
+        v[m] = rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k]
+        for body in range(u.shape[0]):
+            for j in range(6):
+                w[body, j] = 0.0
+        push(graph.rows, k, w, ends[i, 0], ends[i, 1], 1.0)
+        for j in range(joints):
+            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
+        give_joints(graph, w, d)
+        for o in range(3 * n):
+            i, k = chosen[o // 3], LINES * chosen[o // 3] + o % 3
+            W[o, m] = rate_of(graph.rows, k, w, ends[i, 0], ends[i, 1])
+    return W, r, v
+
+
+@inline
+def friction_of(graph, i, r, v, k, slow):
+    """(whether contact i sticks, friction along both tangents that goes with a push of 1)."""
+    mu = graph.rules[i, BOUND]
+    if mu == 0.0:
+        return False, 0.0, 0.0
+    if mu < 0.0:
+        per_push = graph.rules[i, VISCOUS_PER_PUSH]
+        return False, -per_push * v[k + 1], -per_push * v[k + 2]
+    across = math.sqrt(r[k + 1] * r[k + 1] + r[k + 2] * r[k + 2])
+    if r[k] > 0.0 and across >= (1.0 - AT_BOUND) * mu * r[k]:
+        return False, r[k + 1] / r[k], r[k + 2] / r[k]
+    slip = math.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
+    if r[k] > 0.0 or slip <= slow:
+        return True, 0.0, 0.0
+    return False, -mu * v[k + 1] / slip, -mu * v[k + 2] / slip
+
+
+@inline
+def list_unknowns(graph, chosen, r, v, slow, lines, along):
+    """Write the line of each unknown impulse, and the impulses along its contact's normal and both
+    tangents that go with 1 of it; how many there are.  A contact that slips has one: its push, with
+    the friction that goes with it."""
     n = 0
-    for i in range(graph.ends.shape[0]):
-        if not shares_load(graph, u, x, i, slow):
-            continue
-        sticks, first, second = friction_of(graph, u, x, i, slow)
-        count = 3 if sticks else 1
-        if n + count > MOST_UNKNOWNS:
-            return -1
-        for p in range(count):
-            lines[n] = LINES * i + p
+    for m in range(chosen.shape[0]):
+        sticks, first, second = friction_of(graph, chosen[m], r, v, 3 * m, slow)
+        for p in range(3 if sticks else 1):
+            lines[n] = 3 * m + p
             for j in range(3):
                 along[n, j] = 1.0 if j == p else 0.0
             if not sticks:
@@ -99,101 +134,61 @@ def list_unknowns(graph, u, x, slow, lines, along):
 
 
 @inline
-def push_unknown(graph, u, line, along, m, size):
-    """Push `size` of unknown m into u."""
-    i = line // LINES
-    for j in range(3):
-        if along[m, j] != 0.0:
-            b, a = graph.ends[i, 0], graph.ends[i, 1]
-            push(graph.rows, LINES * i + j, u, b, a, size * along[m, j])
+def fill_equations(W, r, v, lines, along, n, G, g):
+    """G x = g: the unknowns with which the lines have no velocity; each line at length 1."""
+    for o in range(n):
+        s, g[o] = 0.0, -v[lines[o]]
+        for m in range(n):
+            first, G[o, m] = lines[m] - lines[m] % 3, 0.0
+            for j in range(3):
+                G[o, m] += W[lines[o], first + j] * along[m, j]
+            g[o] += G[o, m] * r[lines[m]]
+            s += G[o, m] * G[o, m]
+        size = math.sqrt(s) if s > 0.0 else 1.0
+        for m in range(n):
+            G[o, m] /= size
+        g[o] /= size
 
 
 @inline
-def fill_lines(graph, lines, along, n, bodies, G):
-    """G: change of the rates of the lines by 1 of each unknown, with joints that follow; each line
-    at length 1."""
-    w, d, ends = np.zeros((bodies, 6)), np.empty(graph.joint_rows.shape[0]), graph.joint_ends
-    for m in range(n):
-        for i in range(bodies):
-            for j in range(6):
-                w[i, j] = 0.0
-        push_unknown(graph, w, lines[m], along, m, 1.0)
-        for k in range(d.shape[0]):
-            d[k] = -rate_of(graph.joint_rows, k, w, ends[k, 0], ends[k, 1])
-        give_joints(graph, w, d)
-        for r in range(n):
-            i = lines[r] // LINES
-            G[r, m] = rate_of(graph.rows, lines[r], w, graph.ends[i, 0], graph.ends[i, 1])
-    for r in range(n):
-        s = 0.0
-        for m in range(n):
-            s += G[r, m] * G[r, m]
-        for m in range(n):
-            G[r, m] = G[r, m] / math.sqrt(s) if s > 0.0 else 0.0
-
-
-@inline
-def least_with(G, n, fixed, x, Q, least):
-    """Into least the x of minimum norm with the same G x, those that are fixed as they are; the
-    number of free ones that lines do not determine."""
+def least_with(G, g, n, fixed, x, Q, c, least):
+    """Into least the x of minimum norm with G x = g, those that are fixed as they are; the number
+    of free ones that the lines do not determine."""
     free, rank = 0, 0
     for m in range(n):
         least[m] = x[m] if fixed[m] else 0.0
         free += 0 if fixed[m] else 1
-    for r in range(n):
+    for o in range(n):
+        c[o] = g[o]
         for m in range(n):
-            Q[r, m] = 0.0 if fixed[m] else G[r, m]
+            c[o] -= G[o, m] * least[m]
+            Q[o, m] = 0.0 if fixed[m] else G[o, m]
     for _ in range(n):  # Gram and Schmidt, the line of which most is left first
         best, most = -1, DEPENDENT * DEPENDENT
-        for r in range(rank, n):
+        for o in range(rank, n):
             s = 0.0
             for m in range(n):
-                s += Q[r, m] * Q[r, m]
+                s += Q[o, m] * Q[o, m]
             if s > most:
-                best, most = r, s
+                best, most = o, s
         if best < 0:
             break
         size = math.sqrt(most)
+        share = c[best] / size
+        c[best] = c[rank]
         for m in range(n):
             q = Q[best, m] / size
             Q[best, m], Q[rank, m] = Q[rank, m], q
-        share = 0.0
-        for m in range(n):
-            share += Q[rank, m] * x[m]
-        for m in range(n):
-            least[m] += share * Q[rank, m]
-        for r in range(rank + 1, n):
+            least[m] += share * q
+        for o in range(rank + 1, n):
             s = 0.0
             for m in range(n):
-                s += Q[r, m] * Q[rank, m]
+                s += Q[o, m] * Q[rank, m]
+            c[o] -= s * share
             for m in range(n):
-                Q[r, m] -= s * Q[rank, m]
+                Q[o, m] -= s * Q[rank, m]
         rank += 1
     return free - rank
-
-
-@inline
-def step_within(graph, lines, n, x, least):
-    """(part of the way from x to `least` on which all contacts push and stick, unknown of the
-    contact that ends it, or -1)."""
-    way, ends_it = 1.0, -1
-    for m in range(n):
-        if lines[m] % LINES != 0:
-            continue
-        change = least[m] - x[m]
-        if x[m] + way * change < 0.0:
-            way, ends_it = max(0.0, -x[m] / change), m
-        if m + 1 >= n or lines[m + 1] != lines[m] + 1:  # it slips
-            continue
-        mu, y, z = graph.rules[lines[m] // LINES, BOUND], x[m + 1], x[m + 2]
-        d, e = least[m + 1] - y, least[m + 2] - z
-        push_of = mu * (x[m] + way * change)
-        y, z = y + way * d, z + way * e
-        if y * y + z * z > push_of * push_of:
-            limit = way_to_bound(mu, (x[m], x[m + 1], x[m + 2]), (change, d, e))
-            if limit < way:
-                way, ends_it = limit, m
-    return way, ends_it
 
 
 @inline
@@ -203,54 +198,102 @@ def way_to_bound(mu, at, change):
     b = at[1] * change[1] + at[2] * change[2] - mu * mu * at[0] * change[0]
     c = min(0.0, at[1] ** 2 + at[2] ** 2 - (mu * at[0]) ** 2)
     root = math.sqrt(max(0.0, b * b - a * c))
-    if b + root <= 0.0:
-        return 1.0
-    return -c / (b + root)
+    return -c / (b + root) if b + root > 0.0 else 1.0
 
 
 @inline
-def even_out(graph, u, x, joints, slow):
-    """Let the shares that are open be the least ones; the largest change over the largest impulse.
+def step_within(graph, chosen, lines, n, x, least):
+    """(part of the way from x to `least` on which all contacts push and stick, unknown of the
+    contact that ends it, or -1)."""
+    way, ends_it = 1.0, -1
+    for m in range(n):
+        if lines[m] % 3 != 0:
+            continue
+        limit, change = 1.0, least[m] - x[m]
+        if x[m] + change < 0.0:
+            limit = x[m] / -change
+        if m + 1 < n and lines[m + 1] == lines[m] + 1:  # it sticks
+            at, d = (x[m], x[m + 1], x[m + 2]), (change, least[m + 1] - x[m + 1], 0.0)
+            d = (d[0], d[1], least[m + 2] - x[m + 2])
+            limit = min(limit, way_to_bound(graph.rules[chosen[lines[m] // 3], BOUND], at, d))
+        if limit < way:
+            way, ends_it = limit, m
+    return way, ends_it
+
+
+@inline
+def even_out(graph, chosen, W, r, v, slow, any_rank):
+    """Let r be the least impulses with which no line has a velocity, and v follow; the largest
+    change of one, 0 where none is open (but for any_rank).
 
     Where a contact would pull, or slip, on the way there it keeps what it then has.
     """
-    lines, along = np.empty(MOST_UNKNOWNS, np.int64), np.empty((MOST_UNKNOWNS, 3))
-    n = list_unknowns(graph, u, x, slow, lines, along)
-    if n < 2:
-        return 0.0
+    lines, along = np.empty(r.shape[0], np.int64), np.empty((r.shape[0], 3))
+    n, moved = list_unknowns(graph, chosen, r, v, slow, lines, along), 0.0
     G, Q, fixed = np.empty((n, n)), np.empty((n, n)), np.zeros(n, np.int64)
-    now, start, least = np.empty(n), np.empty(n), np.empty(n)
-    fill_lines(graph, lines, along, n, u.shape[0], G)
+    now, least, g, c = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    fill_equations(W, r, v, lines, along, n, G, g)
     for m in range(n):
-        now[m] = x[lines[m]]
-        start[m] = now[m]
+        now[m] = r[lines[m]]
     for _ in range(n):
-        if least_with(G, n, fixed, now, Q, least) == 0:
+        if least_with(G, g, n, fixed, now, Q, c, least) == 0 and not any_rank:
             break
-        way, ends_it = step_within(graph, lines, n, now, least)
+        way, ends_it = step_within(graph, chosen, lines, n, now, least)
         for m in range(n):
             now[m] += way * (least[m] - now[m])
         if ends_it < 0:
             break
         for m in range(n):
-            if lines[m] // LINES == lines[ends_it] // LINES:
+            if lines[m] // 3 == lines[ends_it] // 3:
                 fixed[m] = 1
-    most, moved = largest(x), 0.0
     for m in range(n):
-        moved = max(moved, abs(now[m] - start[m]))
-    if not moved > LEAST * most:
-        return 0.0
-    for m in range(n):
-        change = now[m] - start[m]
-        push_unknown(graph, u, lines[m], along, m, change)
+        change, first = now[m] - r[lines[m]], lines[m] - lines[m] % 3
+        moved = max(moved, abs(change))
         for j in range(3):
-            x[lines[m] - lines[m] % LINES + j] += change * along[m, j]
-    relax_joints(graph, u, joints)
-    return moved / most
+            change_of(W, r, v, first + j, change * along[m, j])
+    return moved
 
 
 @inline
-def take_least_shares(graph, u, x, joints, size, slow, rest, enough):
+def change_of(W, r, v, k, change):
+    """Add a change to impulse k, and what it gives to the velocities."""
+    if change != 0.0:
+        r[k] += change
+        for o in range(v.shape[0]):
+            v[o] += W[o, k] * change
+
+
+@inline
+def settle_friction(graph, chosen, W, r, v, settled):
+    """Let friction obey its law for the pushes as they are; the largest change of the last sweep."""
+    change = 0.0
+    for made in range(FRICTION_SWEEPS):
+        change = 0.0
+        for turn in range(chosen.shape[0]):
+            m = turn if made % 2 == 0 else chosen.shape[0] - 1 - turn
+            i, k = chosen[m], 3 * m + 1
+            most, give = graph.rules[i, BOUND] * r[k - 1], 0.0
+            if most < 0.0:
+                viscous = graph.rules[i, VISCOUS_PER_PUSH] * r[k - 1] + graph.rules[i, VISCOUS]
+                most, give = 1e300, 1.0 / viscous if viscous > 0.0 else 0.0
+            eased = PROXIMAL * (W[k, k] + W[k + 1, k + 1])
+            if not eased > 0.0 or (most == 1e300 and give == 0.0):
+                continue
+            a, b, c = W[k, k] + eased + give, W[k, k + 1], W[k + 1, k + 1] + eased + give
+            p = v[k] + give * r[k] - a * r[k] - b * r[k + 1]
+            q = v[k + 1] + give * r[k + 1] - b * r[k] - c * r[k + 1]
+            x, y = within_circle(a, b, c, p, q, most) if most > 0.0 else (0.0, 0.0)
+            change = max(change, max(abs(x - r[k]), abs(y - r[k + 1])))
+            dx, dy = x - r[k], y - r[k + 1]
+            change_of(W, r, v, k, dx)
+            change_of(W, r, v, k + 1, dy)
+        if not change > settled:
+            break
+    return change
+
+
+@inline
+def take_least_shares(graph, u, x, joints, size, slow, rest):
     """Let shares that laws leave open be the least ones, with friction that follows; after a
     solution has been found, whose last change was `rest`.
 
@@ -258,8 +301,18 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, enough):
     """
     made = 0
     for _ in range(ROUNDS):
-        if not even_out(graph, u, x, joints, slow) > 0.0:
+        chosen, most = sharing(graph, u, x, slow), largest(x)
+        if chosen.shape[0] < 2:
             break
-        rest, more = sweep_against_joints(graph, u, x, joints, size, enough, SWEEPS)
+        W, r, v = eliminated(graph, u, x, chosen)
+        if not even_out(graph, chosen, W, r, v, slow, False) > LEAST * most:
+            break
+        for _ in range(TURNS):
+            settle_friction(graph, chosen, W, r, v, FINE * most)
+            if not even_out(graph, chosen, W, r, v, slow, True) > FINE * most:
+                break
+        take_over(graph, u, x, chosen, r)
+        relax_joints(graph, u, joints)
+        rest, more = sweep_against_joints(graph, u, x, joints, size, LEAST, SWEEPS)
         made += more
     return rest, made

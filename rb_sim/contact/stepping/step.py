@@ -301,10 +301,8 @@ def solve_impulses(tables, room, graph, x, y):
     rest, made = some_impulses(tables, room, graph, x, y)
     if rest > ENOUGH or not eliminates(graph):
         return rest, made
-    slow, goal = LEAVES * tables.scales[1], max(rest, SETTLED)
-    rest, more = take_least_shares(
-        graph, room.u, x, room.joint_x, tables.scales[0], slow, rest, goal
-    )
+    length, slow = tables.scales[0], LEAVES * tables.scales[1]
+    rest, more = take_least_shares(graph, room.u, x, room.joint_x, length, slow, rest)
     return rest, made + more
 
 
