@@ -45,8 +45,9 @@ of friction in a turn; sweeps of the check."""
 LEAST, FINE = 1e-7, 1e-9
 """Change of an impulse, relative to the largest, at which shares are the least, and at which turns
 of pushes and friction end."""
-AT_BOUND = 1e-9
-"""Part of the bound of friction by which a contact that sticks is inside it."""
+STICKS = 1e-6
+"""Slip that is none: what solvers leave of it, over the velocity that the push of the contact would
+give along its tangents."""
 
 
 @inline
@@ -98,7 +99,7 @@ def eliminated(graph, u, x, chosen):
 
 
 @inline
-def friction_of(graph, i, r, v, k, slow):
+def friction_of(graph, i, W, r, v, k, slow):
     """(whether contact i sticks, friction along both tangents that goes with a push of 1)."""
     mu = graph.rules[i, BOUND]
     if mu == 0.0:
@@ -106,23 +107,22 @@ def friction_of(graph, i, r, v, k, slow):
     if mu < 0.0:
         per_push = graph.rules[i, VISCOUS_PER_PUSH]
         return False, -per_push * v[k + 1], -per_push * v[k + 2]
-    across = math.sqrt(r[k + 1] * r[k + 1] + r[k + 2] * r[k + 2])
-    if r[k] > 0.0 and across >= (1.0 - AT_BOUND) * mu * r[k]:
-        return False, r[k + 1] / r[k], r[k + 2] / r[k]
     slip = math.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
-    if r[k] > 0.0 or slip <= slow:
+    if slip <= slow + STICKS * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
         return True, 0.0, 0.0
+    if r[k] > 0.0:
+        return False, r[k + 1] / r[k], r[k + 2] / r[k]
     return False, -mu * v[k + 1] / slip, -mu * v[k + 2] / slip
 
 
 @inline
-def list_unknowns(graph, chosen, r, v, slow, lines, along):
+def list_unknowns(graph, chosen, W, r, v, slow, lines, along):
     """Write the line of each unknown impulse, and the impulses along its contact's normal and both
     tangents that go with 1 of it; how many there are.  A contact that slips has one: its push, with
     the friction that goes with it."""
     n = 0
     for m in range(chosen.shape[0]):
-        sticks, first, second = friction_of(graph, chosen[m], r, v, 3 * m, slow)
+        sticks, first, second = friction_of(graph, chosen[m], W, r, v, 3 * m, slow)
         for p in range(3 if sticks else 1):
             lines[n] = 3 * m + p
             for j in range(3):
@@ -198,6 +198,8 @@ def way_to_bound(mu, at, change):
     b = at[1] * change[1] + at[2] * change[2] - mu * mu * at[0] * change[0]
     c = min(0.0, at[1] ** 2 + at[2] ** 2 - (mu * at[0]) ** 2)
     root = math.sqrt(max(0.0, b * b - a * c))
+    if b < 0.0:
+        return (root - b) / a if a > 0.0 else 1.0
     return -c / (b + root) if b + root > 0.0 else 1.0
 
 
@@ -229,7 +231,7 @@ def even_out(graph, chosen, W, r, v, slow, any_rank):
     Where a contact would pull, or slip, on the way there it keeps what it then has.
     """
     lines, along = np.empty(r.shape[0], np.int64), np.empty((r.shape[0], 3))
-    n, moved = list_unknowns(graph, chosen, r, v, slow, lines, along), 0.0
+    n, moved = list_unknowns(graph, chosen, W, r, v, slow, lines, along), 0.0
     G, Q, fixed = np.empty((n, n)), np.empty((n, n)), np.zeros(n, np.int64)
     now, least, g, c = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     fill_equations(W, r, v, lines, along, n, G, g)
