@@ -13,7 +13,7 @@ from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.bounds import Effort, effort_of
 from rb_sim.checks.effort import found_in, turns
 from rb_sim.checks.step_doubling import Coarseness, Strayed
-from rb_sim.contact.events.shares import LeftOpen
+from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
 
 

@@ -1,10 +1,10 @@
 """Shares of a load that the laws leave open, where joints carry the difference: the least ones.
 
 Two flat pads that fingers press against a block determine the sum of the pressures at the corners
-of each pad, but not their centre: the joints of the fingers carry any offset.  Of a block that slips
-the friction, and so the motion, depends on it.  As under event-driven contact (`impacts`) the
-impulses taken are those of minimum norm among those that give all normals, and what sticks, the same
-velocities.  With the joints eliminated these are W r + q of the impulses r of contacts that bear.
+of each pad, but not their centre: the joints of the fingers carry any offset.  Of a block that
+slips the friction, and so the motion, depends on it.  As under event-driven contact (`impacts`) the
+impulses taken are those of minimum norm among those that give all normals, and what sticks, the
+same velocities.  With the joints eliminated these are W r + q of the impulses r of contacts.
 
 Pushes of minimum norm and friction within the bound of these pushes are found in turns, which keeps
 the shares (Haslinger 1983); sweeps over contacts, each with its own push, would change them.
@@ -45,6 +45,9 @@ of friction in a turn; sweeps of the check."""
 LEAST, FINE = 1e-7, 1e-9
 """Change of an impulse, relative to the largest, at which shares are the least, and at which turns
 of pushes and friction end."""
+FAR, OPEN = 1e3, 1e-6
+"""Times the largest impulse that other shares are not followed beyond; change of a velocity by
+other shares, relative to what impulses give, that is none (see DEPENDENT)."""
 STICKS = 1e-6
 """Slip that is none: what solvers leave of it, over the velocity that the push of the contact would
 give along its tangents."""
@@ -224,9 +227,44 @@ def step_within(graph, chosen, lines, n, x, least):
 
 
 @inline
-def even_out(graph, chosen, W, r, v, slow, any_rank):
-    """Let r be the least impulses with which no line has a velocity, and v follow; the largest
-    change of one, 0 where none is open (but for any_rank).
+def find_open(graph, chosen, W, r, lines, along, n, Q, rank, x, spare):
+    """(largest change of a velocity that shares leave open, within the laws and relative to what
+    impulses change of one, and the number of a contact whose push does it).
+
+    Q: orthonormal lines that determine impulses, of `least_with`; spare: work, shape (n,).
+    """
+    most, found, largest_given = 0.0, 0, 0.0
+    for o in range(r.shape[0]):
+        given = 0.0
+        for k in range(r.shape[0]):
+            given += W[o, k] * r[k]
+        largest_given = max(largest_given, abs(given))
+    for j in range(n):
+        for sign in range(-1, 2, 2):
+            if lines[j] % 3 != 0:
+                continue
+            for m in range(n):
+                way = 1.0 if m == j else 0.0
+                for o in range(rank):
+                    way -= Q[o, j] * Q[o, m]
+                spare[m] = x[m] + (sign * FAR * largest(r) * way if abs(way) > DEPENDENT else 0.0)
+            reach, _ = step_within(graph, chosen, lines, n, x, spare)
+            for o in range(r.shape[0]):
+                turned = 0.0
+                for m in range(n):
+                    first = lines[m] - lines[m] % 3
+                    for k in range(3):
+                        turned += W[o, first + k] * along[m, k] * (spare[m] - x[m])
+                if reach * abs(turned) > most:
+                    most, found = reach * abs(turned), chosen[lines[j] // 3]
+    return (most / largest_given if most > OPEN * largest_given else 0.0), found
+
+
+@inline
+def even_out(graph, chosen, W, r, v, slow, first_time, look):
+    """Let r be the least impulses with which no line has a velocity, and v follow: (largest change
+    of one, what `find_open` finds if asked to look).  first_time: change nothing where all are
+    determined.
 
     Where a contact would pull, or slip, on the way there it keeps what it then has.
     """
@@ -234,12 +272,16 @@ def even_out(graph, chosen, W, r, v, slow, any_rank):
     n, moved = list_unknowns(graph, chosen, W, r, v, slow, lines, along), 0.0
     G, Q, fixed = np.empty((n, n)), np.empty((n, n)), np.zeros(n, np.int64)
     now, least, g, c = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    figure, of = 0.0, 0
     fill_equations(W, r, v, lines, along, n, G, g)
     for m in range(n):
         now[m] = r[lines[m]]
-    for _ in range(n):
-        if least_with(G, g, n, fixed, now, Q, c, least) == 0 and not any_rank:
+    for turn in range(n):
+        free = least_with(G, g, n, fixed, now, Q, c, least)
+        if first_time and free == 0:
             break
+        if look and turn == 0:
+            figure, of = find_open(graph, chosen, W, r, lines, along, n, Q, n - free, now, c)
         way, ends_it = step_within(graph, chosen, lines, n, now, least)
         for m in range(n):
             now[m] += way * (least[m] - now[m])
@@ -253,7 +295,7 @@ def even_out(graph, chosen, W, r, v, slow, any_rank):
         moved = max(moved, abs(change))
         for j in range(3):
             change_of(W, r, v, first + j, change * along[m, j])
-    return moved
+    return moved, figure, of
 
 
 @inline
@@ -267,8 +309,7 @@ def change_of(W, r, v, k, change):
 
 @inline
 def settle_friction(graph, chosen, W, r, v, settled):
-    """Let friction obey its law for the pushes as they are; the largest change of the last sweep."""
-    change = 0.0
+    """Let friction obey its law for the pushes as they are."""
     for made in range(FRICTION_SWEEPS):
         change = 0.0
         for turn in range(chosen.shape[0]):
@@ -291,30 +332,33 @@ def settle_friction(graph, chosen, W, r, v, settled):
             change_of(W, r, v, k + 1, dy)
         if not change > settled:
             break
-    return change
 
 
 @inline
-def take_least_shares(graph, u, x, joints, size, slow, rest):
+def take_least_shares(graph, u, x, joints, size, slow, rest, look):
     """Let shares that laws leave open be the least ones, with friction that follows; after a
     solution has been found, whose last change was `rest`.
 
-    Returns (largest change of the last sweep over the largest impulse, sweeps made).
+    Returns (largest change of the last sweep over the largest impulse, sweeps made, what
+    `find_open` finds if asked to look).
     """
-    made = 0
-    for _ in range(ROUNDS):
+    made, figure, of = 0, 0.0, 0
+    for count in range(ROUNDS):
         chosen, most = sharing(graph, u, x, slow), largest(x)
         if chosen.shape[0] < 2:
             break
         W, r, v = eliminated(graph, u, x, chosen)
-        if not even_out(graph, chosen, W, r, v, slow, False) > LEAST * most:
+        moved, open_now, at = even_out(graph, chosen, W, r, v, slow, True, look and count == 0)
+        figure, of = (open_now, at) if count == 0 else (figure, of)
+        if not moved > LEAST * most:
             break
         for _ in range(TURNS):
             settle_friction(graph, chosen, W, r, v, FINE * most)
-            if not even_out(graph, chosen, W, r, v, slow, True) > FINE * most:
+            moved, _, _ = even_out(graph, chosen, W, r, v, slow, False, False)
+            if not moved > FINE * most:
                 break
         take_over(graph, u, x, chosen, r)
         relax_joints(graph, u, joints)
         rest, more = sweep_against_joints(graph, u, x, joints, size, LEAST, SWEEPS)
         made += more
-    return rest, made
+    return rest, made, figure, of

@@ -49,6 +49,9 @@ from rb_sim.contact.stepping.step_workspace import (
     MADE,
     NEXT,
     OFTEN,
+    OPEN,
+    OPEN_NOW,
+    OPEN_OF_NOW,
     QUIET,
     RESIDUAL,
     SELDOM,
@@ -299,10 +302,15 @@ def solve_impulses(tables, room, graph, x, y):
     Shares that joints leave open are the least ones.
     """
     rest, made = some_impulses(tables, room, graph, x, y)
-    if rest > ENOUGH or not eliminates(graph):
+    if not eliminates(graph):
         return rest, made
-    length, slow = tables.scales[0], LEAVES * tables.scales[1]
-    rest, more = take_least_shares(graph, room.u, x, room.joint_x, length, slow, rest)
+    length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], room.notes
+    rest, more, figure, of = take_least_shares(
+        graph, room.u, x, room.joint_x, length, slow, rest, notes[OPEN] == 0.0
+    )
+    notes[OPEN_NOW] = figure
+    if figure > 0.0:
+        notes[OPEN_OF_NOW] = room.active[of]
     return rest, made + more
 
 

@@ -62,6 +62,11 @@ from rb_sim.contact.stepping.step_workspace import (
     EXACT,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_NOW,
+    OPEN_OF,
+    OPEN_OF_NOW,
     PART,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
@@ -430,6 +435,14 @@ def note_aims(memory, room, t):
 
 
 @inline
+def note_open(room, t):
+    """Keep what shares of a load have left open in the step up to t, if it is the first of them."""
+    notes = room.notes
+    if notes[OPEN] == 0.0:
+        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = notes[OPEN_NOW], t, notes[OPEN_OF_NOW]
+
+
+@inline
 def to_middle(tables, memory, room, t, y, h):
     """Half a drift, and the spots there."""
     drift(tables, y, 0.5 * h)
@@ -512,6 +525,7 @@ def one_part(tables, memory, room, t, y, h):
     if not apart:
         find_at_end(tables, memory, room, t + h, y, h)
     note_aims(memory, room, t + h)
+    note_open(room, t + h)
     note_anchors(memory, room)
     room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
     note_ends(tables, memory, room, y)
@@ -572,6 +586,7 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
         return 1 if shift_deepest(tables, room, y) else 0
     elif task == PAY:
         note_aims(memory, room, t)
+        note_open(room, t)
         note_anchors(memory, room)
         room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
         note_ends(tables, memory, room, y)
