@@ -88,7 +88,6 @@ def run(scene: dict[str, Any], step: float = STEP) -> Any:
 
 
 COULOMB = {"type": "coulomb", "static": MU}
-VISCOUS = {"type": "regularised", "coefficient": MU, "speed": 1e-6}
 
 
 def falls(found: Any, friction: float) -> None:
