@@ -39,13 +39,11 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP,
     KINETIC,
     LEAN_BEFORE,
-    PER_SLIP,
+    LEAN_SIGN,
+    NORMAL_SIGN,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
-    ROUNDED,
-    SENSE,
-    SIDE,
     SLIP,
     SPINNING_ARM,
     STATIC,
@@ -125,9 +123,8 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
             law.spinning_arm,
         )
         touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
-        touch[c, [PER_SLIP, ROUNDED]] = law.per_slip, law.rounded
-        touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
-        touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
+        touch[c, [BILATERAL, COMPLIANT, NORMAL_SIGN]] = law.bilateral, law.compliant, 1.0
+        touch[c, [LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
     return touch
 
 
@@ -220,7 +217,7 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
 def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
     """The gap of each rigid contact that can touch [m], 0 of others, (contacts,)."""
     compliant = np.array([law.compliant for law in laws], dtype=bool)
-    counts = ~compliant & (system.touch[:, SENSE] != ABSENT)
+    counts = ~compliant & (system.touch[:, LEAN_SIGN] != ABSENT)
     return np.where(counts, system.touch[:, GAP], 0.0)
 
 

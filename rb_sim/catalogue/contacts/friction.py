@@ -9,7 +9,7 @@ smooth until the event "slip vanishes" has been located (Hairer, Norsett, Wanner
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.numerics.kernels import branching, dispatch
@@ -63,6 +63,8 @@ class Rough(NamedTuple):
 Friction = Smooth | Coulomb | Viscous | ViscousPerNormal | Regularised | Rough
 CORNERED = (Coulomb, Rough)
 """Laws that can stick."""
+BOUNDED = (Smooth, Coulomb, Rough)
+"""Laws whose traction over N is the same at each slip: none, `kinetic`, or what it takes."""
 ZERO3: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -130,6 +132,28 @@ def regularised_traction(law, s, ahead, least, gives):
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
 
 
+def is_whole(law: Any) -> bool:
+    """Whether a law has what each method needs: its bound at rest and its traction."""
+    return hasattr(law, "static") and type(law) in traction.kernels
+
+
+SLOW: Vec3 = (2.0**-30, 0.0, 0.0)
+"""[m/s]: a slip that has just begun."""
+
+
+def at_begin_of_slip(law: Friction) -> float:
+    """|T| over N as a contact that stuck begins to slip; 0 of a law that does not stick."""
+    if not 0.0 < law.static < math.inf:
+        return float(law.static)
+    return norm(traction(law, SLOW, (1.0, 0.0, 0.0), 0.0, False)[0])
+
+
+def drags(law: Friction) -> bool:
+    """Whether traction remains as N vanishes."""
+    ahead = (1.0, 0.0, 0.0)
+    return norm(traction(law, ahead, ahead, 0.0, False)[1]) > 0.0
+
+
 class Resistance(NamedTuple):
     """Rolling and spinning friction: torques of at most arm N against the relative turning."""
 
@@ -144,24 +168,24 @@ class NoResistance(NamedTuple):
 
 
 @dispatch
-def resisting(law, turn, normal, modes, ahead, spin_ahead, least):
+def resisting(law, turn, normal, modes, ahead, spin_sign, least):
     """Torque on the body per unit of normal force, world axes.
 
     turn: relative angular velocity; modes: (rolling, spinning) as in the table of contacts, 1 for
-    sliding; ahead, spin_ahead: directions at the start of the step; least: turning that is but
+    sliding; ahead, spin_sign: directions at the start of the step; least: turning that is but
     rounding [rad/s].
     """
 
 
 @resisting.register(NoResistance)
-def no_resistance(law, turn, normal, modes, ahead, spin_ahead, least):
+def no_resistance(law, turn, normal, modes, ahead, spin_sign, least):
     return (0.0, 0.0, 0.0)
 
 
 @resisting.register(Resistance)
-def resistance_torque(law, turn, normal, modes, ahead, spin_ahead, least):
+def resistance_torque(law, turn, normal, modes, ahead, spin_sign, least):
     about = dot(turn, normal)
     d = straight_on(sub(turn, scale(about, normal)), ahead, least)
     rolls, spins = (modes[0] > 0.5) & (modes[0] < 1.5), (modes[1] > 0.5) & (modes[1] < 1.5)
     across = where(rolls, scale(-law.rolling, d), (0.0, 0.0, 0.0))
-    return add(across, where(spins, scale(-law.spinning * spin_ahead, normal), (0.0, 0.0, 0.0)))
+    return add(across, where(spins, scale(-law.spinning * spin_sign, normal), (0.0, 0.0, 0.0)))

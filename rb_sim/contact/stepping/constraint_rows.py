@@ -16,11 +16,11 @@ from rb_sim.contact.solvers.graph import (
     SPINS,
     TURN_A,
     TURN_B,
+    VISCOUS,
     VISCOUS_PER_PUSH,
     Graph,
     rate_of,
 )
-from rb_sim.contact.solvers.graph import VISCOUS as VISCOUS_ALONE
 from rb_sim.contact.stepping.geometry import (
     CLOSED,
     GAP,
@@ -39,21 +39,16 @@ from rb_sim.contact.stepping.geometry import (
 from rb_sim.contact.stepping.normal_change import CROWDED, find_bend, straighten_crowds
 from rb_sim.contact.stepping.scene_tables import (
     BILATERAL,
-    COEFFICIENT,
     COMPLIANT,
-    COULOMB,
     DAMPING,
+    FIRST_CONSTANT,
     KINETIC,
-    LAW,
-    REGULARISED,
     RESTITUTION,
     ROLLING,
-    SLOW,
     SPINNING,
     STATIC,
     STIFFNESS,
-    VISCOUS,
-    VISCOUS_PER_NORMAL,
+    TRACTION,
 )
 from rb_sim.contact.stepping.step_workspace import (
     EXACT,
@@ -67,7 +62,7 @@ from rb_sim.contact.stepping.step_workspace import (
 )
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.kernels import call_law, inline, part, pointer
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -142,12 +137,13 @@ def speed_at(rows, k, y, b, a):
 
 @inline
 def write_rules(
-    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h
-):
+    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h,
+    addresses, constants, traction,
+):  # fmt: skip
     """Friction, compliance and the target along the normal of contact i, which is point c.
 
     slides: its mode in the step before, negative where there was none; turning: velocities before
-    the loads.
+    the loads; addresses, constants: of the traced laws; traction: 9 numbers to work with.
     """
     k, bend = LINES * i, bends[i, 0]
     before = rate_of(rows, k, turning, b, a) - targets[k]
@@ -159,16 +155,20 @@ def write_rules(
     rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
-    law = laws[c, LAW]
-    if law != COULOMB:
-        rules[i, BOUND] = -1.0
-        rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] if law == VISCOUS_PER_NORMAL else 0.0
-        rules[i, VISCOUS_ALONE] = h * laws[c, COEFFICIENT] if law == VISCOUS else 0.0
-        if law == REGULARISED:
-            rounded = math.sqrt(slip * slip + laws[c, SLOW] * laws[c, SLOW])
-            rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] / rounded
-        if law != VISCOUS and is_impact(1.0, before - bend, now - bend):  # as in events.impulses
-            rules[i, BOUND] = rules[i, VISCOUS_PER_PUSH] * slip
+    if laws[c, TRACTION] != 0.0:
+        slip = max(slip, LEAVES * scales[1])
+        at = pointer(traction)
+        found = part(at, 3)
+        at[0], at[1], at[2] = slip, 0.0, 0.0
+        own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
+        call_law(addresses[int(laws[c, TRACTION])], 0.0, at, own, found)
+        per_push, alone = max(0.0, -found[0]), max(0.0, -found[3])
+        rules[i, VISCOUS_PER_PUSH], rules[i, VISCOUS] = per_push / slip, h * alone / slip
+        if laws[c, STATIC] == 0.0:
+            strikes = is_impact(1.0, before - bend, now - bend)  # as in problem.impacts
+            rules[i, BOUND] = per_push if per_push > 0.0 and strikes else -1.0
+        elif not stuck:
+            rules[i, BOUND] = per_push
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
         rules[i, GIVE] = 1.0 / (h * stiff)
@@ -274,13 +274,18 @@ def rates_of(rows, targets, u, k, b, a):
 
 
 @inline
-def gather(tables, memory, room, y, h):
+def gather(tables, memory, workspace, y, h):
     """Write lines, rules and first impulses of the points that take part; how many."""
-    found, notes = 0, room.notes
+    found, notes = 0, workspace.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
     owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
-    spots, rows, targets, bends = room.spots, room.rows, room.targets, room.bends
-    active, ends, u, turning = room.active, room.ends, room.u, room.turning
+    spots, rows, targets, bends = (
+        workspace.spots,
+        workspace.rows,
+        workspace.targets,
+        workspace.bends,
+    )
+    active, ends, u, turning = workspace.active, workspace.ends, workspace.u, workspace.turning
     speed, spin = fastest_of(u, y)
     within = 2.0 * speed + 1e-3 * (2.0 * speed + scales[1]), spin, h
     for c in range(owners.shape[0]):
@@ -299,25 +304,30 @@ def gather(tables, memory, room, y, h):
         rates = rates_of(rows, targets, turning, k, b, a)
         find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
         found += 1
-    straighten_crowds(laws, bends, active, ends, room.held, found)
-    begin_with_rules(tables, memory, room, y, found, h, ratio)
+    straighten_crowds(laws, bends, active, ends, workspace.held, found)
+    begin_with_rules(tables, memory, workspace, y, found, h, ratio)
     return found
 
 
 @inline
-def begin_with_rules(tables, memory, room, y, n, h, ratio):
+def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
     """Rules and first impulses of the n points that take part, whose lines are written; ratio:
     length of the step h over that of the last one."""
-    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, room.notes
-    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
-    bends, turning, x, u = room.bends, room.turning, room.x, room.u
+    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, workspace.notes
+    spots, rows, targets, rules = (
+        workspace.spots,
+        workspace.rows,
+        workspace.targets,
+        workspace.rules,
+    )
+    bends, turning, x, u = workspace.bends, workspace.turning, workspace.x, workspace.u
     for i in range(n):
-        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
+        c, k, b, a = workspace.active[i], LINES * i, workspace.ends[i, 0], workspace.ends[i, 1]
         slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
         gap = spots[c, GAP]
         write_rules(
             scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
-            i, c, b, a, h,
+            i, c, b, a, h, tables.addresses, tables.constants, workspace.traction,
         )  # fmt: skip
         normal = triple(spots, c, NORMAL)
         t1, t2 = perpendicular(normal)
@@ -330,30 +340,39 @@ def begin_with_rules(tables, memory, room, y, n, h, ratio):
 
 
 @inline
-def gather_joints(tables, room, h):
+def gather_joints(tables, workspace, h):
     """Lines of the joints, and their impulses of the step before."""
-    ratio = h / room.notes[LENGTH] if room.notes[LENGTH] > 0.0 else 0.0
+    ratio = h / workspace.notes[LENGTH] if workspace.notes[LENGTH] > 0.0 else 0.0
     for k in range(tables.joints.shape[0]):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
         for j in range(12):
-            room.joint_rows[k, j] = tables.joint_rows[k, j]
+            workspace.joint_rows[k, j] = tables.joint_rows[k, j]
         turn = symmetric_times(six(tables.bodies, b, INVERSE), triple(tables.joint_rows, k, 3))
-        put(room.joint_rows, k, TURN_B, turn)
-        room.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
+        put(workspace.joint_rows, k, TURN_B, turn)
+        workspace.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
         if a >= 0:
             turn = symmetric_times(six(tables.bodies, a, INVERSE), triple(tables.joint_rows, k, 9))
-            put(room.joint_rows, k, TURN_A, turn)
-            room.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
+            put(workspace.joint_rows, k, TURN_A, turn)
+            workspace.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
         # as of contacts, see `bends`: the step before has ended on the joints
-        bend = rate_of(room.joint_rows, k, room.turning, b, a) - tables.joint_rows[k, RATE]
-        room.joint_targets[k] = tables.joint_rows[k, RATE] - bend
-        room.joint_x[k] *= ratio
+        bend = (
+            rate_of(workspace.joint_rows, k, workspace.turning, b, a) - tables.joint_rows[k, RATE]
+        )
+        workspace.joint_targets[k] = tables.joint_rows[k, RATE] - bend
+        workspace.joint_x[k] *= ratio
 
 
 @inline
-def graph_of(tables, room, n):
+def graph_of(tables, workspace, n):
     return Graph(
-        room.ends[:n], room.rows[: LINES * n], room.targets[: LINES * n], room.rules[:n],
-        room.blocks[:n], tables.joints, room.joint_rows, room.joint_targets, room.joint_factor,
-        room.joint_spare,
-    )  # fmt: skip
+        workspace.ends[:n],
+        workspace.rows[: LINES * n],
+        workspace.targets[: LINES * n],
+        workspace.rules[:n],
+        workspace.blocks[:n],
+        tables.joints,
+        workspace.joint_rows,
+        workspace.joint_targets,
+        workspace.joint_factor,
+        workspace.joint_spare,
+    )

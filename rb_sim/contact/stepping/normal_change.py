@@ -31,7 +31,7 @@ from rb_sim.contact.stepping.geometry import (
     put,
     triple,
 )
-from rb_sim.contact.stepping.scene_tables import COMPLIANT, COULOMB, LAW, STATIC
+from rb_sim.contact.stepping.scene_tables import COMPLIANT, STATIC, TRACTION
 from rb_sim.contact.stepping.step_workspace import STUCK, TOO_FAR
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.kernels import inline
@@ -45,7 +45,7 @@ may be from it; farther apart they are those of a point that has jumped."""
 FREEDOMS, CROWD = 6.0, 1e300
 """Of a body; mark of the bodies of a crowd."""
 CROWDED = 3
-"""Column of Room.bends: 1 of contacts between bodies of a crowd."""
+"""Column of Workspace.bends: 1 of contacts between bodies of a crowd."""
 
 
 @inline
@@ -62,7 +62,7 @@ def has_turned(memory, spots, y, c, b, h):
 def sticks(memory, laws, c):
     """Whether the laws tell of the velocity across the normal of point c what it will be: not where
     it slips, since corners of a face that slips and turns bend apart and cannot all be held so."""
-    return memory[c, SLIDE] == STUCK or laws[c, LAW] != COULOMB
+    return memory[c, SLIDE] == STUCK or (laws[c, TRACTION] != 0.0 and laws[c, STATIC] == 0.0)
 
 
 @inline
@@ -99,7 +99,7 @@ def find_crowds(laws, active, ends, held, n):
         held[i] = 0.0
     for i in range(n):
         c, b, a = active[i], ends[i, 0], ends[i, 1]
-        lines = 3.0 if laws[c, LAW] != COULOMB or laws[c, STATIC] > 0.0 else 1.0
+        lines = 3.0 if laws[c, TRACTION] != 0.0 or laws[c, STATIC] > 0.0 else 1.0
         held[b] += lines
         if a >= 0:
             held[a] += lines
@@ -137,15 +137,15 @@ def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
 
 
 @inline
-def note_ends(tables, memory, room, y):
+def note_ends(tables, memory, workspace, y):
     """Keep the relative velocities at the end of the step, of what bears."""
     for c in range(memory.shape[0]):
-        if memory[c, CLOSED] == 0.0 or not room.spots[c, GAP] < 1e299:
+        if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
             continue
         B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
-        n, p = triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
+        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
         v = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
         v = sub(v, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), sub(p, A.p_WC))))
-        v = sub(v, triple(room.spots, c, MOVES))
+        v = sub(v, triple(workspace.spots, c, MOVES))
         memory[c, ENDS] = dot(n, v)
         put(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

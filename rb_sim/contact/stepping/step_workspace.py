@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
 from rb_sim.contact.stepping.geometry import MEMORY, SPOT
@@ -75,8 +76,8 @@ GYROSCOPIC_ROUNDS = 12
     OPEN_OF,
     NOTES,
 ) = range(27)
-"""Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
-steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
+"""Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
+steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
 called again; steps in which a point has turned too far,
 and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
@@ -89,7 +90,7 @@ change of velocities that shares of a load left open in the step, relative to wh
 and at which point; the first of the run, when [s], and at which point."""
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Work space of a step, and what it tells."""
 
     spots: np.ndarray
@@ -132,14 +133,20 @@ class Room(NamedTuple):
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
     """impulses of the joints in them."""
+    loads: np.ndarray
+    """force (world) and torque (body) of the effects but gravity on each body, shape (6 N,)."""
+    traction: np.ndarray
+    """slip of a point and what its law of traction gives, shape (9,)."""
+    joint_out: np.ndarray
+    """what a law of the joints gives."""
 
 
-def room_for(bodies: int, points: int, joints: int) -> Room:
+def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
     """Work space for so many bodies, points of contact and lines of joints."""
     together = joints if joints <= MOST_TOGETHER else 0
     notes = np.zeros(NOTES)
     notes[FRESH] = 1.0
-    return Room(
+    return Workspace(
         np.zeros((points, SPOT)),
         np.zeros((4, 12, 5)),
         np.zeros(points, np.int64),
@@ -164,6 +171,9 @@ def room_for(bodies: int, points: int, joints: int) -> Room:
         np.full(points, -1.0),
         np.zeros((points, 6)),
         np.zeros(joints),
+        np.zeros(6 * bodies),
+        np.zeros(9),
+        np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
     )
 
 

@@ -7,7 +7,6 @@ forgotten again.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +20,15 @@ from rb_sim.catalogue.geometry.solids import Box
 from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
 from rb_sim.contact.stepping import geometry, step_kernels
 from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
-from rb_sim.contact.stepping.scene_tables import BODY, FIRST, PARENT, tables_of
+from rb_sim.contact.stepping.scene_tables import (
+    BODY,
+    FIRST,
+    PARENT,
+    Tables,
+    Tractions,
+    addresses,
+    tables_of,
+)
 from rb_sim.contact.stepping.step_workspace import (
     ASTRAY,
     ASTRAY_AT,
@@ -43,15 +50,15 @@ from rb_sim.contact.stepping.step_workspace import (
     UNSOLVED,
     WORST,
     memory_of,
-    room_for,
+    workspace_for,
 )
 from rb_sim.contact.tunnelling import run_looking
 from rb_sim.graph.machine import evaluate_rows
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.independent import Dependent
-from rb_sim.mechanics.laws import CompiledLaws
+from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import (
@@ -59,7 +66,6 @@ from rb_sim.mechanics.systems.many_bodies import (
     MULTIPLIERS,
     MultiBody,
     anchor_all,
-    apply_effects,
     energetics,
     state_of,
 )
@@ -115,20 +121,13 @@ class Joints:
 
         return self.laws.traced(kernel)
 
-    def settle(self, t: float, y: Array) -> Array:
-        """y with unit quaternions and on the manifold, in place: position first, then velocity.
-
-        Returns the impulse of each line that brings the velocities there [N s].  A state from which
-        the manifold is out of reach (the step was absurd) becomes NaN.
-        """
-        laws, length = self.laws, self.system.length
-        at = y[: laws.n]
-        at[:] = self.value(laws.settle, t, y, laws.n)
-        if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
-            at[0] = math.nan
-        found = self.value(self._hastened, t, y, laws.n + len(self.system.lines))
-        at[:] = found[: laws.n]
-        return found[laws.n :]
+    def into(self, tables: Tables) -> Tables:
+        """The tables with the laws of the joints."""
+        laws = self.laws
+        found = self._written, laws.settle, laws.gap, laws.position, self._hastened
+        return tables._replace(
+            joint_laws=addresses([reference(law) for law in found]), joint_inputs=self._inputs
+        )
 
     def value(self, law: Any, t: float, y: Array, count: int) -> Array:
         """What the law gives at (t, y), so many numbers."""
@@ -138,18 +137,8 @@ class Joints:
         return out[0]
 
 
-@position_error.register(Joints)
-def error_of_joints(way: Joints, t: float, y: Array) -> tuple[float, None]:
-    return float(way.value(way.laws.gap, t, y, 1)[0]), None
-
-
-@correct_positions.register(Joints)
-def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
-    y[:] = way.value(way.laws.position, t, y, way.laws.n)
-
-
 def joint_system(system: Any, rows: int) -> MultiBody:
-    """The system of the joints alone, with room of its own."""
+    """The system of the joints alone, with a workspace of its own."""
     joints = len(system.constraints)
     return MultiBody(
         bodies=system.bodies.copy(),
@@ -167,6 +156,11 @@ def joint_system(system: Any, rows: int) -> MultiBody:
     )
 
 
+def other_effects(system: Any) -> tuple[Any, ...]:
+    """The effects but gravity, whose loads the kernels know themselves."""
+    return tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+
 SUNK_IN_STEPS = 1e-3
 """Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
 MOST_AT_ONCE = 4096
@@ -177,56 +171,67 @@ class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self._fixed, self._fixed_pairs = tables_of(compiled)
-        self._tables, self._pairs = self._fixed, self._fixed_pairs
+        tractions = Tractions()
+        tables, self._fixed_pairs = tables_of(compiled, tractions)
+        system = compiled.system
+        self._others = other_effects(system)
+        alone = system._replace(effects=self._others)
+        self._loads = ContactLaws(alone)
+        if self._others:
+            inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
+            found = [reference(self._loads.loads), *tables.addresses[1:]]
+            tables = tables._replace(addresses=addresses(found), inputs=inputs)
+        self._joints = Joints(system) if system.constraints else None
+        if self._joints is not None:
+            tables = self._joints.into(tables)
+        self._fixed = self._tables = tables
+        self._pairs = self._fixed_pairs
         between = compiled.between
-        self._near = None if between is None else Neighbours(compiled, between, self._fixed)
+        near = between is not None
+        self._near = Neighbours(compiled, between, tables, tractions) if near else None
         self._sides = tuple(
             sides
             for sides in compiled.sides
             if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
         )  # two boxes touch with their edges as well
-        system = compiled.system
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
-        self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
     @property
     def plain(self) -> bool:
         """Whether all of the scene is in the tables."""
-        return not self._others and self._joints is None and not any(self._pairs)
+        return not any(self._pairs)
 
     @property
     def unsolved_steps(self) -> int:
         """Steps in which the solver's bound of work ended it before it had converged."""
-        return int(self._room.notes[UNSOLVED])
+        return int(self._workspace.notes[UNSOLVED])
 
     @property
     def circling_steps(self) -> int:
         """Steps too long for a contact whose only point ran around its body while it bore."""
-        return int(self._room.notes[TURNED])
+        return int(self._workspace.notes[TURNED])
 
     @property
     def restruck_energy(self) -> float:
         """What went where a point of a rigid contact that bore already was struck anew [J]."""
-        return float(self._room.notes[STRUCK])
+        return float(self._workspace.notes[STRUCK])
 
     @property
     def made_energy(self) -> float:
         """What rigid contacts have made, which by their laws take some or none [J]."""
-        return float(self._room.notes[MADE])
+        return float(self._workspace.notes[MADE])
 
     @property
     def astray(self) -> tuple[float, float, int]:
         """The largest velocity that an impulse gave in a direction which the normal had left by the
         end of its step, over the scene's speed; the time [s] and the number of the contact."""
         self._name_points()
-        speed, t, c = self._room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
+        speed, t, c = self._workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
         return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
 
     def _name_points(self) -> None:
         """Notes of points of neighbours, whose numbers change, become -1 - the contact's."""
-        notes = self._room.notes
+        notes = self._workspace.notes
         for figure, of in ((ASTRAY, ASTRAY_OF), (OPEN, OPEN_OF)):
             c = int(notes[of])
             if self._near is not None and notes[figure] > 0.0 and c >= len(self._fixed.owners):
@@ -236,7 +241,7 @@ class SteppedContacts(GridMotion):
     def left_open(self) -> LeftOpen:
         """By how much shares of a load that joints carry left the motion open, when first."""
         self._name_points()
-        figure, t, c = self._room.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
+        figure, t, c = self._workspace.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
         if figure == 0.0:
             return LeftOpen()
         name = self.layout.contacts[int(c) if c >= 0.0 else -1 - int(c)]
@@ -245,33 +250,34 @@ class SteppedContacts(GridMotion):
     @property
     def paradox_steps(self) -> int:
         """Steps in which a contact that slips has Painleve's paradox."""
-        return int(self._room.notes[SEVERAL])
+        return int(self._workspace.notes[SEVERAL])
 
     @property
     def slipping_steps(self) -> int:
         """Steps in which a perfectly rough contact slipped."""
-        return int(self._room.notes[ROUGH_SLIPS])
+        return int(self._workspace.notes[ROUGH_SLIPS])
 
     @property
     def solver_residual(self) -> float:
         """The worst residual of a step's friction problem, relative to its largest impulse: change
         of an impulse in the last sweep, or the natural map after Newton's method; 0 of a heap that
         moves where its laws are kept as well as they have to be, which `solver_give` tells."""
-        return float(self._room.notes[WORST])
+        return float(self._workspace.notes[WORST])
 
     @property
     def solver_give(self) -> float:
         """How far the law of a contact of a moving heap was left at most: natural map relative to
         the largest impulse of its step, beyond what `solver_residual` tells."""
-        return float(self._room.notes[GAVE])
+        return float(self._workspace.notes[GAVE])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
+        self._take_inputs()
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
         bodies = len(self._tables.bodies)
-        self._room = room_for(bodies, points, len(self._tables.joints))
+        self._workspace = workspace_for(bodies, points, len(self._tables.joints))
         self._memory, self._memory_before = memory_of(points), memory_of(points)
 
     def _look(self, y: Array) -> None:
@@ -294,7 +300,7 @@ class SteppedContacts(GridMotion):
         self._memory = near.moved(before, self._memory, points)
         self._memory_before = near.moved(before, self._memory_before, points)
         sizes = len(self._tables.bodies), points, len(self._tables.joints)
-        self._room = resized(self._room, *sizes)
+        self._workspace = resized(self._workspace, *sizes)
 
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """Also which contacts bear and how they move: struck anew, they would lose energy first."""
@@ -304,13 +310,20 @@ class SteppedContacts(GridMotion):
             self._memory = self._near.moved(run._near.first, run._memory, len(self._memory))
         else:
             self._memory[:] = run._memory
-        self._room.joint_x[:] = run._room.joint_x
+        self._workspace.joint_x[:] = run._workspace.joint_x
         for note in (LENGTH, FRESH):
-            self._room.notes[note] = run._room.notes[note]
+            self._workspace.notes[note] = run._workspace.notes[note]
 
-    def change_law(self, system: Any) -> None:
-        super().change_law(system)
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _take_inputs(self) -> None:
+        """Commands and tables from now on."""
+        self._others = other_effects(self.system)
+        if self._others:
+            system = self.system._replace(effects=self._others)
+            self._fixed.inputs[:-1] = self._loads.inputs.values(system, self.time)
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -321,13 +334,13 @@ class SteppedContacts(GridMotion):
         self.sample()
         if self.plain:
             grid, y = self._grid, self._grid.y1.copy()
-            kept = [a.copy() for a in self._room], self._memory.copy()
+            kept = [a.copy() for a in self._workspace], self._memory.copy()
             h, none = self.method.step, memory_of(len(self._memory))
             step_kernels.run(
                 step_kernels.STEPS,
                 self._tables,
                 self._memory,
-                self._room,
+                self._workspace,
                 grid.t1,
                 h,
                 y,
@@ -360,7 +373,8 @@ class SteppedContacts(GridMotion):
             while grid.origin + (first + count) * step > stop * (1 - ULPS):
                 count -= 1
             done = step_kernels.run(
-                step_kernels.STEPS, self._tables, self._memory, self._room, grid.origin, step, y,
+                step_kernels.STEPS, self._tables, self._memory, self._workspace, grid.origin, step,
+                y,
                 first, count, before, self._memory_before,
             )  # fmt: skip
             if np.isfinite(y).all():
@@ -382,9 +396,9 @@ class SteppedContacts(GridMotion):
     def _stand_at(self, t: float, out: Array | None) -> None:
         """The state at t, between t0 and t1, and its sample."""
         grid, slack = self._grid, ULPS * abs(t)
-        fresh = self._room.notes[LENGTH] == 0.0
+        fresh = self._workspace.notes[LENGTH] == 0.0
         if t >= grid.t1 - slack and not fresh:
-            y, h = grid.y1.copy(), self._room.notes[LENGTH]
+            y, h = grid.y1.copy(), self._workspace.notes[LENGTH]
             if out is not None:
                 self._sample(self._memory, t, y, h, out)
         elif t <= grid.t0 + slack or fresh:
@@ -397,7 +411,7 @@ class SteppedContacts(GridMotion):
 
     def _between(self, t: float, out: Array | None) -> Array:
         """A step from t0 to t that leaves no trace."""
-        grid, kept = self._grid, ([a.copy() for a in self._room], self._memory.copy())
+        grid, kept = self._grid, ([a.copy() for a in self._workspace], self._memory.copy())
         y, memory = np.array(grid.y0), self._memory_before.copy()
         self._one_step(memory, grid.t0, y, t - grid.t0)
         if out is not None:
@@ -407,14 +421,14 @@ class SteppedContacts(GridMotion):
 
     def _tried(self, t: float, y: Array, out: Array) -> None:
         """A sample before the first step: forces of a step that is tried and forgotten."""
-        kept = [a.copy() for a in self._room], self._memory.copy()
+        kept = [a.copy() for a in self._workspace], self._memory.copy()
         moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
         self._one_step(memory, t, moved, h)
         self._sample(memory, t, y, h, out)
         self._restore(*kept)
 
-    def _restore(self, room: list[Array], memory: Array) -> None:
-        for a, b in zip(self._room, room, strict=True):
+    def _restore(self, workspace: list[Array], memory: Array) -> None:
+        for a, b in zip(self._workspace, workspace, strict=True):
             a[...] = b
         self._memory[...] = memory
 
@@ -423,10 +437,10 @@ class SteppedContacts(GridMotion):
     def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A step of length h in its parts; y and memory in place."""
         left, at, number = h, t, 0
-        self._room.joint_back[:] = 0.0
+        self._workspace.joint_back[:] = 0.0
         while left > 0.0:
             self._do(step_kernels.NEXT_PART, memory, at, y, left, number)
-            part = float(self._room.notes[PART])
+            part = float(self._workspace.notes[PART])
             self._one_part(memory, at, y, part)
             if number > 0 or part < left:
                 self._do(step_kernels.ADD_UP, memory, at, y, h, number, int(part == left))
@@ -434,16 +448,10 @@ class SteppedContacts(GridMotion):
 
     def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A part of length h, task by task; y and memory in place."""
-        tables = self._tables
         self._do(step_kernels.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
-        self._add_loads(t + 0.5 * h, y)
-        if self._joints is not None:
-            tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
         self._do(step_kernels.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
-            if self._joints is not None:
-                self._room.joint_back[:] += self._joints.settle(t + h, y)
             self._do(step_kernels.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(
@@ -458,7 +466,7 @@ class SteppedContacts(GridMotion):
         """A task of the kernel that is a part of a step."""
         none = self._memory_before
         return step_kernels.run(
-            task, self._tables, memory, self._room, t, h, y, first, count, y, none
+            task, self._tables, memory, self._workspace, t, h, y, first, count, y, none
         )
 
     def _find_others(self, t: float, y: Array) -> None:
@@ -472,8 +480,8 @@ class SteppedContacts(GridMotion):
             B = state_of(y, int(kind[BODY]))
             A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
             try:
-                at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
-            except ArithmeticError:  # Python divides by no number; see _add_loads
+                at, spots, c = touching(pair, B, A), self._workspace.spots, int(kind[FIRST])
+            except ArithmeticError:  # Python refuses what is no number; the step is refused then
                 y[:] = np.nan
                 return
             geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
@@ -481,15 +489,6 @@ class SteppedContacts(GridMotion):
     @property
     def _rows(self) -> list[Any]:
         return [placed for group in self.system.contacts for placed in group]
-
-    def _add_loads(self, t: float, y: Array) -> None:
-        """Loads of effects other than gravity."""
-        if not self._others:
-            return
-        try:
-            apply_effects(self._others, t, self._carrying(), y)
-        except ArithmeticError:  # Python refuses what is no number; the step that led here has none
-            y[:] = np.nan
 
     def _carrying(self) -> Any:
         """The system with the bodies of the tables, for effects to act on."""
@@ -500,7 +499,7 @@ class SteppedContacts(GridMotion):
     def _sample(self, memory: Array, t: float, y: Array, h: float, out: Array) -> None:
         """The row of a sample at (t, y), with the impulses in `memory` over h."""
         members, joints = self.system.members, len(self.system.constraints)
-        step_kernels.report(self._tables, memory, self._room, members, joints, y, h, out)
+        step_kernels.report(self._tables, memory, self._workspace, members, joints, y, h, out)
         at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
         if self._others:
             system = self._carrying()
@@ -516,8 +515,8 @@ class SteppedContacts(GridMotion):
         system = self._joints.system
         system.rows[...] = self._joints.rows(t, y)
         anchor_all(system.constraints, system, y, 0)
-        room = self._room
-        x = system.vectors[MULTIPLIERS] = (room.joint_x + room.joint_back) / h
+        workspace = self._workspace
+        x = system.vectors[MULTIPLIERS] = (workspace.joint_x + workspace.joint_back) / h
         first, row = system.first_row, 13 * len(self.layout.bodies)
         for members in self.system.members:
             main = int(members[0])

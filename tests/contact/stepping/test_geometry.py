@@ -14,7 +14,7 @@ from rb_sim import load_scene
 from rb_sim.contact.stepping import scene_tables as columns
 from rb_sim.contact.stepping.geometry import GAP, MOVES, NORMAL, POINT, TURNS_AT, find_spots
 from rb_sim.contact.stepping.scene_tables import BOX_BOX, FIRST, KIND, OTHER, tables_of
-from rb_sim.contact.stepping.step_workspace import memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import memory_of, workspace_for
 from rb_sim.mechanics.contact import contact_table as events
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.scene.compile import compile_scene
@@ -62,20 +62,27 @@ def spots(shape: str, support: str, motion: str, seed: int) -> Any:
     spin there, kinds) at a random state."""
     compiled = compiled_pair(shape, support, motion)
     system, rng = compiled.system, np.random.default_rng(seed)
-    tables, _ = tables_of(compiled)
+    tables, _ = tables_of(compiled, columns.Tractions())
     y = compiled.y.copy()
     for i in range(2):
         y[13 * i : 13 * i + 13] = *rng.normal(size=3), *unit(rng, 4), *rng.normal(size=6)
     y[13:16] += [0.5, 0.7, -0.4]
-    room = room_for(2, len(tables.owners), 0)
+    workspace = workspace_for(2, len(tables.owners), 0)
     find_spots(
-        tables, memory_of(len(tables.owners)), room.spots, room.polygons, WHEN, y, FAR, False
+        tables,
+        memory_of(len(tables.owners)),
+        workspace.spots,
+        workspace.polygons,
+        WHEN,
+        y,
+        FAR,
+        False,
     )
     system.touch[:, events.CLOSED] = 0.0
     contact_accelerations(system, WHEN, y)
     over = []
     for c, (b, a) in enumerate(tables.owners):
-        p, rate = room.spots[c, POINT : POINT + 3], np.zeros(3)
+        p, rate = workspace.spots[c, POINT : POINT + 3], np.zeros(3)
         for i, sign in ((b, 1.0), (a, -1.0)):
             if i >= 0:
                 w = Rotation.from_quat(y[13 * i + 3 : 13 * i + 7]).apply(
@@ -84,11 +91,11 @@ def spots(shape: str, support: str, motion: str, seed: int) -> Any:
                 rate += sign * (
                     y[13 * i + 7 : 13 * i + 10] + np.cross(w, p - y[13 * i : 13 * i + 3])
                 )
-        over.append(rate - room.spots[c, MOVES : MOVES + 3])
+        over.append(rate - workspace.spots[c, MOVES : MOVES + 3])
     kinds = np.zeros(len(tables.owners), int)
     for entry in tables.entries:
         kinds[entry[FIRST] :] = entry[KIND]
-    return room.spots, system.touch.copy(), np.array(over), kinds
+    return workspace.spots, system.touch.copy(), np.array(over), kinds
 
 
 @pytest.mark.parametrize("motion", ["", *MOTIONS])
@@ -124,7 +131,11 @@ def test_the_tables_know_most_pairs() -> None:
 
 
 def kinds_of(shape: str, support: str) -> list[int]:
-    return tables_of(compiled_pair(shape, support, ""))[0].entries[:, KIND].tolist()
+    return (
+        tables_of(compiled_pair(shape, support, ""), columns.Tractions())[0]
+        .entries[:, KIND]
+        .tolist()
+    )
 
 
 LAWS_GIVEN: dict[str, dict[str, Any]] = {
@@ -147,13 +158,9 @@ LAWS_TOLD: dict[str, dict[int, float]] = {
         columns.ROLLING: 0.01,
         columns.SPINNING: 0.02,
     },
-    "viscous": {columns.LAW: columns.VISCOUS, columns.COEFFICIENT: 0.7},
-    "per normal": {columns.LAW: columns.VISCOUS_PER_NORMAL, columns.COEFFICIENT: 0.8},
-    "regularised": {
-        columns.LAW: columns.REGULARISED,
-        columns.COEFFICIENT: 0.4,
-        columns.SLOW: 0.1,
-    },
+    "viscous": {columns.TRACTION: 1.0},
+    "per normal": {columns.TRACTION: 1.0},
+    "regularised": {columns.TRACTION: 1.0},
     "soft": {columns.COMPLIANT: 1.0, columns.STIFFNESS: 1e4, columns.DAMPING: 3.0},
 }
 
@@ -174,7 +181,7 @@ def table_of(law: str, shape: dict[str, Any]) -> tuple[Any, ...]:
         "effects": {"weight": weight, "wind": wind},
         "simulation": {"duration": 1.0, "project_initial": True},
     }
-    tables, _ = tables_of(compile_scene(load_scene(mapping)))
+    tables, _ = tables_of(compile_scene(load_scene(mapping)), columns.Tractions())
     return tables.laws, tables.owners, tables.entries, tables.gravity
 
 
