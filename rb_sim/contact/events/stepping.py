@@ -17,10 +17,10 @@ from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import told
 from rb_sim.contact.events.limits import TOOL
 from rb_sim.contact.events.next_event import KEPT
-from rb_sim.contact.events.shares import LeftOpen, widest_kept
+from rb_sim.contact.events.shares import widest_kept
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
-from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.grid_motion import GridMotion, LeftOpen
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (

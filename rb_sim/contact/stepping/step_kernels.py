@@ -69,6 +69,11 @@ from rb_sim.contact.stepping.step_workspace import (
     EXACT,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_NOW,
+    OPEN_OF,
+    OPEN_OF_NOW,
     PART,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
@@ -444,6 +449,14 @@ def note_aims(memory, workspace, t):
 
 
 @inline
+def note_open(workspace, t):
+    """Keep what shares of a load have left open in the step up to t, if it is the first of them."""
+    notes = workspace.notes
+    if notes[OPEN] == 0.0:
+        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = notes[OPEN_NOW], t, notes[OPEN_OF_NOW]
+
+
+@inline
 def add_loads(tables, t, y):
     """Add the loads of all effects but gravity at (t, y)."""
     law, n = tables.addresses[LOADS], tables.bodies.shape[0]
@@ -609,6 +622,7 @@ def one_part(tables, memory, workspace, t, y, h):
     if not apart:
         find_at_end(tables, memory, workspace, t + h, y, h)
     note_aims(memory, workspace, t + h)
+    note_open(workspace, t + h)
     note_anchors(memory, workspace)
     workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
     note_ends(tables, memory, workspace, y)
@@ -668,6 +682,7 @@ def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory
         return 1 if shift_deepest(tables, workspace, y) else 0
     elif task == PAY:
         note_aims(memory, workspace, t)
+        note_open(workspace, t)
         note_anchors(memory, workspace)
         workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
         note_ends(tables, memory, workspace, y)

@@ -69,8 +69,13 @@ GYROSCOPIC_ROUNDS = 12
     PART,
     MADE,
     ROUGH_SLIPS,
+    OPEN_NOW,
+    OPEN_OF_NOW,
+    OPEN,
+    OPEN_AT,
+    OPEN_OF,
     NOTES,
-) = range(22)
+) = range(27)
 """Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
@@ -80,7 +85,9 @@ natural map of the laws over the largest impulse; energy that went where a rigid
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
 the normal has left by the end of its step [m/s], when [s], and at which point;
 length of the next part of a step [s]; energy that rigid contacts have made [J];
-steps in which a perfectly rough contact slipped."""
+steps in which a perfectly rough contact slipped;
+change of velocities that shares of a load left open in the step, relative to what impulses gave,
+and at which point; the first of the run, when [s], and at which point."""
 
 
 class Workspace(NamedTuple):

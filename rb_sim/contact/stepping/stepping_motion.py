@@ -17,7 +17,7 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.carriers import carrier
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.geometry.solids import Box
-from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
 from rb_sim.contact.stepping import geometry, step_kernels
 from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
 from rb_sim.contact.stepping.scene_tables import (
@@ -37,6 +37,9 @@ from rb_sim.contact.stepping.step_workspace import (
     GAVE,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_OF,
     PART,
     PUSH_ROUNDS,
     ROUGH_SLIPS,
@@ -226,15 +229,27 @@ class SteppedContacts(GridMotion):
     def astray(self) -> tuple[float, float, int]:
         """The largest velocity that an impulse gave in a direction which the normal had left by the
         end of its step, over the scene's speed; the time [s] and the number of the contact."""
-        self._name_astray()
+        self._name_points()
         speed, t, c = self._workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
         return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
 
-    def _name_astray(self) -> None:
-        """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
-        c, near = int(self._workspace.notes[ASTRAY_OF]), self._near is not None
-        if near and self._workspace.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
-            self._workspace.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
+    def _name_points(self) -> None:
+        """Notes of points of neighbours, whose numbers change, become -1 - the contact's."""
+        notes = self._workspace.notes
+        for figure, of in ((ASTRAY, ASTRAY_OF), (OPEN, OPEN_OF)):
+            c = int(notes[of])
+            if self._near is not None and notes[figure] > 0.0 and c >= len(self._fixed.owners):
+                notes[of] = -1 - int(self._tables.shares[c, 2])
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """By how much shares of a load that joints carry left the motion open, when first."""
+        self._name_points()
+        figure, t, c = self._workspace.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
+        if figure == 0.0:
+            return LeftOpen()
+        name = self.layout.contacts[int(c) if c >= 0.0 else -1 - int(c)]
+        return LeftOpen(figure, t, name, OPEN_SHARES)
 
     @property
     def paradox_steps(self) -> int:
@@ -282,7 +297,7 @@ class SteppedContacts(GridMotion):
             return
         if not self._do(step_kernels.STRAYED, self._memory, 0.0, y, self.method.step):
             return
-        self._name_astray()
+        self._name_points()
         before = near.first
         self._look(y)
         points = len(self._tables.owners)
