@@ -14,7 +14,7 @@ from rb_sim.io.frames import norms
 from rb_sim.mechanics.methods import METHODS
 
 if TYPE_CHECKING:
-    from rb_sim.contact.events.shares import LeftOpen
+    from rb_sim.contact.grid_motion import LeftOpen
     from rb_sim.mechanics.samples import SampleBlock
 
     Ahead = Callable[..., SampleBlock | None]
