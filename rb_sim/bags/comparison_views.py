@@ -15,6 +15,7 @@ from rb_sim.bags.compare import CALENDAR, UNITS, Differences
 from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
+from rb_sim.base.palette import CYCLE, MOTIONS, rgb
 from rb_sim.io.rerun.viewer import MOTION
 
 # The differences of two motions over time, as a picture.
@@ -69,13 +70,11 @@ def _above_floor(values: np.ndarray) -> np.ndarray:
 # each other, A in blue, B in orange, on the clock of A.
 
 
-COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
 TIMELINE = "sim_time"
 TRAIL_POINTS = 20_000
 """Of a trail."""
 FRAME = 0.2
 """Length of the axes of a frame, in sizes of the motion."""
-PALETTE = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
 EYE = np.array([0.9, -1.35, 0.85])
 """From the middle of the motion to the eye, in sizes of the motion."""
 
@@ -95,8 +94,8 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
             continue
         on_clock = _on_clock(b.bodies[other], found)
         # axes of unequal length: neither hides the other
-        _motion(rr, recording, f"world/A/{name}", a.bodies[name], COLORS["A"], 0.25 * size)
-        _motion(rr, recording, f"world/B/{name}", on_clock, COLORS["B"], 0.2 * size)
+        _motion(rr, recording, f"world/A/{name}", a.bodies[name], rgb(MOTIONS["A"]), 0.25 * size)
+        _motion(rr, recording, f"world/B/{name}", on_clock, rgb(MOTIONS["B"]), 0.2 * size)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
@@ -140,7 +139,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
     for k, (name, track) in enumerate(shown.items()):
         on_clock = replace(track, t=track.t - zero)
         entity = rr.new_entity_path(["world", name])
-        _motion(rr, recording, entity, on_clock, PALETTE[k % len(PALETTE)], FRAME * size)
+        _motion(rr, recording, entity, on_clock, rgb(CYCLE[k % len(CYCLE)]), FRAME * size)
         plot("position", name, track.t, track.position)
         plot("orientation", name, track.t, track.orientation)
         plot("velocity", name, track.t, track.linear_velocity)

@@ -17,6 +17,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
@@ -175,8 +176,7 @@ def _loads_of_effects(scene: Scene) -> list[Load]:
     ]
 
 
-LOAD, REACTION, TENSION, BODY = "#444444", "#c0392b", "#1f6fb2", "#d9c39a"
-GIVES = "#e67e22"
+BODY = "#d9c39a"
 LONGEST = 0.30
 """length of the longest arrow as a share of the scene's size."""
 SHORTEST = 0.06
@@ -258,11 +258,11 @@ class _Canvas:
         """Strings and rods as lines, contacts as hatched ground, hinges as circles."""
         giving = {finding.name for finding in self.result.findings}
         for element in self.system.elements:
-            colour = GIVES if element.name in giving else "#222222"
+            colour = VERMILLION if element.name in giving else "#222222"
             anchor, far = self.flat(element.anchor_W), self.flat(element.parent_anchor_W)
-            if colour == GIVES and not self.result.reactions:
+            if colour == VERMILLION and not self.result.reactions:
                 behind = -0.07 * self.size * (self.view @ element.force_W[:, 0])
-                self._text(anchor + behind, element.name, GIVES, behind)
+                self._text(anchor + behind, element.name, VERMILLION, behind)
             if element.kind in ("string", "rod"):
                 width = 1.3 if element.kind == "string" else 3.0
                 self._line(element.anchor_W, element.parent_anchor_W, color=colour, linewidth=width)
@@ -312,11 +312,11 @@ class _Canvas:
             if torque.any():
                 text += f"\nK = ({', '.join(f'{v:.4g}' for v in torque)}) N m"
             if size > 0.0:
-                start, tip = self._arrow(point, force, LOAD, pushes=pushes)
+                start, tip = self._arrow(point, force, TEXT, pushes=pushes)
                 end, along = (start, start - tip) if pushes else (tip, tip - start)
-                self._text(end, text, LOAD, along)
+                self._text(end, text, TEXT, along)
             elif torque.any():
-                self._text(self.flat(point), text, LOAD)
+                self._text(self.flat(point), text, TEXT)
 
     def reactions(self) -> None:
         """Reactions as red arrows from the anchor, tensions blue; ranges below the value."""
