@@ -7,7 +7,6 @@ forgotten again.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +20,15 @@ from rb_sim.catalogue.geometry.solids import Box
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.stepping import geometry, step_kernels
 from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
-from rb_sim.contact.stepping.scene_tables import BODY, FIRST, PARENT, tables_of
+from rb_sim.contact.stepping.scene_tables import (
+    BODY,
+    FIRST,
+    PARENT,
+    Tables,
+    Tractions,
+    addresses,
+    tables_of,
+)
 from rb_sim.contact.stepping.step_workspace import (
     ASTRAY,
     ASTRAY_AT,
@@ -44,11 +51,11 @@ from rb_sim.contact.stepping.step_workspace import (
 )
 from rb_sim.contact.tunnelling import run_looking
 from rb_sim.graph.machine import evaluate_rows
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.independent import Dependent
-from rb_sim.mechanics.laws import CompiledLaws
+from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import (
@@ -56,7 +63,6 @@ from rb_sim.mechanics.systems.many_bodies import (
     MULTIPLIERS,
     MultiBody,
     anchor_all,
-    apply_effects,
     energetics,
     state_of,
 )
@@ -112,20 +118,13 @@ class Joints:
 
         return self.laws.traced(kernel)
 
-    def settle(self, t: float, y: Array) -> Array:
-        """y with unit quaternions and on the manifold, in place: position first, then velocity.
-
-        Returns the impulse of each line that brings the velocities there [N s].  A state from which
-        the manifold is out of reach (the step was absurd) becomes NaN.
-        """
-        laws, length = self.laws, self.system.length
-        at = y[: laws.n]
-        at[:] = self.value(laws.settle, t, y, laws.n)
-        if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
-            at[0] = math.nan
-        found = self.value(self._hastened, t, y, laws.n + len(self.system.lines))
-        at[:] = found[: laws.n]
-        return found[laws.n :]
+    def into(self, tables: Tables) -> Tables:
+        """The tables with the laws of the joints."""
+        laws = self.laws
+        found = self._written, laws.settle, laws.gap, laws.position, self._hastened
+        return tables._replace(
+            joint_laws=addresses([reference(law) for law in found]), joint_inputs=self._inputs
+        )
 
     def value(self, law: Any, t: float, y: Array, count: int) -> Array:
         """What the law gives at (t, y), so many numbers."""
@@ -133,16 +132,6 @@ class Joints:
         state = np.ascontiguousarray(y[None, : self.laws.n])
         evaluate_rows(law, np.array([t]), state, self._inputs, out)
         return out[0]
-
-
-@position_error.register(Joints)
-def error_of_joints(way: Joints, t: float, y: Array) -> tuple[float, None]:
-    return float(way.value(way.laws.gap, t, y, 1)[0]), None
-
-
-@correct_positions.register(Joints)
-def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
-    y[:] = way.value(way.laws.position, t, y, way.laws.n)
 
 
 def joint_system(system: Any, rows: int) -> MultiBody:
@@ -164,6 +153,11 @@ def joint_system(system: Any, rows: int) -> MultiBody:
     )
 
 
+def other_effects(system: Any) -> tuple[Any, ...]:
+    """The effects but gravity, whose loads the kernels know themselves."""
+    return tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+
 SUNK_IN_STEPS = 1e-3
 """Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
 MOST_AT_ONCE = 4096
@@ -174,24 +168,35 @@ class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self._fixed, self._fixed_pairs = tables_of(compiled)
-        self._tables, self._pairs = self._fixed, self._fixed_pairs
+        tractions = Tractions()
+        tables, self._fixed_pairs = tables_of(compiled, tractions)
+        system = compiled.system
+        self._others = other_effects(system)
+        alone = system._replace(effects=self._others)
+        self._loads = ContactLaws(alone)
+        if self._others:
+            inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
+            found = [reference(self._loads.loads), *tables.addresses[1:]]
+            tables = tables._replace(addresses=addresses(found), inputs=inputs)
+        self._joints = Joints(system) if system.constraints else None
+        if self._joints is not None:
+            tables = self._joints.into(tables)
+        self._fixed = self._tables = tables
+        self._pairs = self._fixed_pairs
         between = compiled.between
-        self._near = None if between is None else Neighbours(compiled, between, self._fixed)
+        near = between is not None
+        self._near = Neighbours(compiled, between, tables, tractions) if near else None
         self._sides = tuple(
             sides
             for sides in compiled.sides
             if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
         )  # two boxes touch with their edges as well
-        system = compiled.system
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
-        self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
     @property
     def plain(self) -> bool:
         """Whether all of the scene is in the tables."""
-        return not self._others and self._joints is None and not any(self._pairs)
+        return not any(self._pairs)
 
     @property
     def unsolved_steps(self) -> int:
@@ -252,6 +257,7 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
+        self._take_inputs()
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
@@ -293,9 +299,16 @@ class SteppedContacts(GridMotion):
         for note in (LENGTH, FRESH):
             self._workspace.notes[note] = run._workspace.notes[note]
 
-    def change_law(self, system: Any) -> None:
-        super().change_law(system)
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _take_inputs(self) -> None:
+        """Commands and tables from now on."""
+        self._others = other_effects(self.system)
+        if self._others:
+            system = self.system._replace(effects=self._others)
+            self._fixed.inputs[:-1] = self._loads.inputs.values(system, self.time)
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -420,16 +433,10 @@ class SteppedContacts(GridMotion):
 
     def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A part of length h, task by task; y and memory in place."""
-        tables = self._tables
         self._do(step_kernels.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
-        self._add_loads(t + 0.5 * h, y)
-        if self._joints is not None:
-            tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
         self._do(step_kernels.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
-            if self._joints is not None:
-                self._workspace.joint_back[:] += self._joints.settle(t + h, y)
             self._do(step_kernels.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(
@@ -459,7 +466,7 @@ class SteppedContacts(GridMotion):
             A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
             try:
                 at, spots, c = touching(pair, B, A), self._workspace.spots, int(kind[FIRST])
-            except ArithmeticError:  # Python divides by no number; see _add_loads
+            except ArithmeticError:  # Python refuses what is no number; the step is refused then
                 y[:] = np.nan
                 return
             geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
@@ -467,15 +474,6 @@ class SteppedContacts(GridMotion):
     @property
     def _rows(self) -> list[Any]:
         return [placed for group in self.system.contacts for placed in group]
-
-    def _add_loads(self, t: float, y: Array) -> None:
-        """Loads of effects other than gravity."""
-        if not self._others:
-            return
-        try:
-            apply_effects(self._others, t, self._carrying(), y)
-        except ArithmeticError:  # Python refuses what is no number; the step that led here has none
-            y[:] = np.nan
 
     def _carrying(self) -> Any:
         """The system with the bodies of the tables, for effects to act on."""
