@@ -7,6 +7,7 @@ between +x, -y and +z (orthographic), with the axes in the corner.
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -196,6 +197,11 @@ def draw(scene: StaticsScene | Scene, result: StaticsResult) -> Figure:
 def save_picture(scene: StaticsScene | Scene, result: StaticsResult, path: Path) -> None:
     """Draw and write a picture file (the format follows from the extension)."""
     draw(scene, result).savefig(path, dpi=140)
+
+
+def _greek(text: str) -> str:
+    """The text with the letter for mu, which no line break parts from its factor."""
+    return re.sub(r"(\d) μ", "\\1\u00a0μ", re.sub(r"\bmu\b", "μ", text))
 
 
 class _Canvas:
@@ -393,8 +399,8 @@ class _Canvas:
         self.axes.set_xlim(low[0] - margin, high[0] + margin)
         self.axes.set_ylim(low[1] - margin, high[1] + margin)
         self.axes.set_aspect("equal")
-        self.axes.set_title(fill(self.drawn_scene.title, 74), fontsize=11)
-        self.figure.supxlabel(fill(self.result.explanation, 92), fontsize=9.5)
+        self.axes.set_title(fill(_greek(self.drawn_scene.title), 74), fontsize=11)
+        self.figure.supxlabel(fill(_greek(self.result.explanation), 92), fontsize=9.5)
         if self.labels is not None:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
