@@ -405,6 +405,7 @@ class _Canvas:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
             self.axes.grid(alpha=0.25)
+            self.axes.spines[:].set_visible(False)  # labels lie across a frame
         else:
             self.axes.set_axis_off()
             self._triad()
