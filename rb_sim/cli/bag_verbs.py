@@ -169,9 +169,6 @@ def analyze(
     parquet: Annotated[
         bool, typer.Option("--parquet", help="Write DIR/samples.parquet as well.")
     ] = False,
-    screenshot: Annotated[
-        bool, typer.Option("--screenshot/--no-screenshot", help="Put a picture into the report.")
-    ] = True,
     json: Json = False,
 ) -> int:
     """Rates, gaps, energy, momenta, wrenches, spectra of any bag with poses; a report."""
@@ -179,7 +176,7 @@ def analyze(
     from rb_sim.cli.verbs.analyze import analyze as read
 
     topics = tuple(topic or ())
-    return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
+    return read(AnalyzeOptions(bag, out, topics, masses, parquet, json))
 
 
 def fit(

@@ -387,7 +387,8 @@ def linearize(
 ) -> int:
     """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
 
-    With --out, DIR gets linear_model.npz, whose arrays python-control takes.
+    With --out, DIR gets linear_model.npz, whose arrays python-control takes, the poles as poles.png
+    and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
     from rb_sim.cli.verbs.scenes import find_moving

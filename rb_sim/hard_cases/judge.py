@@ -79,6 +79,8 @@ class Case(_Strict):
     """One hard case."""
 
     title: str
+    theme: str = "other"
+    """under which the picture shows it."""
     why: str
     """why it is hard."""
     engines: Mapping[str, str] = {}

@@ -208,7 +208,7 @@ def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b:
     written = ["compare.json", "compare.png"]
     with writing(folder):
         (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-        picture(found, folder / "compare.png", f"{a.name} and {b.name}")
+        picture(found, a, b, folder / "compare.png")
         try:
             overlay(a, b, found, folder / "compare.rrd")
             written.append("compare.rrd")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.palette import AXES, ENERGIES
 from rb_sim.io.contact_power import smooth_power
 from rb_sim.io.extent import reach
 from rb_sim.io.frames import centers_of_mass, origins, roll_pitch_yaw, rotate, without_jumps
@@ -79,9 +80,6 @@ RESOLUTION = 1e-8
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
-"""Of x, y, z and the scalar part w."""
-
 BODY_TITLES = {
     "position": "{}: position of the centre of mass, world",
     "angles": "{}: roll, pitch, yaw about the world's x, y, z",
@@ -102,7 +100,7 @@ COMMAND_TITLES = (
 FORCE_TITLE = "{}: reaction force on {}, world axes"
 TORQUE_TITLE = "{}: reaction torque about its anchor"
 
-_ENERGIES = ("#c8372d", "#2b62c4", "#202020")
+_ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
 
 
 class Panel(NamedTuple):
@@ -250,7 +248,7 @@ def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
 def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     labels = ("kinetic", "potential", "total")
     yield Panel("energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
-    labels, colors = ("E - E(0)", "work"), (_ENERGIES[2], "#e08a1e")
+    labels, colors = ("E - E(0)", "work"), (ENERGIES["total"], ENERGIES["work"])
     title = "change of total energy, and work of forces without potential"
     yield Panel(title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
     title = "power of forces without potential"

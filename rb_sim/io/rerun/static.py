@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
+from rb_sim.base.palette import AXES, COMMAND, CYCLE, ENERGIES, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
 from rb_sim.io.frames import rotate
@@ -182,13 +183,13 @@ def _from_z(axis: Any) -> Any:
 AXIS = 1.4
 """Length of the body axes in reaches of the shape, so that they stick out of a ball."""
 
-VELOCITY = (64, 190, 110)
-REACTION = (255, 165, 40)
-COMMAND = (235, 80, 160)
 TRAIL = (150, 160, 175)
-BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
-AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
+BODIES = tuple(map(rgb, CYCLE))
+LINES = tuple(map(rgb, AXES))
 """Of x, y, z and the scalar part w."""
+
+ENERGY = (rgb(ENERGIES["kinetic"]), rgb(ENERGIES["potential"]), (240, 240, 240))
+"""The total is black elsewhere, where the ground is white."""
 
 ARROW = 2.5
 """Radius of an arrow in pixels: its length has a scale of its own, which its width has not."""
@@ -243,7 +244,7 @@ class Static:
             self._log_arrow(f"world/velocity/{name}", VELOCITY)
             self._log_plot(f"plots/{name}/position", "xyz")
             self._log_plot(f"plots/{name}/orientation", "xyzw")
-            self._log(f"plots/{name}/angles", _lines(["roll", "pitch", "yaw"], AXES[:3]))
+            self._log(f"plots/{name}/angles", _lines(["roll", "pitch", "yaw"], LINES[:3]))
             self._log_plot(f"plots/{name}/velocity", "xyz")
             self._log_plot(f"plots/{name}/angular_velocity", "xyz")
         for name in self._layout.contacts:
@@ -252,7 +253,7 @@ class Static:
         for name in self._layout.commanded:
             self._log_arrow(f"world/command/{name}", COMMAND)
             for part in ("force", "torque"):
-                style = _lines(list("xyz"), AXES[:3], interpolation_mode="StepBefore")
+                style = _lines(list("xyz"), LINES[:3], interpolation_mode="StepBefore")
                 self._log(f"plots/command/{name}/{part}", style)
         for k, name in enumerate(self._layout.reactions):
             if k in self._drawn:
@@ -269,10 +270,10 @@ class Static:
             )
             self._log(f"plots/contacts/{name}", style)
         names = ["kinetic", "potential", "total"]
-        self._log("plots/energy", _lines(names, [AXES[0], AXES[2], (240, 240, 240)]))
+        self._log("plots/energy", _lines(names, ENERGY))
         for name in JointTable(self._scene, self._layout).names:
-            self._log(f"plots/joints/{name}", _lines([name], [AXES[3]]))
-        self._log("plots/residual", _lines(["residual"], [AXES[3]]))
+            self._log(f"plots/joints/{name}", _lines([name], [LINES[3]]))
+        self._log("plots/residual", _lines(["residual"], [LINES[3]]))
 
     def log_supports(self, center: Array, size: float) -> None:
         """What holds the bodies: surfaces of contacts and planes, in the world or on a parent, and
@@ -322,12 +323,12 @@ class Static:
             point = np.array(spec.point_A) - self._scales.origin
         return grid(point, np.array(spec.normal_A), center, size)
 
-    def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
+    def _log_arrow(self, entity: str, color: str) -> None:
         radius: Any = rr.Radius.ui_points(ARROW)
-        self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
+        self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[rgb(color)], radii=[radius]))
 
     def _log_plot(self, entity: str, names: str) -> None:
-        self._log(entity, _lines(list(names), AXES[: len(names)]))
+        self._log(entity, _lines(list(names), LINES[: len(names)]))
 
 
 def entity_path(entity: str) -> str:

@@ -30,6 +30,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import half_box
 from rb_sim.io.frames import centers_of_mass, origins, rotate
@@ -300,7 +301,7 @@ TIMELINE = "sim_time"
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.uint8)
+STATES = np.array([(120, 120, 120), rgb(SLIPPING), rgb(STICKING)], dtype=np.uint8)
 """Of a contact that is open, slips, sticks or rolls."""
 
 
