@@ -75,12 +75,14 @@ class Place(Protocol):
         ...
 
     def partner_point(
-        self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3
+        self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
         """The parent's point, from its C; where the body's point_B starts if `point` is None."""
         ...
 
-    def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
+    def partner_axis(
+        self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
+    ) -> Vec3:
         """The parent's direction; along the body's axis_B at the start if `axis` is None."""
         ...
 

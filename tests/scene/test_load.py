@@ -205,7 +205,7 @@ MESSAGES = [
         "effects:",
         "efects:",
         "efects: unknown key; must be one of bodies, constraints, description, "
-        "effects, simulation (did you mean effects?)",
+        "effects, loads, simulation, supports (did you mean effects?)",
     ),
     ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
     (

@@ -253,12 +253,12 @@ def show(source: str, save: Path | None = None, *, browse: bool = False) -> None
 
 def _page_of_scene(source: str) -> dict[str, Any]:
     from rb_sim.cli.verbs.run import progress_bar
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.shown import page_of_run
     from rb_sim.simulation.simulation import Simulation
 
-    simulation = Simulation(load_scene(find_moving(source)))
+    simulation = Simulation(load_scene(find_scene(source)))
     with (
         warnings.catch_warnings(),
         progress_bar(simulation.scene.simulation.duration, False) as show,
