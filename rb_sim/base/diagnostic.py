@@ -14,9 +14,8 @@ class Finding(NamedTuple):
     """One loss of accuracy; each watch reports its first."""
 
     watch: str
-    """which: global error, auto, energy, momentum, angular momentum, residual, dead point,
-    step control, tolerance, step, time, turn, half turn, events, solver, running contact, aim,
-    paradox, rough, ambiguous, little motion, period."""
+    """which: global error, auto, energy, momentum, angular momentum, residual, inside, dead point,
+    step, turn, contact steps, ambiguous, events, time."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

@@ -129,6 +129,9 @@ class Changing(NamedTuple):
     """(row, t, whether for the steps from t on or for the instant alone) -> the inputs."""
     symbolic: Callable[[Any, tuple], Any]
     """(row, its inputs as symbols) -> the row that is traced in its place."""
+    next: Callable[[Any, BodyState, BodyState], tuple] | None = None
+    """(row, the body and its parent where a step ends) -> the inputs of the next step, of a row
+    that keeps something from step to step; None: they change from outside only."""
 
 
 CHANGING: dict[type, Changing] = {}

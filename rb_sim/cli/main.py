@@ -284,6 +284,23 @@ def scenes(
 
 
 @verb()
+def layout(
+    scene: opt.Scene,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where to.", show_default="the current folder"),
+    ] = None,
+) -> int:
+    """Write layouts for Foxglove, RViz and PlotJuggler with the topics of a scene.
+
+    They fit the node (rb_sim node SCENE) and the bags of rb_sim run SCENE.
+    """
+    from rb_sim.cli.verbs.scenes import layout as write_layouts
+
+    return write_layouts(scene, out)
+
+
+@verb()
 def warm(
     scene: Annotated[
         list[str] | None,
@@ -369,7 +386,8 @@ def linearize(
 ) -> int:
     """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
 
-    With --out, DIR gets linear_model.npz, whose arrays python-control takes.
+    With --out, DIR gets linear_model.npz, whose arrays python-control takes, the poles as poles.png
+    and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
     from rb_sim.scene.listing import find_scene

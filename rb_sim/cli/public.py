@@ -44,14 +44,13 @@ def compare(
     bag of others, those that were commanded (TOPIC or BODY=TOPIC), or "none"; else by their names.
     """
     from rb_sim.bags.compare import differences
-    from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs import compare as verb
 
     pairs = tuple(f"{name}={of}" for name, of in (match or {}).items())
     options = verb.CompareOptions(
         Path(bag), str(other), align=align, match=pairs, wrench=tuple(wrenches)
     )
-    a = tracks_of_bag(Path(bag))
+    a = verb.first_tracks(options)
     return differences(a, verb.other_tracks(options, a), align=align, match=match)
 
 

@@ -80,6 +80,8 @@ class Lanes:
     @property
     def possible(self) -> bool:
         """False where the runs have to go one at a time."""
+        if self.laws.carried:  # lanes keep nothing from step to step
+            return False
         return self.step is not None and self.sample is not None
 
     def _moved(

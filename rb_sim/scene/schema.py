@@ -87,6 +87,9 @@ class Body(Spec):
     """of O, world [m/s]."""
     angular_velocity: State3 = (0.0, 0.0, 0.0)
     """body axes [rad/s]."""
+    absolute_tolerance: Positive | None = None
+    """error of a step that is allowed however small the motion, beside the tolerance times its
+    coordinates [m, m/s; of the quaternion 1; rad/s]; None: found from the motion."""
 
     @property
     def inertia(self) -> np.ndarray:

@@ -7,6 +7,7 @@ between +x, -y and +z (orthographic), with the axes in the corner.
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
 from rb_sim.catalogue.types import BodyState
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
@@ -132,8 +134,7 @@ def drawn_of(scene: Scene) -> Drawn:
     return Drawn(title, dict(scene.bodies), states, loads, at_rest(scene))
 
 
-LOAD, REACTION, TENSION, BODY = "#444444", "#c0392b", "#1f6fb2", "#d9c39a"
-GIVES = "#e67e22"
+BODY = "#d9c39a"
 LONGEST = 0.30
 """length of the longest arrow as a share of the scene's size."""
 SHORTEST = 0.06
@@ -153,6 +154,11 @@ def draw(scene: Scene, result: StaticsResult) -> Figure:
 def save_picture(scene: Scene, result: StaticsResult, path: Path) -> None:
     """Draw and write a picture file (the format follows from the extension)."""
     draw(scene, result).savefig(path, dpi=140)
+
+
+def _greek(text: str) -> str:
+    """The text with the letter for mu, which no line break parts from its factor."""
+    return re.sub(r"(\d) μ", "\\1\u00a0μ", re.sub(r"\bmu\b", "μ", text))
 
 
 class _Canvas:
@@ -215,11 +221,11 @@ class _Canvas:
         """Strings and rods as lines, contacts as hatched ground, hinges as circles."""
         giving = {finding.name for finding in self.result.findings}
         for element in self.system.elements:
-            colour = GIVES if element.name in giving else "#222222"
+            colour = VERMILLION if element.name in giving else "#222222"
             anchor, far = self.flat(element.anchor_W), self.flat(element.parent_anchor_W)
-            if colour == GIVES and not self.result.reactions:
+            if colour == VERMILLION and not self.result.reactions:
                 behind = -0.07 * self.size * (self.view @ element.force_W[:, 0])
-                self._text(anchor + behind, element.name, GIVES, behind)
+                self._text(anchor + behind, element.name, VERMILLION, behind)
             if element.kind in ("string", "rod"):
                 width = 1.3 if element.kind == "string" else 3.0
                 self._line(element.anchor_W, element.parent_anchor_W, color=colour, linewidth=width)
@@ -269,11 +275,11 @@ class _Canvas:
             if torque.any():
                 text += f"\nK = ({', '.join(f'{v:.4g}' for v in torque)}) N m"
             if size > 0.0:
-                start, tip = self._arrow(point, force, LOAD, pushes=pushes)
+                start, tip = self._arrow(point, force, TEXT, pushes=pushes)
                 end, along = (start, start - tip) if pushes else (tip, tip - start)
-                self._text(end, text, LOAD, along)
+                self._text(end, text, TEXT, along)
             elif torque.any():
-                self._text(self.flat(point), text, LOAD)
+                self._text(self.flat(point), text, TEXT)
 
     def reactions(self) -> None:
         """Reactions as red arrows from the anchor, tensions blue; ranges below the value."""
@@ -350,12 +356,13 @@ class _Canvas:
         self.axes.set_xlim(low[0] - margin, high[0] + margin)
         self.axes.set_ylim(low[1] - margin, high[1] + margin)
         self.axes.set_aspect("equal")
-        self.axes.set_title(fill(self.drawn_scene.title, 74), fontsize=11)
-        self.figure.supxlabel(fill(self.result.explanation, 92), fontsize=9.5)
+        self.axes.set_title(fill(_greek(self.drawn_scene.title), 74), fontsize=11)
+        self.figure.supxlabel(fill(_greek(self.result.explanation), 92), fontsize=9.5)
         if self.labels is not None:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
             self.axes.grid(alpha=0.25)
+            self.axes.spines[:].set_visible(False)  # labels lie across a frame
         else:
             self.axes.set_axis_off()
             self._triad()

@@ -99,6 +99,8 @@ class LaneRunner:
                 continue
             if compiled.laws is not family.laws or compiled.breakpoints or instants > MOST_NUMBERS:
                 continue
+            if compiled.absolute:  # lanes have one tolerance for all
+                continue
             self._layout = compiled.layout
             given = family.laws.inputs.values(compiled.system, 0.0)
             alike = Alike(type(method), method, options.duration, options.rate)

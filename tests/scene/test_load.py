@@ -91,8 +91,9 @@ MESSAGES = [
     (
         "mass: 2",
         "mas: 2",
-        "bodies.ball.mas: unknown key; must be one of angular_velocity, center_of_mass, inertia, "
-        "linear_velocity, mass, orientation, position, shape (did you mean mass?)",
+        "bodies.ball.mas: unknown key; must be one of absolute_tolerance, angular_velocity, "
+        "center_of_mass, inertia, linear_velocity, mass, orientation, position, shape "
+        "(did you mean mass?)",
     ),
     (
         "mass: 2",

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.contacts.friction import traction
+from rb_sim.catalogue.contacts.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
 from rb_sim.catalogue.types import WORLD, BodyState
@@ -23,9 +23,16 @@ from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact.accelerations import accelerations_in, unconstrained_here
 from rb_sim.mechanics.contact.constraint_tables import (
     ARGUMENTS,
+    CLOSED_LAW,
+    CONTACT_BODY,
     CONTACT_COLUMNS,
+    CONTACT_PARENT,
+    FIRST_OF_TRACTION,
+    FIRST_PARAMETER,
     KEPT,
     LAYOUT,
+    OPEN_LAW,
+    TRACTION_LAW,
     WORKSPACE,
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
@@ -41,6 +48,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     apply_effects,
     energetics,
     fill_all,
+    state_of,
 )
 from rb_sim.numerics.kernels import by_address, place_of
 
@@ -96,7 +104,8 @@ _TRACTIONS: dict[Any, Any] = {}
 def traction_law(rubs: Any) -> Any:
     """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
 
-    slip: 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers each.
+    slip: along x, 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers
+    each.
     """
     key = skeleton(rubs)
     if key not in _TRACTIONS:
@@ -107,7 +116,7 @@ def traction_law(rubs: Any) -> Any:
         slip = graph.vector("y", 3)
 
         def found(s: Any) -> Any:
-            return traction(symbolic, s, s, 0.0, False)
+            return traction(symbolic, s, (1.0, 0.0, 0.0), 0.0, False)
 
         _TRACTIONS[key] = compile_law(list(leaves(explored(found, slip))))
     return _TRACTIONS[key]
@@ -146,6 +155,13 @@ def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:
     return row._replace(pair=row.pair._replace(surface=PackedHull(place_of(kept[-1]))))
 
 
+def loads_of(system: Any, t: Any, y: list[Any]) -> list[Any]:
+    """Forces (world) and torques (body) of the effects on each body."""
+    system.bodies[:, LOAD:BODY_WIDTH] = 0.0
+    apply_effects(system.effects, t, system, y)
+    return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+
+
 class ContactLaws:
     """What loops call for a system of bodies in contact, and the system packed for them."""
 
@@ -165,13 +181,16 @@ class ContactLaws:
     @cached_property
     def loads(self) -> Law:
         """Forces (world) and torques (body) of the effects on each body, 6 N numbers."""
+        return self._law(loads_of)
+
+    @cached_property
+    def loads_and_inputs(self) -> Law:
+        """As `loads`; then the inputs of the next step, where some are kept from step to step."""
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            system.bodies[:, LOAD:BODY_WIDTH] = 0.0
-            apply_effects(system.effects, t, system, y)
-            return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+            return [*loads_of(system, t, y), *self._next(y)]
 
-        return self._law(kernel)
+        return self._law(kernel) if self.inputs.kept(self._system) else self.loads
 
     @cached_property
     def lines(self) -> Law | None:
@@ -209,6 +228,16 @@ class ContactLaws:
         return self._law(kernel)
 
     @cached_property
+    def carry(self) -> Law | None:
+        """The inputs of the step after one, where laws keep something from step to step."""
+        if not self.inputs.kept(self._system):
+            return None
+        return self._law(lambda system, t, y: self._next(y))
+
+    def _next(self, y: list[Any]) -> list[Any]:
+        return self.inputs.next(self._system, y[0].graph, lambda body: state_of(y, body))
+
+    @cached_property
     def contacts(self) -> tuple[np.ndarray, np.ndarray]:
         """(table of the contacts, their constants); see layout."""
         placed = [contact for group in self._system.contacts for contact in group]
@@ -217,18 +246,24 @@ class ContactLaws:
         for c, contact in enumerate(placed):
             row = with_packed_hulls(contact.row, self._kept)
             opened, closed = laws_of_kind(row, contact.parent < 0)
-            ends = contact.body, contact.parent
-            table[c] = opened.address, closed.address, *ends, len(constants)
+            rubs = contact.row.friction
+            table[c, [OPEN_LAW, CLOSED_LAW]] = opened.address, closed.address
+            table[c, [CONTACT_BODY, CONTACT_PARENT]] = contact.body, contact.parent
+            table[c, FIRST_PARAMETER] = len(constants)
             constants += [value for _, value in numbers(row)]
+            if not isinstance(rubs, BOUNDED):
+                table[c, TRACTION_LAW] = traction_law(rubs).address
+                table[c, FIRST_OF_TRACTION] = len(constants)
+                constants += [value for _, value in numbers(rubs)]
         return table, np.array(constants)
 
     def packed(self, system: ContactBodies, inputs: np.ndarray) -> tuple[np.ndarray, Any]:
         """(the system for loops, what must live as long); inputs: of the laws, in place."""
 
         table, constants = self.contacts
-        workspace = np.zeros(WORKSPACE + 6 * len(system.bodies))
-        laws = (self.loads, self.lines, self.anchors, self.energy)
-        names = ("loads_law", "lines_law", "anchors_law", "energy_law")
+        workspace = np.zeros(WORKSPACE + max(6 * len(system.bodies), len(inputs)))
+        laws = (self.loads, self.lines, self.anchors, self.energy, self.carry)
+        names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
             **{name: getattr(system, name, None) for name in LAYOUT.fields},
             "joints": len(system.constraints),
