@@ -1,4 +1,4 @@
-"""A finding: what a watch saw pass its bound, when, where, and what to try."""
+"""A finding of an accuracy check: quantity, value, limit, time, place, and what to try."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from rb_sim.base.errors import AccuracyWarning
 
 
 class Finding(NamedTuple):
-    """One loss of accuracy; each watch reports its first."""
+    """One loss of accuracy; each check reports its first."""
 
     watch: str
-    """which: global error, auto, energy, momentum, angular momentum, residual, dead point,
-    step control, tolerance, step, time, turn, half turn, events, solver, running contact, aim,
-    paradox, rough, ambiguous, little motion, period."""
+    """which: global error, auto, energy, momentum, angular momentum, residual, inside,
+    singular configuration, step, time, turn, half turn, events, solver, running contact, aim,
+    paradox, rough, ambiguous."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float
     bound: float
     what: str
-    """what the figure is, in words."""
+    """the quantity, with its unit in brackets at the end if it has one."""
     where: str
     """the body, constraint or contact concerned, or ""."""
     advice: str
@@ -41,10 +41,12 @@ class Finding(NamedTuple):
     def seen(self) -> str:
         """The finding as one line, without advice."""
         place = f" ({self.where})" if self.where else ""
-        figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
+        quantity, _, unit = self.what.removesuffix("]").partition(" [")
+        unit = f" {unit}" if unit else ""
+        figure = f"{self.figure:.2g}{unit}" if math.isfinite(self.figure) else "not finite"
         return (
-            f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
-            f"above {self.bound:.2g}"
+            f"{self.watch}: {quantity} is {figure} (limit {self.bound:.2g}{unit}) "
+            f"at t = {self.t:.6g} s{place}"
         )
 
 
@@ -78,12 +80,12 @@ class GlobalError(NamedTuple):
         if self.unknown:
             return f"not known: {self.unknown}"
         if not math.isfinite(self.relative):
-            return f"not known: the second run ({self.by}) ended at t = {self.t:.6g} s"
+            return f"not known: the second run ({self.by}) failed at t = {self.t:.6g} s"
         by = f"by a second run ({self.by})"
         if self.upto is not None:
-            by += f" up to t = {self.upto:.4g} s; for all of it: --check"
+            by += f" up to t = {self.upto:.4g} s; use --check for the whole run"
         if not self.relative > 0.0:
-            return f"none beyond rounding, {by}"
+            return f"at round-off, {by}"
         return f"{self.relative:.1g} of the motion, at t = {self.t:.4g} s ({self.body}), {by}"
 
 

@@ -83,8 +83,8 @@ class Chatter:
         mean = count / samples
         if not (count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE):
             return None
-        advice = "the contact chatters: try method time_stepping"
-        what = "number of events between two samples"
+        advice = "the contact chatters; try method time_stepping"
+        what = "number of contact events between two samples"
         return Finding("events", self._end, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
 
 
@@ -433,7 +433,7 @@ class WatchList:
                 self._say(found)
 
     def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
-        if "dead point" in self._found:
+        if "singular configuration" in self._found:
             return
         if self._conditioning is None:
             self._conditioning = Conditioning(self._scene, self._layout, self._compiled)
@@ -491,7 +491,10 @@ class WatchList:
         if jump is not None:
             name, t, angle = jump
             what = "angle of a torsion spring [rad]"
-            advice = "it counts from -pi again, so that the torque has jumped to the other sign"
+            advice = (
+                "the angle is taken from -pi to pi, so the torque has changed sign; "
+                "keep the spring within half a turn"
+            )
             self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
 
     def _watch_inside(self, block: SampleBlock) -> None:

@@ -69,8 +69,8 @@ def _of_steps(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Findi
     if effort.steps:
         shortest = min(shortest, t / effort.steps)
     if t > 0.0 and ULPS * EPS * t > shortest:
-        advice = "times this large cannot tell such short steps apart: shift the start to 0"
-        what = "resolution of the time over the step or sample period"
+        advice = "times this large cannot resolve such short steps; start the time at 0"
+        what = "rounding of the time relative to the step or sample period"
         yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
 
 
@@ -93,7 +93,7 @@ def turns(
         return
     i, body = int(beyond[0, 0]), int(beyond[0, 1])
     fastest = float(spin[i, body])
-    what = f"angle in one step of {step:.3g} s [rad]"
+    what = f"rotation in one step of {step:.3g} s [rad]"
     # a spin that blows up may be no number, and says nothing of a step that resolves it
     finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
     where = bodies[body]
@@ -111,21 +111,21 @@ def _of_coarseness(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     if effort.step is None or block.t[-1] <= effort.kept_to:
         return
     if share > bound:
-        what = f"what a step of {effort.step:.3g} s misses of a step's change of velocities"
+        what = f"relative velocity error of one step of {effort.step:.3g} s"
         finer = effort.finer_step(share, bound)
         yield Finding("step", t, share, bound, what, body, effort.advice(finer), finer)
     elif grown > most:
-        what = f"what all steps of {effort.step:.3g} s miss of the velocities, added up,"
+        what = f"relative velocity error summed over all steps of {effort.step:.3g} s"
         finer = effort.finer_step(grown, most)
         last = float(block.t[-1])
         yield Finding("step", last, grown, most, what, where, effort.advice(finer), finer)
     elif strayed.share > STRAYED:
         share, t, body, of, *_ = strayed
-        what = f"what the run is off from one in half steps, of its {of},"
+        what = f"difference from a run with half the step, relative to the {of},"
         finer = effort.finer_step(share, STRAYED)
         yield Finding("step", t, share, STRAYED, what, body, effort.advice(finer), finer)
     elif strayed.turn > STRAYED_TURN:
-        what = "angle between a body's attitude and that of a run in half steps [rad]"
+        what = "difference in attitude from a run with half the step [rad]"
         finer = effort.finer_step(strayed.turn, STRAYED_TURN)
         advice = effort.advice(finer)
         yield Finding(
@@ -146,18 +146,18 @@ def _of_solver(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether every step of a heap solved its friction problem within its bound of work."""
     if effort.unsolved:
         where = f"{effort.unsolved} of {effort.steps} steps"
-        what = "residual of the friction problem, relative to the largest impulse,"
+        what = "residual of the contact solver relative to the largest impulse"
         finer = effort.step and below(effort.step)
-        advice = f"the contact forces of these steps are that rough: try step {finer:g} s"
+        advice = f"contact forces of these steps have this error; try step {finer:g} s"
         t, worst = float(block.t[-1]), effort.solver_residual
         yield Finding("solver", t, worst, ENOUGH, what, where, advice, finer)
     if effort.paradox:
-        what = "share of the steps with Painleve's paradox, where several impulses fit,"
-        advice = "other branches of the motion are possible: an event-driven method names them"
+        what = "share of the steps with several solutions (Painleve's paradox)"
+        advice = "another motion is possible from here; an event-driven method says which"
         yield _counted("paradox", effort.paradox, block, effort, what, advice)
     if effort.slipping:
         what = "share of the steps in which a perfectly rough contact slips"
-        advice = "friction would lift it as it stops it: an event-driven method stops such slips"
+        advice = "friction that stops the slip would lift the body; try an event-driven method"
         yield _counted("rough", effort.slipping, block, effort, what, advice)
 
 
@@ -165,26 +165,29 @@ def _of_running(block: SampleBlock, effort: Effort, exchanged: float) -> Iterato
     """Whether points of contact ran on faster than the steps, and were struck again and again."""
     t, lost = float(block.t[-1]), effort.restruck
     if effort.turned:
-        what = "share of the steps in which a point of contact ran around its body"
+        what = "share of the steps in which a contact point ran around its body"
         finer = effort.step and round_down(0.1 * effort.step)
-        advice = f"each struck anew, which takes too much energy: try step {finer:g} s"
+        advice = f"each such step loses energy in a spurious impact; try step {finer:g} s"
         yield _counted("running contact", effort.turned, block, effort, what, advice, finer)
     elif lost > RESTRUCK * exchanged > 0.0:
-        what = "energy that contacts took which bore already and were struck anew, of the exchanged"
+        what = "energy lost in closed contacts relative to the energy exchanged"
         share = lost / exchanged
         known = min(share, LARGEST_SHARE)  # infinite where a trial blows up
         finer = effort.step and round_down(effort.step * RESTRUCK / known)
-        advice = f"their points move on from step to step: try step {finer:g} s, or event-driven"
+        advice = (
+            "contact points that move within a step cause spurious impacts; "
+            f"try step {finer:g} s or an event-driven method"
+        )
         yield Finding("running contact", t, share, RESTRUCK, what, "", advice, finer)
 
 
 def _of_gains(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
     """Whether contacts made energy: the balance has it as their work, and does not see it."""
     if effort.made > MADE * exchanged > 0.0:
-        what = "energy that contacts made, which take some or none, of the exchanged"
+        what = "energy gained in contacts relative to the energy exchanged"
         share = min(effort.made / exchanged, LARGEST_SHARE)
         finer = effort.step and round_down(effort.step * MADE / share)
-        advice = f"steps are too long for what sticks or turns round in them: try step {finer:g} s"
+        advice = f"steps are too long for slips that stop or reverse; try step {finer:g} s"
         yield Finding("energy", float(block.t[-1]), share, MADE, what, "", advice, finer)
 
 
@@ -192,7 +195,7 @@ def _of_aims(effort: Effort) -> Iterator[Finding]:
     """Whether impulses were given along normals that turned on within their step."""
     figure, t, contact = effort.astray
     if figure > ASTRAY:
-        what = "speed given along a normal that turned on within the step, of the scene's,"
+        what = "speed given along a normal that rotated within the step, relative to the scene's,"
         finer = effort.finer_step(figure, ASTRAY)
         yield Finding("aim", t, figure, ASTRAY, what, contact, effort.advice(finer), finer)
 

@@ -387,8 +387,7 @@ percent of the run."""
 
 
 UNDECIDED = (
-    "the laws of motion do not decide how it goes on: end the run before, or change lengths or "
-    "drives so that it is not reached"
+    "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
 )
 
 
@@ -405,22 +404,21 @@ class DeadPoint(NamedTuple):
     @property
     def finding(self) -> Finding:
         """The finding that tells of it."""
-        advice = f"there {UNDECIDED}"
+        advice = UNDECIDED
         if self.too_many:
             advice = (
-                "of lines that hold a motion twice those left out at the start are needed there, "
-                "so that digits are lost: try one joint of the loop with fewer lines, or end the "
-                "run before"
+                "equations dropped as redundant at the start are needed here, so digits are lost; "
+                "use a joint with fewer equations in this loop, or end the run before"
             )
-        what = "the number of constraint lines that come to depend on others"
-        return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
+        what = "number of constraint equations that become dependent"
+        return Finding("singular configuration", self.t, 1.0, 0.0, what, self.constraint, advice)
 
     @property
     def refusal(self) -> str:
         """What a run that ends there says."""
         return (
-            f"the motion comes to a dead point at t = {self.t:.4g} s, where lines of "
-            f"{self.constraint!r} come to depend on others and {UNDECIDED}"
+            f"singular configuration at t = {self.t:.4g} s: constraint {self.constraint!r} loses "
+            f"rank, and {UNDECIDED}"
         )
 
 

@@ -242,7 +242,10 @@ def _apart(
             missed[1:] = np.minimum(missed[1:], missed[:-1])
         missed = np.where(missed > ROUNDING * fastest + none / length, missed, 0.0) / fastest
     most = _worst(np.where(angle > ROUNDING, angle, 0.0), times, names, "turn")
-    worst = max(_worst(off, times, names, "way"), _worst(missed, times, names, "largest velocity"))
+    worst = max(
+        _worst(off, times, names, "distance moved"),
+        _worst(missed, times, names, "largest velocity"),
+    )
     return worst._replace(turn=2.0 * float(np.arcsin(min(1.0, 0.5 * most.share))), turned=most.body)
 
 

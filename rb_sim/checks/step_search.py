@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
 
 ADVICE_IN_CONTACT = (
-    "where points slip slowly side by side, friction limits the steps at any tolerance, since it "
-    "turns each slip at the rate of mu g over its speed; try method time_stepping, a larger "
-    "tolerance, or a shorter duration"
+    "slow slips with friction keep the steps short at any tolerance; try method time_stepping, a "
+    "larger tolerance, or a shorter duration"
 )
 
 
@@ -110,16 +109,16 @@ def step_that_runs(
     step = simulation.setting.step
     whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
-    where = "to the end" if horizon == end else f"to t = {horizon:.3g} s at least"
+    where = "to the end" if horizon == end else f"at least to t = {horizon:.3g} s"
     trials = _Trials(simulation, horizon, None, goes_on)
     found = _search(trials, below(step), step)
     if found is not None:
-        worse = "" if found < step or trials.loud else "smaller steps fail, too; "
-        return f"{worse}with step {found:g} s it runs {where}"
+        worse = "" if found < step or trials.loud else "smaller steps fail as well; "
+        return f"{worse}use step {found:g} s, which runs {where}"
     if trials.loud:
-        return f"with step {min(trials.loud):g} s it runs {where}, not without a warning"
+        return f"step {min(trials.loud):g} s runs {where}, but with a warning"
     smallest = min(trials.failed, default=step)
-    tried = f"steps down to {smallest:g} s fail, too; " if smallest < step else ""
+    tried = f"steps down to {smallest:g} s fail as well; " if smallest < step else ""
     return tried + _otherwise(simulation)
 
 
@@ -142,13 +141,13 @@ def quiet_step(
     trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
     found = _search(trials, first, step)
     if found is not None:
-        worse = "" if found < step else "smaller steps do not end it; "
-        mends = f"{worse}with step {found:g} s {'it' if worse else 'this warning'} does not come"
+        worse = "" if found < step else "smaller steps do not help; "
+        mends = f"{worse}use step {found:g} s, which passes all checks"
         return mends + _in_longer_steps(simulation, found / step)
     tried = trials.loud + trials.failed
     if not tried:
-        return f"step {first:g} s should do by the order of the method (not tried: too long)"
-    return f"steps down to {min(tried):g} s do not end it; {_otherwise(simulation)}"
+        return f"try step {first:g} s (estimated by the order of the method)"
+    return f"steps down to {min(tried):g} s do not help; {_otherwise(simulation)}"
 
 
 def _in_longer_steps(simulation: Run, share: float) -> str:
@@ -156,7 +155,7 @@ def _in_longer_steps(simulation: Run, share: float) -> str:
     stiff = METHODS["radau5"]
     if share > STIFF or not stiff.suits(simulation.compiled.system):
         return ""
-    return "; method radau5 with a tolerance may take longer ones"
+    return ", or method radau5 with a tolerance"
 
 
 def _otherwise(simulation: Run) -> str:

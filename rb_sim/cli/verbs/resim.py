@@ -83,7 +83,7 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: holds the bag that is to be simulated again")
     if options.out is not None and not options.overwrite:
-        refuse_logs(options.out, "--out", "or insist with --overwrite")
+        refuse_logs(options.out, "--out", "or use --overwrite")
     warn(str(finding) for finding in resimulate(reader, scene, out))
 
 

@@ -48,8 +48,11 @@ FAR = 1e6
 HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
-OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
-NO_SETTING = "no setting helps: what follows has an error of this size"
+OTHERS = (
+    "the contact problem has several solutions; the minimum-norm one was used, or the one that "
+    "separates"
+)
+NO_SETTING = "no setting decides this; the motion from here has an error of this size"
 """What to know where no setting would decide: of choices of the laws, and of rounding."""
 
 
@@ -69,13 +72,11 @@ class LeftOpen(NamedTuple):
     """what to try, or to know, where it is not."""
 
 
-IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
-OPEN_SHARES = "accelerations that shares of a load leave open, of the largest,"
-LAGGED = (
-    "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
-)
-TURNED_BY_ROUNDING = "angle by which rounding turned the lean of a rim that all but lay flat,"
-PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
+IMPACT = "relative difference between the velocities that the impact laws allow"
+OPEN_SHARES = "relative difference between the accelerations that the contact laws allow"
+LAGGED = "speed of slips too slow for the tolerance, relative to the body's,"
+TURNED_BY_ROUNDING = "rotation by rounding of the tilt direction of a nearly flat rim"
+PARTED = "relative difference in normal acceleration between lift-off and slip"
 
 
 def reach(cones: Cones, y: Array, way: Array) -> float:
