@@ -51,8 +51,8 @@ def main() -> int:
     code: Counter[str] = Counter()
     for path in sorted((ROOT / "rb_sim").rglob("*.py")):
         text = path.read_text(encoding="utf-8")
-        room = path.relative_to(ROOT / "rb_sim").parts
-        name = room[0] if len(room) > 1 else "(no package)"
+        workspace = path.relative_to(ROOT / "rb_sim").parts
+        name = workspace[0] if len(workspace) > 1 else "(no package)"
         modules[name] += 1
         lines[name] += text.count("\n")
         code[name] += code_lines(text)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # The least number that a law gives, at many instants and states in one call.
 
 
-LAW, TIMES_AT, STATES_AT, INPUTS_AT, ROOM_AT, FOUND_AT = range(6)
+LAW, TIMES_AT, STATES_AT, INPUTS_AT, WORKSPACE_AT, FOUND_AT = range(6)
 COUNT, COORDINATES, LAW_WIDTH, TOLD = range(6, 10)
 """Places in what `least_into` is told."""
 
@@ -39,7 +39,7 @@ def least_into(places):
     """Write the least number that the law gives at every time with its row of the states, and which
     of its numbers that is; or, if TOLD, the last two of its numbers, which say the same."""
     times, states = pointer_to(places, TIMES_AT), pointer_to(places, STATES_AT)
-    p, row = pointer_to(places, INPUTS_AT), pointer_to(places, ROOM_AT)
+    p, row = pointer_to(places, INPUTS_AT), pointer_to(places, WORKSPACE_AT)
     found, laws = pointer_to(places, FOUND_AT), integers_to(places, LAW)
     width = places[LAW_WIDTH]
     for i in range(places[COUNT]):
@@ -74,7 +74,7 @@ class LeastOf:
     def __init__(self, law: Any, inputs: Any, width: int, told: bool) -> None:
         self._law, self._inputs, self._width, self._told = law, inputs, width, told
         self._address = np.array([law.address]) if isinstance(law, Law) else None
-        self._room = np.zeros(width)
+        self._workspace = np.zeros(width)
         self._called = 0
 
     def __call__(self, t: Any, y: Any) -> tuple[Any, Any]:
@@ -83,7 +83,7 @@ class LeastOf:
         if self._address is None or self._called <= FEW:
             return self._by_python(t, y)
         found = np.empty((len(t), 2))
-        arrays = self._address, t, y, self._inputs, self._room, found
+        arrays = self._address, t, y, self._inputs, self._workspace, found
         numbers = *y.shape, self._width, int(self._told)
         places = np.array([*(a.ctypes.data for a in arrays), *numbers])
         least_into(places.ctypes.data)

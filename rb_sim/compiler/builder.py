@@ -119,7 +119,7 @@ class Builder:
             self.do(f"br i1 {condition}, label %{yes.label}, label %{no.label}")
             self.block.ended = yes.reached = no.reached = True
 
-    def room(self, kind: str) -> str:
+    def workspace(self, kind: str) -> str:
         """A place for a value of the LLVM type, as long as the function runs."""
         name = self.name()
         self.rooms.append(f"{name} = alloca {kind}, align 8")

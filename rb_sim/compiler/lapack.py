@@ -92,10 +92,10 @@ def eigenvectors(n, a, values, work):
 @means(eigenvectors)
 def _eigenvectors(f: Any, n: Value, a: Value, values: Value, work: Value) -> Value:
     size = numbers.converted(f, n, INTEGER).leaf
-    rows, room = _int(f, size), _int(f, f.get(f"mul i64 {size}, {WORK}"))
+    rows, workspace = _int(f, size), _int(f, f.get(f"mul i64 {size}, {WORK}"))
     at = [first_of(f, array).leaf for array in (a, values, work)]
     letters = [_letter(f, letter) for letter in "VL"]
-    return _call(f, "dsyev", [*letters, rows, at[0], rows, at[1], at[2], room])
+    return _call(f, "dsyev", [*letters, rows, at[0], rows, at[1], at[2], workspace])
 
 
 def singular_vectors(n, a, right, values, left, work):
@@ -114,10 +114,10 @@ def _singular_vectors(
     square = f.get(f"mul i64 {size}, {size}")
     own = [f.get(f"mul i64 {x}, {k}") for x, k in ((square, 4), (size, 8))]
     count = f.get(f"add i64 {own[0]}, {own[1]}")
-    rows, room = _int(f, size), _int(f, count)
+    rows, workspace = _int(f, size), _int(f, count)
     at = [first_of(f, array).leaf for array in (a, values, right, left, work)]
     integers = f.place("double", at[4], count)
-    order = [rows, rows, at[0], rows, at[1], at[2], rows, at[3], rows, at[4], room, integers]
+    order = [rows, rows, at[0], rows, at[1], at[2], rows, at[3], rows, at[4], workspace, integers]
     _call(f, "dgesdd", [_letter(f, "A"), *order])
     _turn(f, size, at[3])
     return known(None)
@@ -143,7 +143,7 @@ def _turn(f: Any, n: str, place: str) -> None:
 
 def _call(f: Any, name: str, places: list[str]) -> Value:
     """Call a function of LAPACK, which tells at last how it went."""
-    symbol, order = f"lapack_{name}", [*places, f.room("i32")]
+    symbol, order = f"lapack_{name}", [*places, f.workspace("i32")]
     f.unit.externals[symbol] = 0
     f.unit.declarations.add(_FOUND.replace("SYMBOL", symbol))
     function = f.get(f"call ptr @{symbol}.found()")
@@ -175,13 +175,13 @@ used. It asks again where a signal has come between, see `finder`."""
 
 def _int(f: Any, value: str) -> str:
     """Where the integer is, as Fortran's."""
-    room = f.room("i32")
-    f.store("i32", f.get(f"trunc i64 {value} to i32"), room)
-    return room
+    workspace = f.workspace("i32")
+    f.store("i32", f.get(f"trunc i64 {value} to i32"), workspace)
+    return workspace
 
 
 def _letter(f: Any, letter: str) -> str:
     """Where the letter is."""
-    room = f.room("i8")
-    f.store("i8", str(ord(letter)), room)
-    return room
+    workspace = f.workspace("i8")
+    f.store("i8", str(ord(letter)), workspace)
+    return workspace

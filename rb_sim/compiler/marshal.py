@@ -129,19 +129,19 @@ class Program:
 
     def __call__(self, numbers: list[Any], arrays: Arrays) -> Any:
         try:
-            room = self._rooms.pop()
+            workspace = self._rooms.pop()
         except IndexError:
-            room = ctypes.create_string_buffer(self._at + self._out.size)
-        self._into.pack_into(room, 0, 0, *numbers)
-        self._call(room)
+            workspace = ctypes.create_string_buffer(self._at + self._out.size)
+        self._into.pack_into(workspace, 0, 0, *numbers)
+        self._call(workspace)
         result = None
         if self._out.size:
-            leaves = self._out.unpack_from(room, self._at)
+            leaves = self._out.unpack_from(workspace, self._at)
             single = self._result in (REAL, INTEGER)
             result = leaves[0] if single else _back(self._result, iter(leaves), arrays)
-        if self._new and _FIRST.unpack_from(room)[0]:  # made, and copied by now: free them
-            self._call(room)
-        self._rooms.append(room)
+        if self._new and _FIRST.unpack_from(workspace)[0]:  # made, and copied by now: free them
+            self._call(workspace)
+        self._rooms.append(workspace)
         return result
 
 

@@ -57,7 +57,7 @@ class Variable:
     """A variable of the function: its kind, and where each of its leaves is kept."""
 
     def __init__(self, f: Builder, kind: Kind) -> None:
-        self.kind, self.rooms = kind, [f.room(leaf) for leaf in kind.leaves]
+        self.kind, self.rooms = kind, [f.workspace(leaf) for leaf in kind.leaves]
 
 
 RESULT = "return"
@@ -106,15 +106,17 @@ class Variables(Builder):
                 self.kinds[name] = kind
                 raise AgainError
         leaves = numbers.converted(self, value, variable.kind).leaves
-        for leaf, room, type_ in zip(leaves, variable.rooms, variable.kind.leaves, strict=True):
-            self.store(type_, leaf, room)
+        for leaf, workspace, type_ in zip(
+            leaves, variable.rooms, variable.kind.leaves, strict=True
+        ):
+            self.store(type_, leaf, workspace)
 
     def read(self, name: str) -> Value:
         """The value of a variable."""
         variable = self.variables[name]
         leaves = tuple(
-            self.load(kind, room)
-            for kind, room in zip(variable.kind.leaves, variable.rooms, strict=True)
+            self.load(kind, workspace)
+            for kind, workspace in zip(variable.kind.leaves, variable.rooms, strict=True)
         )
         return Value(variable.kind, leaves)
 
@@ -123,7 +125,7 @@ class Variables(Builder):
         if self.hands_over:
             return "%owner"
         if not self.list:
-            self.list = self.room("ptr")
+            self.list = self.workspace("ptr")
             self.rooms.append(f"store ptr null, ptr {self.list}, align 8")
         return self.list
 
@@ -511,12 +513,12 @@ class Translation(Expressions):
             if not isinstance(ends[2].number, int) or not ends[2].number:
                 raise KindError("the step of a range is a constant")
             step = ends[2].number
-        room = self.room("i64")
-        self.store("i64", first.leaf, room)
+        workspace = self.workspace("i64")
+        self.store("i64", first.leaf, workspace)
         look, inside, more, after = (self.label(w) for w in ("for", "each", "more", "done"))
         self.go(look)
         self.begin(look)
-        at = self.load("i64", room)
+        at = self.load("i64", workspace)
         word = "slt" if step > 0 else "sgt"
         self.part(self.get(f"icmp {word} i64 {at}, {last.leaf}"), inside, after)
         self.begin(inside)
@@ -524,7 +526,7 @@ class Translation(Expressions):
         self.around(node.body, more, after)
         self.go(more)
         self.begin(more)
-        self.store("i64", self.get(f"add i64 {self.load('i64', room)}, {step}"), room)
+        self.store("i64", self.get(f"add i64 {self.load('i64', workspace)}, {step}"), workspace)
         self.go(look)
         self.begin(after)
         return None

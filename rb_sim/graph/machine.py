@@ -183,14 +183,14 @@ def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
     numbers before its arguments; for this process only, so not kept on disk.
     """
     p, count = pointer_type(), len(numbers) + arguments
-    room, kind = f"[{count} x double]", f"void ({p}, {p})"
-    array = "ptr" if p == "ptr" else f"{room}*"
+    workspace, kind = f"[{count} x double]", f"void ({p}, {p})"
+    array = "ptr" if p == "ptr" else f"{workspace}*"
     lines = [
         f"define void @law({p} %arguments, {p} %results) nounwind {{",
-        f"  %room = alloca {room}, align 16",
+        f"  %room = alloca {workspace}, align 16",
     ]
     for i in range(count):
-        lines.append(f"  %to{i} = getelementptr {room}, {array} %room, i64 0, i64 {i}")
+        lines.append(f"  %to{i} = getelementptr {workspace}, {array} %room, i64 0, i64 {i}")
         value = f"%x{i}"
         if i < len(numbers):
             value = constant(numbers[i])

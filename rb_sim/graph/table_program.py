@@ -34,7 +34,7 @@ def arrays(name: str, kind: str, entries: Sequence[Any]) -> str:
     return f"{name} = internal constant [{len(entries)} x {kind}] [{inner}], align 16"
 
 
-def room(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
+def workspace(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
     """`name` becomes the pointer to the first element of an array."""
     whole = f"[{count} x {kind}]"
     at = "ptr" if pointer == "ptr" else f"{whole}*"
@@ -123,7 +123,7 @@ class _Loop(Piece):
         ]
 
 
-MOST_ROOM = 600_000
+MOST_WORKSPACE = 600_000
 """Numbers in the frame, which lies on the stack: 5 MB of the 8 MB that a thread has."""
 NO_CUT = 10**9
 """Operations of a piece: a kernel is one function."""
@@ -196,7 +196,7 @@ class Program:
         self.frame = 0
         self._calls: list[_Call] = []
 
-    def room(self, width: int) -> int:
+    def workspace(self, width: int) -> int:
         """Place of `width` new numbers in the frame."""
         self.frame += width
         return self.frame - width
@@ -235,10 +235,10 @@ class Program:
         """The law, as `compile_law` gives it."""
         if machine.interpreted():
             return PlainProgram(self)
-        if self.frame > MOST_ROOM:
+        if self.frame > MOST_WORKSPACE:
             raise ValueError(
-                f"a law with room for {self.frame} numbers; must be at most {MOST_ROOM}: the scene "
-                "is too large, or has too many constraint lines that depend on each other"
+                f"a law with room for {self.frame} numbers; must be at most {MOST_WORKSPACE}: "
+                "the scene is too large, or has too many constraint lines that depend on each other"
             )
         pointer = machine.pointer_type()
         head, calls, externals, kernels = [], [], [], {}
@@ -259,7 +259,7 @@ class Program:
             own = f"@table{number}"
             table = np.array([field.at for field in call.fields], dtype=np.int32).T
             head.append(arrays(own, "i32", table.ravel().tolist()))
-            calls += room(own, "i32", table.size, f"%rows{number}", pointer)
+            calls += workspace(own, "i32", table.size, f"%rows{number}", pointer)
             integers = "ptr" if pointer == "ptr" else "i32*"
             calls.append(
                 f"  call void @{name}(double %t, {pointer} %y, {pointer} %p, {pointer} %const, "
@@ -287,7 +287,7 @@ class Program:
                 f"  %room = alloca {kind}, align 16",
                 f"  %frame = getelementptr {kind}, {'ptr' if p == 'ptr' else kind + '*'} %room, "
                 "i64 0, i64 0",
-                *room("@const", "double", len(numbers), "%const", p),
+                *workspace("@const", "double", len(numbers), "%const", p),
                 *calls,
                 "  ret void",
                 "}",

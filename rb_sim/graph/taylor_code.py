@@ -560,10 +560,10 @@ class PlainExpansion:
         self._series = series
         self._start, self._order = PlainLaw(series.start), PlainLaw(series.order)
 
-    def __call__(self, t: float, y: Any, p: Any, room: Any) -> None:
-        series, order = self._series, int(room[0])
+    def __call__(self, t: float, y: Any, p: Any, workspace: Any) -> None:
+        series, order = self._series, int(workspace[0])
         n, sums, width = series.n, series.sums, series.width
-        left, given = n + series.events, room[HEAD:]
+        left, given = n + series.events, workspace[HEAD:]
         self._start(t, y, p, given[sums:])
         first = sums + series.numbers
         rows = given[first + n + BEFORE * width :]

@@ -109,7 +109,7 @@ class ByLaws(NamedTuple):
     laws: Any
     p: Any
     at: Any
-    """room for n coordinates."""
+    """Workspace for n coordinates."""
     n: Any
 
 
@@ -215,22 +215,22 @@ def finish(laws, setting, n, t, old, p, work, new):
 def share_of(laws, setting, n, t0, t, old, p, work, new):
     """The share of a step from the row `old` after which a piece of a law ends; 1 where none does.
 
-    The slopes of its stages, which nothing needs any more, give the room.
+    The slopes of its stages, which nothing needs any more, give the workspace.
     """
     if not laws[SHARE]:
         return 1.0
-    ways, room = int(setting[WAYS]), part(work, SLOPES * n)
+    ways, workspace = int(setting[WAYS]), part(work, SLOPES * n)
     if laws[WHOLE]:
         at = new
     else:
         at = part(work, AT * n)
         for i in range(n):
             at[i] = old[i] + work[DY * n + i]
-    call_law(laws[ALONG], t0, old, p, part(room, 2))
-    call_law(laws[ALONG], t, at, p, part(room, 2 + 2 * ways))
-    room[0], room[1] = t - t0, max(setting[TOLERANCE], CROSSING)
-    found = part(room, 2 + 4 * ways)
-    call_law(laws[SHARE], t, room, p, found)
+    call_law(laws[ALONG], t0, old, p, part(workspace, 2))
+    call_law(laws[ALONG], t, at, p, part(workspace, 2 + 2 * ways))
+    workspace[0], workspace[1] = t - t0, max(setting[TOLERANCE], CROSSING)
+    found = part(workspace, 2 + 4 * ways)
+    call_law(laws[SHARE], t, workspace, p, found)
     return found[0]
 
 

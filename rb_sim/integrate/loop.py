@@ -40,7 +40,6 @@ from rb_sim.integrate.layout import (
     PIECE_STEPS,
     REACHED,
     REJECTED,
-    ROOM,
     ROWS_AT,
     SAMPLE,
     SERIES_AT,
@@ -59,6 +58,7 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WIDTH,
     WORK_AT,
+    WORKSPACE,
     WORST,
 )
 from rb_sim.integrate.taylor_steps import (
@@ -333,16 +333,16 @@ class Places:
     """
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
-        self.rows = np.zeros((ROOM, width))
-        room = np.zeros(CALL + WORST + 1)
-        self.call = room[CALL:]
+        self.rows = np.zeros((WORKSPACE, width))
+        workspace = np.zeros(CALL + WORST + 1)
+        self.call = workspace[CALL:]
         plain = interpreted()
         found = [a if plain else where(a) for a in (*arrays, self.rows, self.call)]
         numbers = [*found, coordinates, inputs, width, 0, 0]
-        self.numbers: Any = numbers if plain else room.view(np.int64)
+        self.numbers: Any = numbers if plain else workspace.view(np.int64)
         self.numbers[:CALL] = numbers
-        self.at = numbers if plain else where(room)
-        told = memoryview(room.data).cast("B")[COUNT * room.itemsize :]
+        self.at = numbers if plain else where(workspace)
+        told = memoryview(workspace.data).cast("B")[COUNT * workspace.itemsize :]
         self._one = None if plain else partial(ONE_TIME.pack_into, told, 0)
         """For one time, which is asked for often: half the time of a call."""
 
@@ -367,12 +367,12 @@ def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]
 
     Nothing is sampled where `out` is None; the places were made with a width of 0 then.  The last
     of the inputs is the length of a step that is one law.  At SIZES_AT and SERIES_AT: sizes of a
-    Taylor series, see `integrate.taylor_steps`, and its room, which is kept from call to call.
+    Taylor series, see `integrate.taylor_steps`, and its workspace, which is kept from call to call.
     Returns (status, number of times reached).
     """
     first, count, status = 0, len(times), FINE
     while first < count and status == FINE:
-        some = times if count <= ROOM else times[first : first + ROOM]
+        some = times if count <= WORKSPACE else times[first : first + WORKSPACE]
         places.tell(some, stop)
         status = record_into(places.at)
         done = len(some) if status == FINE else int(places.numbers[REACHED])

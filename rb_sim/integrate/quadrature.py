@@ -75,11 +75,11 @@ EQUAL = 1e-10
 """Relative difference of spacings that are taken as equal."""
 
 M, BREAK, BROKEN, CROWD, CROWDED, TIMES = 0, 1, 2, 3, 4, 5
-ROOM, LAST, SEEN, LONGEST, COLUMNS = 9, 13, 14, 15, 16
+WORKSPACE, LAST, SEEN, LONGEST, COLUMNS = 9, 13, 14, 15, 16
 """Places in the state of an integral: samples of the present piece; the break at which it begins,
 and whether there is one; the last of more breaks before its first sample, and whether there is one;
-the times of its last samples; room for weights; the time of the last sample of all, and whether
-there is one; the longest interval that is no gap; where the columns begin."""
+the times of its last samples; workspace for weights; the time of the last sample of all, and
+whether there is one; the longest interval that is no gap; where the columns begin."""
 SUM, BEFORE, UNTOLD, PART, VALUES, VALUE, SIZE, SIGNED, GAP = 0, 1, 2, 3, 4, 8, 9, 10, 11
 COLUMN = 12
 """Places in each column: the integral; the size of the last sample before the piece; what samples
@@ -105,7 +105,7 @@ def weigh(state, n, start, end):
                 low *= middle - half * GAUSS - state[TIMES + i]
                 high *= middle + half * GAUSS - state[TIMES + i]
                 between *= state[TIMES + j] - state[TIMES + i]
-        state[ROOM + j] = (low + high) / between
+        state[WORKSPACE + j] = (low + high) / between
 
 
 @helper
@@ -115,7 +115,7 @@ def put_parts(state, width, n):
         column = part(state, COLUMNS + COLUMN * c)
         found = 0.0
         for j in range(n):
-            found += state[ROOM + j] * column[VALUES + j]
+            found += state[WORKSPACE + j] * column[VALUES + j]
         column[PART] = found
 
 
@@ -137,14 +137,14 @@ def add_interval(state, width, left):
     if max(abs(b - a - h), abs(c - b - h), abs(d - c - h)) <= EQUAL * h:
         inner, near, far = 13.0 * h / 24.0, 19.0 * h / 24.0, -5.0 * h / 24.0
         if left == 1:
-            state[ROOM], state[ROOM + 1], state[ROOM + 2] = -h / 24.0, inner, inner
-            state[ROOM + 3] = -h / 24.0
+            state[WORKSPACE], state[WORKSPACE + 1], state[WORKSPACE + 2] = -h / 24.0, inner, inner
+            state[WORKSPACE + 3] = -h / 24.0
         elif left == 0:
-            state[ROOM], state[ROOM + 1], state[ROOM + 2] = 9.0 * h / 24.0, near, far
-            state[ROOM + 3] = h / 24.0
+            state[WORKSPACE], state[WORKSPACE + 1], state[WORKSPACE + 2] = 9.0 * h / 24.0, near, far
+            state[WORKSPACE + 3] = h / 24.0
         else:
-            state[ROOM], state[ROOM + 1], state[ROOM + 2] = h / 24.0, far, near
-            state[ROOM + 3] = 9.0 * h / 24.0
+            state[WORKSPACE], state[WORKSPACE + 1], state[WORKSPACE + 2] = h / 24.0, far, near
+            state[WORKSPACE + 3] = 9.0 * h / 24.0
     else:
         weigh(state, NODES, state[TIMES + left], state[TIMES + left + 1])
     put_parts(state, width, NODES)
@@ -292,11 +292,11 @@ def take_equal(state, width, times, values, i, stride, found):
     for j in range(NODES):
         back = found - NODES + j
         if back >= 0:
-            state[ROOM + j] = times[i + stride * back]
+            state[WORKSPACE + j] = times[i + stride * back]
         else:
-            state[ROOM + j] = state[TIMES + NODES + back]
+            state[WORKSPACE + j] = state[TIMES + NODES + back]
     for j in range(NODES):
-        state[TIMES + j] = state[ROOM + j]
+        state[TIMES + j] = state[WORKSPACE + j]
     state[M], state[LAST] = NODES + 1.0, state[TIMES + 3]
 
 

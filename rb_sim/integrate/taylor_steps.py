@@ -18,7 +18,7 @@ from rb_sim.numerics.kernels import call_law, helper, part
 
 SERIES_SIZES = 7
 ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT, COUNT, VARIABLES_AT = range(SERIES_SIZES)
-"""Places in `sizes`: highest order; in the room of the series the first row, numbers of a row,
+"""Places in `sizes`: highest order; in the workspace of the series the first row, numbers of a row,
 events, where their values at order 0 are; how many variables have a series, and where they are if
 they are not the coordinates: y, then z, then the change of z."""
 
@@ -44,11 +44,11 @@ NOISE = 1e-13
 
 
 @helper
-def variables(begin, sizes, n, t, y, p, room):
+def variables(begin, sizes, n, t, y, p, workspace):
     """The variables that have a series, at the start of a step."""
     if not begin:
         return y
-    at = part(room, sizes[VARIABLES_AT])
+    at = part(workspace, sizes[VARIABLES_AT])
     for m in range(n):
         at[m] = y[m]
     call_law(begin, t, y, p, part(at, n))
@@ -56,11 +56,11 @@ def variables(begin, sizes, n, t, y, p, room):
 
 
 @helper
-def of_coordinates(end, sizes, n, t, p, room, work):
+def of_coordinates(end, sizes, n, t, p, workspace, work):
     """Turn the change of the variables, in DY, into that of the coordinates."""
     if not end:
         return
-    at, dy, first = part(room, sizes[VARIABLES_AT]), part(work, DY * n), n + sizes[COUNT]
+    at, dy, first = part(workspace, sizes[VARIABLES_AT]), part(work, DY * n), n + sizes[COUNT]
     for m in range(sizes[COUNT]):
         at[first + m] = dy[m]
     call_law(end, t, at, p, dy)
@@ -76,11 +76,11 @@ def of_variable(own, n, y, work, m):
 
 
 @helper
-def longest(own, sizes, setting_tolerance, largest, n, y, room, work):
+def longest(own, sizes, setting_tolerance, largest, n, y, workspace, work):
     """The step for which the last two terms are within the tolerance [s]; NaN if they are not
     finite."""
     order = sizes[ORDERS]
-    rows = part(room, sizes[COORDINATES_AT])
+    rows = part(workspace, sizes[COORDINATES_AT])
     last = part(rows, (order - 1) * sizes[WIDTH])
     before = part(rows, (order - 2) * sizes[WIDTH])
     most, more = 0.0, 0.0
@@ -101,42 +101,42 @@ def longest(own, sizes, setting_tolerance, largest, n, y, room, work):
 
 
 @helper
-def evaluate(add, sizes, h, room, dy):
+def evaluate(add, sizes, h, workspace, dy):
     """dy becomes y(h) - y(0), and the numbers after it dy/dt(h); of the variables."""
-    call_law(add, h, part(room, sizes[COORDINATES_AT]), room, dy)
+    call_law(add, h, part(workspace, sizes[COORDINATES_AT]), workspace, dy)
 
 
 @helper
-def event(sizes, h, i, room):
+def event(sizes, h, i, workspace):
     """The event function i after h; its coefficients lie after those of the variables."""
     value = 0.0
     at = sizes[COORDINATES_AT] + sizes[COUNT] + i
     for k in range(sizes[ORDERS] - 1, 0, -1):
-        value = h * (room[at + (k - 1) * sizes[WIDTH]] + value)
-    return room[sizes[EVENTS_AT] + i] + value
+        value = h * (workspace[at + (k - 1) * sizes[WIDTH]] + value)
+    return workspace[sizes[EVENTS_AT] + i] + value
 
 
 @helper
-def bend(sizes, h, i, room):
+def bend(sizes, h, i, workspace):
     """A bound of h^2 |e''| of the event function i on the whole step h: of the sums of the terms'
     absolute values."""
     value = 0.0
     at = sizes[COORDINATES_AT] + sizes[COUNT] + i
     for k in range(sizes[ORDERS] - 1, 1, -1):
-        value = h * (abs(room[at + (k - 1) * sizes[WIDTH]]) * k * (k - 1) + value)
+        value = h * (abs(workspace[at + (k - 1) * sizes[WIDTH]]) * k * (k - 1) + value)
     return h * value
 
 
 @helper
-def leaving(sizes, h, i, room):
+def leaving(sizes, h, i, workspace):
     """The part of h after which the event function i, zero at its start, is beyond rounding."""
-    while abs(event(sizes, 0.5 * h, i, room)) > ROUNDING:
+    while abs(event(sizes, 0.5 * h, i, workspace)) > ROUNDING:
         h *= 0.5
     return h
 
 
 @helper
-def before_events(sizes, h, room):
+def before_events(sizes, h, workspace):
     """The part of h before which no event changes its sign.
 
     Over a part d of it an event function is off its chord by no more than (d/h)^2 bend / 8: where
@@ -144,14 +144,14 @@ def before_events(sizes, h, room):
     """
     free = h
     for i in range(sizes[EVENTS]):
-        before = room[sizes[EVENTS_AT] + i]
+        before = workspace[sizes[EVENTS_AT] + i]
         if before == 0.0:  # the law may be that of the side which the motion leaves
-            free = min(free, leaving(sizes, h, i, room))
+            free = min(free, leaving(sizes, h, i, workspace))
             continue
-        bound, at, d = 0.125 * bend(sizes, h, i, room), 0.0, 1.0
+        bound, at, d = 0.125 * bend(sizes, h, i, workspace), 0.0, 1.0
         while at < 1.0 and h * at < free:
             d = min(d, 1.0 - at)
-            value = event(sizes, h * (at + d), i, room)
+            value = event(sizes, h * (at + d), i, workspace)
             changes = (value < 0.0 < before) or (before < 0.0 < value)
             surely = min(abs(value), abs(before)) > bound * d * d
             if changes and d <= 1.0 / LOOKS:

@@ -18,11 +18,11 @@ Place = tuple[int, ...]
 
 
 CLEARED: dict[type, Callable[[Any], Any]] = {}
-"""For classes of systems that have room to work in: the same system with zeros there."""
+"""For classes of systems that have a workspace: the same system with zeros there."""
 
 
 def cleared(system: Any) -> Any:
-    """The system without what was left in its room to work in."""
+    """The system without what was left in its workspace."""
     clear = CLEARED.get(type(system))
     return system if clear is None else clear(system)
 

@@ -51,7 +51,7 @@ class Lanes:
     ) -> None:
         self.laws, self.method, self.n = laws, method, laws.n
         self.columns = list(range(laws.width)) if columns is None else list(columns)
-        self._room: dict[str, np.ndarray] = {}
+        self._workspace: dict[str, np.ndarray] = {}
         self.adaptive = not hasattr(method, "step")
         self._given = len(laws.inputs.values(laws.system, 0.0))
 
@@ -167,9 +167,9 @@ class Lanes:
     def _reused(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
         """An array of any content; memory that a call before has touched costs no page faults."""
         size = int(np.prod(shape))
-        if name not in self._room or len(self._room[name]) < size:
-            self._room[name] = np.zeros(size)
-        return self._room[name][:size].reshape(shape)
+        if name not in self._workspace or len(self._workspace[name]) < size:
+            self._workspace[name] = np.zeros(size)
+        return self._workspace[name][:size].reshape(shape)
 
     def _inputs(self) -> np.ndarray:
         return np.zeros((self._given + lane_loops.EXTRA_INPUTS, LANES))

@@ -64,8 +64,10 @@ class TracedStepper:
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
-        for room in self._rooms.values():
-            room[1:] = 0.0  # a series that was not finite must not get into the sums of another
+        for workspace in self._rooms.values():
+            workspace[1:] = (
+                0.0  # a series that was not finite must not get into the sums of another
+            )
         self._clock[:] = (t, t, t, h)
         self._count[:] = 0
         self.change(system, t)
@@ -91,7 +93,7 @@ class TracedStepper:
 
     def keep(self) -> Kept:
         """A record from which `back_to` carries on from here again, to the last bit."""
-        rooms = {order: room.copy() for order, room in self._rooms.items()}
+        rooms = {order: workspace.copy() for order, workspace in self._rooms.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
         return (*grid, self._inputs.copy(), rooms)
 
@@ -99,8 +101,8 @@ class TracedStepper:
         """The grid of steps as it was then; `kept` serves again."""
         self._clock[:], self._count[:], self._state[:] = kept[:3]
         self._inputs[:] = kept[3]
-        for order, room in kept[4].items():
-            self._rooms[order][:] = room
+        for order, workspace in kept[4].items():
+            self._rooms[order][:] = workspace
 
     @property
     def steps(self) -> int:

@@ -57,7 +57,7 @@ class Equations(NamedTuple):
     """residual that is but the rounding of b."""
 
 
-def room_of(n: int) -> int:
+def workspace_of(n: int) -> int:
     """Numbers of work space that a problem of n lines takes."""
     return 2 * n * n + 16 * n
 
@@ -163,7 +163,7 @@ def relative(p, error, x):
 
 
 @inline
-def newton(p, x, room):
+def newton(p, x, workspace):
     """Newton's iteration from x, in place, each step halved while it does not reduce the residual;
     returns that residual relative to the sizes of x.
 
@@ -171,7 +171,7 @@ def newton(p, x, room):
     acceleration of 1e-8 of the others, whose direction takes the digits below SOLVED.
     """
     n = p.n
-    J, rest = room, part(room, n * n)
+    J, rest = workspace, part(workspace, n * n)
     w, F, dx, before, work = (
         rest, part(rest, n), part(rest, 2 * n), part(rest, 3 * n), part(rest, 4 * n),
     )  # fmt: skip
@@ -250,12 +250,12 @@ SOFTER, PROXIMAL_STEPS = 1e-3, 60
 
 
 @inline
-def search(p, x, room, starts):
+def search(p, x, workspace, starts):
     """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
     where all lines hold and from what sweeps give: the first that is solved or the best; returns
-    its residual. room: of `room_of(n)` numbers."""
+    its residual. workspace: of `workspace_of(n)` numbers."""
     n, residual = p.n, math.inf
-    trial, work = room, part(room, n)
+    trial, work = workspace, part(workspace, n)
     for start in range(starts):
         if residual <= SOLVED:
             break
@@ -274,7 +274,7 @@ def search(p, x, room, starts):
 
 
 @inline
-def approach(p, x, room):
+def approach(p, x, workspace):
     """As `search`, by proximal steps from where sweeps come to (Rockafellar 1976): each is the
     problem with what grips a little less than rigidly around the x before, whose solution Newton's
     method finds.
@@ -298,10 +298,10 @@ def approach(p, x, room):
             softer[k * n + k] += weight
             b[k] = p.b[k] - weight * at[k]
         blur = fill_steps(n, softer, b, step)
-        search(p._replace(A=softer, b=b, step=step, blur=blur), at, room, 1)
+        search(p._replace(A=softer, b=b, step=step, blur=blur), at, workspace, 1)
         for k in range(n):
             trial[k] = at[k]
-        residual = search(p, trial, room, 1)
+        residual = search(p, trial, workspace, 1)
         if residual < least:
             least = residual
             for k in range(n):
@@ -380,16 +380,16 @@ def solution(p, terms, x):
         x[k] = 0.0
     if n == 0:
         return 0.0
-    room, step = np.empty(room_of(n)), np.empty(n)
+    workspace, step = np.empty(workspace_of(n)), np.empty(n)
     matrix, vectors, bounds = np.empty(n * n), np.empty(4 * n), np.empty(p.m + 1)
     A, b, limits = pointer(matrix), pointer(vectors), pointer(bounds)
     even_terms, least, sizes = part(b, n), part(b, 2 * n), part(b, 3 * n)
     even_out(p, terms, A, b, even_terms, limits, least, sizes)
     blur = fill_steps(n, A, even_terms, pointer(step))
     even = p._replace(A=A, b=b, step=pointer(step), least=least, limits=limits, blur=blur)
-    residual = search(even, x, pointer(room), STARTS)
+    residual = search(even, x, pointer(workspace), STARTS)
     if not residual <= CONTRADICTION:
-        residual = approach(even, x, pointer(room))
+        residual = approach(even, x, pointer(workspace))
     for k in range(n):
         x[k] *= sizes[k]
     return residual

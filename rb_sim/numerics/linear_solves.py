@@ -284,9 +284,13 @@ def least_norm(A, b, x, rank, n):
         for i in range(n):
             x[i] = total - total
         return
-    room = np.empty(n * (3 * n + 1) + work_of_singular_vectors(n))
-    a, right, left = pointer(room), part(pointer(room), n * n), part(pointer(room), 2 * n * n)
-    s, work = part(pointer(room), 3 * n * n), part(pointer(room), n * (3 * n + 1))
+    workspace = np.empty(n * (3 * n + 1) + work_of_singular_vectors(n))
+    a, right, left = (
+        pointer(workspace),
+        part(pointer(workspace), n * n),
+        part(pointer(workspace), 2 * n * n),
+    )
+    s, work = part(pointer(workspace), 3 * n * n), part(pointer(workspace), n * (3 * n + 1))
     for i in range(n):
         for j in range(n):
             a[i * n + j] = A[i, j]

@@ -39,13 +39,13 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP,
     KINETIC,
     LEAN_BEFORE,
+    LEAN_SIGN,
+    NORMAL_SIGN,
     PER_SLIP,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
     ROUNDED,
-    SENSE,
-    SIDE,
     SLIP,
     SPINNING_ARM,
     STATIC,
@@ -126,8 +126,8 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
         )
         touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
         touch[c, [PER_SLIP, ROUNDED]] = law.per_slip, law.rounded
-        touch[c, [BILATERAL, COMPLIANT, SIDE]] = law.bilateral, law.compliant, 1.0
-        touch[c, [SENSE, LEAN_BEFORE + 6]] = 1.0
+        touch[c, [BILATERAL, COMPLIANT, NORMAL_SIGN]] = law.bilateral, law.compliant, 1.0
+        touch[c, [LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
     return touch
 
 
@@ -157,8 +157,8 @@ def check_contacts(
     if scene.simulation.project_initial:
         if not move_apart(system, y, laws, t):
             raise SceneError(
-                "contacts contradict each other or the constraints: no state near the initial one "
-                f"is without overlap ({deepest_name(system, names, laws)})",
+                "contacts contradict each other or the constraints: every state near the initial "
+                f"one has an overlap ({deepest_name(system, names, laws)})",
                 key="constraints",
                 file=scene.file,
             )
@@ -166,10 +166,14 @@ def check_contacts(
     for c, name in enumerate(names):
         gap = system.touch[c, GAP] / system.length
         if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
-            refuse_initial(scene, name, "the initial position", abs(float(gap)))
+            amount = abs(float(system.touch[c, GAP]))
+            problem = f"{'overlap' if gap < 0.0 else 'gap'} of {amount:.2g} m at the start"
+            refuse_initial(scene, name, problem)
         slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
-            refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
+            amount = f"{slip * system.speed:.2g} m/s"
+            problem = f"the contact point of this rough contact slips at {amount} at the start"
+            refuse_initial(scene, name, problem)
 
 
 def refuse_middle(
@@ -184,8 +188,8 @@ def refuse_middle(
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
-                f"the center of mass of {body} is in the very middle of the round surface, where "
-                f"no point is the nearest; move bodies.{body}.position by a little",
+                f"the center of mass of {body} is at the centre of the round surface, where no "
+                f"point is nearest; change bodies.{body}.position slightly",
                 key=f"constraints.{name}",
                 file=scene.file,
             ) from None
@@ -220,7 +224,7 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
 def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
     """The gap of each rigid contact that can touch [m], 0 of others, (contacts,)."""
     compliant = np.array([law.compliant for law in laws], dtype=bool)
-    counts = ~compliant & (system.touch[:, SENSE] != ABSENT)
+    counts = ~compliant & (system.touch[:, LEAN_SIGN] != ABSENT)
     return np.where(counts, system.touch[:, GAP], 0.0)
 
 
@@ -424,6 +428,6 @@ def contact_scales(
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
     speed = max([*speeds, (9.81 * length) ** 0.5])
     if not isfinite(length * length + speed * speed):
-        what = "lengths, speeds or spins are so large that their squares overflow"
+        what = "lengths, speeds or spins are too large: their squares overflow"
         raise SceneError(what, key="bodies", file=scene.file)
     return length, speed

@@ -43,7 +43,7 @@ _LOCK = threading.Lock()
 def recent_laws(system: Any, others: Hashable, make: Callable[[Any], Any]) -> Any:
     """make(system), or what it gave for an equal system and equal `others`.
 
-    The laws get a system of their own, without what steps left in its room to work in.
+    The laws get a system of their own, without what steps left in its workspace.
     """
     own = cleared(system)
     try:

@@ -171,16 +171,16 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     if scene.simulation.project_initial:
         return
     name = next(iter(scene.bodies))
-    size, what = misfit(place.state(name), reduced.state, reduced.length)
+    size, what, amount = misfit(place.state(name), reduced.state, reduced.length)
     if size > MISFIT:
         joint = next(k for k, s in scene.constraints.items() if s.type != "free")
-        refuse_initial(scene, joint, f"the initial {what} of {name}", size)
+        refuse_initial(scene, joint, f"the initial {what} of {name} violates it by {amount}")
 
 
-def refuse_initial(scene: Scene, constraint: str, what: str, size: float) -> None:
+def refuse_initial(scene: Scene, constraint: str, problem: str) -> None:
+    """Raise SceneError: the start violates a constraint. problem: what does, and by how much."""
     raise SceneError(
-        f"{what} violates it by {size:.2g} (relative to the scene's size; at most {MISFIT:g} is "
-        "allowed); correct it or set simulation.project_initial: true",
+        f"{problem} (must be 0); correct it or set simulation.project_initial: true",
         key=f"constraints.{constraint}",
         file=scene.file,
     )
@@ -202,13 +202,15 @@ def check_maximal(
         with np.errstate(all="ignore"):  # what does not stay finite is refused below
             before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
-        refuse_lines(scene, "have no direction there: points that must be apart coincide")
+        refuse_lines(scene, "have no direction: points that must be apart coincide")
     lines = before.shape[1]
-    misfits = zip(("position", "velocity"), relative(system, before, *scales), strict=True)
-    for what, error in misfits if lines and not scene.simulation.project_initial else ():
+    units = zip(("position", "velocity"), scales, ("m", "m/s"), strict=True)
+    misfits = zip(units, relative(system, before, *scales), strict=True)
+    for (what, scale, unit), error in misfits if lines and not scene.simulation.project_initial else ():
         if error.max() > MISFIT:
             owner = owners[part_of(system, int(error.argmax()))]
-            refuse_initial(scene, owner, f"the initial {what}", float(error.max()))
+            amount = f"{error.max() * scale:.2g} {unit}"
+            refuse_initial(scene, owner, f"the initial {what} violates it by {amount}")
     if not (relative(system, after, system.length, system.speed) <= ON_MANIFOLD).all():  # nor NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
@@ -220,17 +222,16 @@ def check_maximal(
             hidden = hidden_by_masses(system, t, y) if isinstance(system, MultiBody) else ()
             singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     except np.linalg.LinAlgError:
-        refuse_lines(scene, "overflow there: lengths or masses are too large, or too small")
+        refuse_lines(scene, "overflow: lengths or masses are too large or too small")
     if len(hidden):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
         refuse_masses(scene, ", ".join(found))
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(
-            f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
-            "dead centre, or bearings too close to tell apart), where accelerations and reactions "
-            "are not determined; start beside it, set bearings further apart, or leave one of them "
-            "out",
+            f"singular initial position: {', '.join(found)} lose rank there (a dead centre, or "
+            "bearings too close together), so that accelerations and reactions are not unique; "
+            "start in another position, move bearings apart, or remove one of these constraints",
             key="constraints",
             file=scene.file,
         )
@@ -239,16 +240,16 @@ def check_maximal(
 
 def refuse_lines(scene: Scene, why: str) -> NoReturn:
     raise SceneError(
-        f"their lines in the initial position {why}", key="constraints", file=scene.file
+        f"their equations in the initial position {why}", key="constraints", file=scene.file
     )
 
 
 def refuse_masses(scene: Scene, constraints: str) -> None:
     masses = [body.mass for body in scene.bodies.values()]
     raise SceneError(
-        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg hang on each other by "
-        f"{constraints}: doubles cannot tell its lines from dependent ones; give the light body "
-        "more mass (a ratio up to some 1e10 runs), or leave it out",
+        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg connected by {constraints} "
+        "differ too much for double precision; give the light body more mass (ratios up to about "
+        "1e10 run), or remove it",
         key="constraints",
         file=scene.file,
     )

@@ -56,7 +56,7 @@ def contact_balance(
     """The Balance of a contact in these modes, and its normal force."""
     from rb_sim import load_scene
     from rb_sim.contact.events.next_event import begin_step
-    from rb_sim.mechanics.contact.contact_table import CLOSED, FORCE, ROLL, SLIDE, SPIN
+    from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.scene.compile import compile_scene
 
     shape, surface = GEOMETRIES[geometry]
@@ -73,7 +73,7 @@ def contact_balance(
     y = random_motion(system, together(system, compiled.y, rng), rng, False)
     begin_step(system, 0.0, y, np.zeros_like(y))
     found = balance_at(compiled, y)
-    return found, float(touch[0, FORCE])
+    return found, float(touch[0, NORMAL_FORCE])
 
 
 def together(system: Any, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:

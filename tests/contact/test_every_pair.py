@@ -142,7 +142,7 @@ class Found(NamedTuple):
 def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     from rb_sim import load_scene
     from rb_sim.contact.events.next_event import begin_step
-    from rb_sim.mechanics.contact.contact_table import CLOSED, FORCE, ROLL, SLIDE, SPIN
+    from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.mechanics.system import rate_into
     from rb_sim.scene.compile import compile_scene
 
@@ -160,7 +160,7 @@ def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     begin_step(system, 0.0, y, np.zeros_like(y))
     slope = np.zeros_like(y)
     rate_into(system, 0.0, y, slope)
-    pushes = touch[points, FORCE].copy()
+    pushes = touch[points, NORMAL_FORCE].copy()
     held = held_velocities(system, points, mode, y)
     leaving = np.abs(difference(lambda t: held(y + t * slope))).max()
     return Found(balance_at(compiled, y), pushes, float(leaving))

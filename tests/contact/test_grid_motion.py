@@ -17,13 +17,13 @@ from rb_sim.mechanics.contact.contact_table import (
     DRAGS,
     KINETIC,
     LEAN_BEFORE,
+    LEAN_SIGN,
+    NORMAL_SIGN,
     PER_SLIP,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
     ROUNDED,
-    SENSE,
-    SIDE,
     SPINNING_ARM,
     STATIC,
 )
@@ -96,7 +96,10 @@ def test_the_table_of_contacts_at_the_start() -> None:
     columns = [STATIC, ROLLING_ARM, SPINNING_ARM, RESTITUTION, KINETIC, PER_SLIP, ROUNDED]
     assert touch[:, columns].tolist() == [[0.5, 0.1, 0.2, 0.6, 0.4, 3.0, 0.01]] * 2
     assert touch[:, [DRAGS, BILATERAL, COMPLIANT]].tolist() == [[1.0] * 3, [0.0] * 3]
-    assert touch[:, [RIM, SIDE, SENSE, LEAN_BEFORE + 6]].tolist() == [[-1.0, 1.0, 1.0, 1.0]] * 2
+    assert (
+        touch[:, [RIM, NORMAL_SIGN, LEAN_SIGN, LEAN_BEFORE + 6]].tolist()
+        == [[-1.0, 1.0, 1.0, 1.0]] * 2
+    )
     assert np.count_nonzero(touch) == 7 * 2 + 3 + 4 * 2
 
 

@@ -16,17 +16,17 @@ from rb_sim.catalogue.contacts.friction import straight_on
 from rb_sim.mechanics.contact.constraint_tables import write_contacts
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     CLOSED,
     GAP,
     GAP_RATE,
     NORMAL,
     POINT,
+    RELATIVE_SPIN,
     ROLL,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SPIN,
-    TURN,
 )
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene
@@ -187,7 +187,7 @@ def test_lines_are_gap_slip_and_turning(shape: str, support: str, seed: int) -> 
     assert_allclose(difference(gap), excess[0], atol=1e-7)
     lines(system, t, *states)
     t1, t2, n = G[1, :3], G[2, :3], touch[NORMAL : NORMAL + 3]
-    slip, turn = touch[SLIP : SLIP + 3], touch[TURN : TURN + 3]
+    slip, turn = touch[SLIP : SLIP + 3], touch[RELATIVE_SPIN : RELATIVE_SPIN + 3]
     assert abs(slip @ n) <= 1e-12
     assert_allclose([t1 @ slip, t2 @ slip], excess[1:3], atol=1e-12)
     assert_allclose([t1 @ turn, t2 @ turn, n @ turn], excess[3:], atol=1e-12)
@@ -204,7 +204,7 @@ def test_sliding_pushes_along_the_traction(support: str, seed: int) -> None:
     lines(system, t, *states)
     system.touch[0, [SLIDE, ROLL, SPIN]] = SLIDING, 0.0, 0.0
     slip = system.touch[0, SLIP : SLIP + 3].copy()
-    system.touch[0, AHEAD : AHEAD + 3] = slip / np.linalg.norm(slip)
+    system.touch[0, SLIP_DIRECTION : SLIP_DIRECTION + 3] = slip / np.linalg.norm(slip)
     write_contacts(system.contacts, t, system, coordinates(*states), 0, True)
     n, p = system.touch[0, NORMAL : NORMAL + 3], system.touch[0, POINT : POINT + 3]
     push = n - 0.4 * slip / np.linalg.norm(slip)

@@ -12,7 +12,7 @@ from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
 from rb_sim.contact.tunnelling import thickness
-from rb_sim.mechanics.contact.contact_table import GAP, SENSE, SLIP, TOUCH_WIDTH
+from rb_sim.mechanics.contact.contact_table import GAP, LEAN_SIGN, SLIP, TOUCH_WIDTH
 from rb_sim.scene import compile_contacts
 from rb_sim.scene.compile_contacts import contact_scales, overlaps, placed_part
 
@@ -115,7 +115,7 @@ def test_which_starts_are_refused(
 
 def test_overlaps_are_of_rigid_contacts_that_can_touch() -> None:
     touch = np.zeros((3, TOUCH_WIDTH))
-    touch[:, GAP], touch[:, SENSE] = (-0.1, -0.2, -0.3), (1.0, 1.0, ABSENT)
+    touch[:, GAP], touch[:, LEAN_SIGN] = (-0.1, -0.2, -0.3), (1.0, 1.0, ABSENT)
     laws: Any = [SimpleNamespace(compliant=soft) for soft in (False, True, False)]
     assert overlaps(SimpleNamespace(touch=touch), laws).tolist() == [-0.1, 0.0, 0.0]  # type: ignore[arg-type]
 

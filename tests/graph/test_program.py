@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.graph.table_program import MOST_ROOM, Field, PlainProgram, Program
+from rb_sim.graph.table_program import MOST_WORKSPACE, Field, PlainProgram, Program
 from tests.graph.test_machine import run
 
 
 def summing() -> Program:
     """out[i] = t y[2 i] + p[0], and the sum so far of the products y[2 i] y[2 i + 1] c_i."""
     program = Program()
-    total, constants = program.room(1), program.keep([2.0, 3.0, 5.0])
+    total, constants = program.workspace(1), program.keep([2.0, 3.0, 5.0])
     program.run("zero", lambda t: [[0.0]], [], [("frame", [total])])
 
     def kernel(t, pair, c, p, so_far):
@@ -42,6 +42,6 @@ def test_instances_go_in_turn_and_see_what_those_before_wrote():
 
 def test_a_frame_that_would_not_fit_on_the_stack_is_refused():
     program = summing()
-    program.room(MOST_ROOM)
+    program.workspace(MOST_WORKSPACE)
     with pytest.raises(ValueError, match="must be at most"):
         program.compiled()

@@ -85,15 +85,15 @@ def laws_of(outputs: list[Any], monkeypatch: pytest.MonkeyPatch, how: str) -> Se
 
 def room_of(laws: SeriesLaws, order: int, t: float, y: list[float]) -> np.ndarray:
     """The series from (t, y) on, with its parameter."""
-    room = np.zeros(laws.size(order))
-    room[0] = order
-    evaluate(laws.expand, t, np.array(y), np.array([PARAMETER]), room)
-    return room
+    workspace = np.zeros(laws.size(order))
+    workspace[0] = order
+    evaluate(laws.expand, t, np.array(y), np.array([PARAMETER]), workspace)
+    return workspace
 
 
-def rows(laws: SeriesLaws, room: np.ndarray, order: int) -> np.ndarray:
+def rows(laws: SeriesLaws, workspace: np.ndarray, order: int) -> np.ndarray:
     """The coefficients of y, an order a row."""
-    return room[laws.first : laws.first + order * laws.width].reshape(order, -1)[:, : laws.n]
+    return workspace[laws.first : laws.first + order * laws.width].reshape(order, -1)[:, : laws.n]
 
 
 @pytest.mark.parametrize("how", ["whole", "few", "parts", "plain"])
@@ -123,11 +123,11 @@ def test_every_order(order: int, how: str, monkeypatch: pytest.MonkeyPatch) -> N
     graph = Graph()
     y, x = graph.vector("y", 2)
     laws = laws_of([y, x * y], monkeypatch, how)
-    room = np.full(laws.size(order), 0.0)
-    room[0] = order
+    workspace = np.full(laws.size(order), 0.0)
+    workspace[0] = order
     for start in ([2.0, -3.0], [1.0, 1.0]):
-        evaluate(laws.expand, 0.0, np.array(start), np.zeros(1), room)
-    found = rows(laws, room, order)
+        evaluate(laws.expand, 0.0, np.array(start), np.zeros(1), workspace)
+    found = rows(laws, workspace, order)
     orders = range(1, order + 1)
     ones = [1 / math.factorial(k) for k in orders]
     bells = [bell(k) / math.factorial(k) for k in orders]
@@ -142,9 +142,9 @@ def test_sum_of_series_and_slope(n: int, how: str, monkeypatch: pytest.MonkeyPat
     graph = Graph()
     outputs = [-float(i + 1) * y for i, y in enumerate(graph.vector("y", n))]
     laws = laws_of(outputs, monkeypatch, how)
-    room = room_of(laws, 30, 0.0, [1.0] * n)
+    workspace = room_of(laws, 30, 0.0, [1.0] * n)
     out, h, rates = np.full(2 * n + 1, 7.0), 0.1, -np.arange(1.0, n + 1.0)
-    evaluate(laws.add, h, room[laws.first :], room, out)
+    evaluate(laws.add, h, workspace[laws.first :], workspace, out)
     assert_allclose(out[:n], np.expm1(rates * h), rtol=1e-14)
     assert_allclose(out[n : 2 * n], rates * np.exp(rates * h), rtol=1e-13)
     assert out[-1] == 7.0
@@ -154,11 +154,11 @@ def test_events_have_series_of_their_own() -> None:
     graph = Graph()
     t = graph.input("t")
     laws = SeriesLaws([where(t * t < 1.0, t, 1.0) + abs(t - 3.0)])
-    room = room_of(laws, 4, START, [0.0])
+    workspace = room_of(laws, 4, START, [0.0])
     at, events = laws.events_at, sorted([START**2 - 1.0, START - 3.0])
     assert laws.events == 2
-    assert_allclose(sorted(room[at : at + 2]), events)
-    table = room[laws.first :].reshape(-1, laws.width)
+    assert_allclose(sorted(workspace[at : at + 2]), events)
+    table = workspace[laws.first :].reshape(-1, laws.width)
     assert_allclose(sorted(table[0, 1:3]), [1.0, 2.0 * START])
     assert_allclose(sorted(table[1, 1:3]), [0.0, 1.0])
 

@@ -144,8 +144,8 @@ def test_the_widest_margin() -> None:
     assert_allclose(widest(triangle).y, [radius, radius], atol=1e-9)
     capped = cones(3, [(1.0, [-1.0, 0.0, 0.0])], [(np.zeros(3), np.eye(3))])
     assert_allclose(widest(capped).y, [0.5, 0.0, 0.0], atol=1e-9)
-    room = cones(1, [(10.0, [1.0]), (10.0, [-1.0])])
-    assert room.slack(widest(room).y).min() >= 1.0 - 1e-9
+    workspace = cones(1, [(10.0, [1.0]), (10.0, [-1.0])])
+    assert workspace.slack(widest(workspace).y).min() >= 1.0 - 1e-9
     nowhere = cones(1, [(-1.0, [1.0]), (-0.4, [-1.0])])
     assert nowhere.slack(widest(nowhere).y).min() == pytest.approx(-0.7, abs=1e-9)
 

@@ -144,24 +144,24 @@ class NoResistance(NamedTuple):
 
 
 @dispatch
-def resisting(law, turn, normal, modes, ahead, spin_ahead, least):
+def resisting(law, turn, normal, modes, ahead, spin_sign, least):
     """Torque on the body per unit of normal force, world axes.
 
     turn: relative angular velocity; modes: (rolling, spinning) as in the table of contacts, 1 for
-    sliding; ahead, spin_ahead: directions at the start of the step; least: turning that is but
+    sliding; ahead, spin_sign: directions at the start of the step; least: turning that is but
     rounding [rad/s].
     """
 
 
 @resisting.register(NoResistance)
-def no_resistance(law, turn, normal, modes, ahead, spin_ahead, least):
+def no_resistance(law, turn, normal, modes, ahead, spin_sign, least):
     return (0.0, 0.0, 0.0)
 
 
 @resisting.register(Resistance)
-def resistance_torque(law, turn, normal, modes, ahead, spin_ahead, least):
+def resistance_torque(law, turn, normal, modes, ahead, spin_sign, least):
     about = dot(turn, normal)
     d = straight_on(sub(turn, scale(about, normal)), ahead, least)
     rolls, spins = (modes[0] > 0.5) & (modes[0] < 1.5), (modes[1] > 0.5) & (modes[1] < 1.5)
     across = where(rolls, scale(-law.rolling, d), (0.0, 0.0, 0.0))
-    return add(across, where(spins, scale(-law.spinning * spin_ahead, normal), (0.0, 0.0, 0.0)))
+    return add(across, where(spins, scale(-law.spinning * spin_sign, normal), (0.0, 0.0, 0.0)))

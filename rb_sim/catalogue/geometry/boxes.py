@@ -113,10 +113,10 @@ def cut(polygon, count, out, n, height):
 
 
 @inline
-def face_points(points, room, c, axes, half, axis, sign, c_I, axes_I, half_I):
+def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_I):
     """Corners of the face of the other box (I) cut to the prism over a face of the first one.
 
-    points: rows (x, y, z, distance from that face); room: work space of two polygons.
+    points: rows (x, y, z, distance from that face); workspace: work space of two polygons.
     """
     n = scale(sign, axes[axis])
     facing, side = 0, 1.0
@@ -130,25 +130,25 @@ def face_points(points, room, c, axes, half, axis, sign, c_I, axes_I, half_I):
         su = half_I[u] if k == 0 or k == 3 else -half_I[u]
         sv = half_I[v] if k < 2 else -half_I[v]
         p = add(middle, add(scale(su, axes_I[u]), scale(sv, axes_I[v])))
-        room[0, k, 0], room[0, k, 1], room[0, k, 2] = p
+        workspace[0, k, 0], workspace[0, k, 1], workspace[0, k, 2] = p
     count, now = 4, 0
     for k in range(1, 3):
         i = (axis + k) % 3
         slack = ON_SIDE * half[i]
         for way in range(2):
             e = axes[i] if way == 0 else scale(-1.0, axes[i])
-            count = cut(room[now], count, room[1 - now], e, dot(e, c) + half[i] + slack)
+            count = cut(workspace[now], count, workspace[1 - now], e, dot(e, c) + half[i] + slack)
             now = 1 - now
     level = dot(n, c) + half[axis]
     for k in range(count):
-        p = (room[now, k, 0], room[now, k, 1], room[now, k, 2])
+        p = (workspace[now, k, 0], workspace[now, k, 1], workspace[now, k, 2])
         points[k, 0], points[k, 1], points[k, 2] = p
         points[k, 3] = dot(n, p) - level
     return count
 
 
 @inline
-def boxes_touching(points, room, q_A, c_A, half_A, q_B, c_B, half_B, reach):
+def boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach):
     """(how many points, normal from A to B) of two boxes; none where they are apart by `reach`.
 
     points: rows (x, y, z, gap), x on B's surface; c: centres, half: half edges.
@@ -170,18 +170,20 @@ def boxes_touching(points, room, q_A, c_A, half_A, q_B, c_B, half_B, reach):
         count = edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, edges)
         return count, n
     if of_B > of_A + FACE_FIRST * size:
-        count = face_points(points, room, c_B, axes_B, half_B, axis_B, sign_B, c_A, axes_A, half_A)
+        count = face_points(
+            points, workspace, c_B, axes_B, half_B, axis_B, sign_B, c_A, axes_A, half_A
+        )
         n = scale(-sign_B, axes_B[axis_B])
         for k in range(count):
             for m in range(3):
                 points[k, m] += points[k, 3] * n[m]
         return count, n
-    count = face_points(points, room, c_A, axes_A, half_A, axis_A, sign_A, c_B, axes_B, half_B)
+    count = face_points(points, workspace, c_A, axes_A, half_A, axis_A, sign_A, c_B, axes_B, half_B)
     return count, scale(sign_A, axes_A[axis_A])
 
 
 def box_points(q_A, c_A, half_A, q_B, c_B, half_B, reach):
     """(points, normal) of two boxes, as arrays: what the tests look at."""
-    points, room = np.zeros((12, 4)), np.zeros((2, 12, 3))
-    count, n = boxes_touching(points, room, q_A, c_A, half_A, q_B, c_B, half_B, reach)
+    points, workspace = np.zeros((12, 4)), np.zeros((2, 12, 3))
+    count, n = boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach)
     return points[:count].copy(), np.array(n)

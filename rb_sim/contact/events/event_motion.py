@@ -62,13 +62,13 @@ from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
     COMPLIANT,
     CREEPS,
-    FORCE,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    NORMAL_FORCE,
+    RELATIVE_SPIN,
     ROLL,
     SLIDE,
     SLIP,
     STATIC,
-    TURN,
 )
 from rb_sim.mechanics.contact.creep import SLOWER
 from rb_sim.mechanics.samples import Array, ContactEvent
@@ -91,8 +91,8 @@ def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
         return frozenset()
     touch, unit = system.touch, system.mass * system.speed**2 / system.length
     rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
-    push = touch[:, FORCE] / unit
-    fallen = touch[:, LEVELS_BEFORE] - push
+    push = touch[:, NORMAL_FORCE] / unit
+    fallen = touch[:, EVENT_FUNCTIONS_BEFORE] - push
     left = push * (t - begun) <= fallen * at_one_instant(t)
     return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
 
@@ -146,7 +146,10 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
     before = velocities(at.system, at.y)
     left = float(np.linalg.norm(touch[cs, SLIP : SLIP + 3], axis=1).max())
     if mode != SLIDE:
-        left = float(np.linalg.norm(touch[cs, TURN : TURN + 3], axis=1).max()) * at.system.length
+        left = (
+            float(np.linalg.norm(touch[cs, RELATIVE_SPIN : RELATIVE_SPIN + 3], axis=1).max())
+            * at.system.length
+        )
     creep = touch[cs, CREEPS].copy()
     touch[cs, mode], touch[cs, CREEPS] = STUCK, 0.0
     at.call(SETTLE, at.t, at.y)
@@ -167,8 +170,8 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
 def nearly_depend(at: Instant) -> bool:
     """True where lines that hold are taken to depend on each other, but do not to the last: forces
     that keep all of them at rest are none, or without bound."""
-    held = at.room.used[: find_held(at.system, at.room)]
-    rows = scaled_lines(at.room.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    held = at.workspace.used[: find_held(at.system, at.workspace)]
+    rows = scaled_lines(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
     _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 
@@ -213,8 +216,8 @@ class ContactMotion(StrikingMotion):
         self.laws = self.compiled.contact_laws
         self._journal = Journal(self.names, self.laws)
         super().reset(y, time)
-        forget_bounces(self._call.room)
-        self._call.room.undetermined[:] = 0.0
+        forget_bounces(self._call.workspace)
+        self._call.workspace.undetermined[:] = 0.0
         self._lifted_off = LeftOpen()
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
@@ -237,7 +240,7 @@ class ContactMotion(StrikingMotion):
     @property
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
-        widest = widest_of(self._call.room, self.names)
+        widest = widest_of(self._call.workspace, self.names)
         return max(widest, self._lifted_off, self._doubted)
 
     def warm(self) -> None:
@@ -286,7 +289,7 @@ class ContactMotion(StrikingMotion):
 
     def _begin(self) -> None:
         """The first modes; interpreted, so that making a Motion compiles nothing."""
-        call, plain = self._call, Tasks(self.system, None, self._call.room)
+        call, plain = self._call, Tasks(self.system, None, self._call.workspace)
         self._made = self.system, plain
         try:
             self._happen(None)
@@ -326,7 +329,7 @@ class ContactMotion(StrikingMotion):
             self._begin_flights(t, y)
             return
         instant = Instant(self.laws, self._call, t, y)
-        self._journal.take(instant.room)
+        self._journal.take(instant.workspace)
         if done == tasks.AT_IMPACTS:
             self._strike(instant)
         self._go_on(instant, code)
@@ -354,14 +357,14 @@ class ContactMotion(StrikingMotion):
         """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
         dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
         if dragged:
-            self._journal.take(instant.room)
+            self._journal.take(instant.workspace)
             refuse_drag(instant.t, self.names[dragged - 1])
         self._begin_flights(instant.t, instant.y)
 
     def _begin_flights(self, t: float, y: Array) -> None:
         """A new grid from (t, y), in whose first step the flights can be seen to end."""
         call = self._call
-        self._journal.take(call.room)
+        self._journal.take(call.workspace)
         length = call.found
         self._pause = t + length if self._fixed else math.inf
         h = self._grid.h if length == math.inf else min(self._grid.h or length, length)
@@ -404,7 +407,7 @@ class ContactMotion(StrikingMotion):
         the push vanishes, the end of the push."""
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
-        push = np.abs(self.system.touch[:, FORCE])
+        push = np.abs(self.system.touch[:, NORMAL_FORCE])
         pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
         if not pushes or code[0] in lifted:
             code = code[0], LIFT_OFF

@@ -20,13 +20,13 @@ from rb_sim.mechanics.contact.contact_bodies import LIES_FLAT, ContactBodies
 from rb_sim.mechanics.contact.contact_table import (
     AXIS,
     CLOSED,
-    FORCE,
     LEAN_BEFORE,
     LOW,
     NORMAL,
+    NORMAL_FORCE,
     POINT,
-    SPIN_AHEAD,
-    TURN,
+    RELATIVE_SPIN,
+    SPIN_SIGN,
 )
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import BODY, state_of
@@ -85,22 +85,22 @@ def aim_under_the_load(at: Instant, rims: Rims) -> bool:
     touch, aims = at.system.touch, {}
     slow = SLOW * at.system.speed / at.system.length
     down = [c for c in lying(at, rims) if np.linalg.norm(falling(at, c)) <= slow]
-    modes = touch[:, CLOSED : SPIN_AHEAD + 1].copy()
+    modes = touch[:, CLOSED : SPIN_SIGN + 1].copy()
     groups = [[c for c in down if rims[c] == rim] for rim in {rims[c] for c in down}]
     borne = [points for points in groups if touch[points, CLOSED].any()]
     for points in borne:
         first = next(c for c in points if touch[c, CLOSED] == 1.0)
-        touch[points, CLOSED : SPIN_AHEAD + 1] = touch[first, CLOSED : SPIN_AHEAD + 1]
+        touch[points, CLOSED : SPIN_SIGN + 1] = touch[first, CLOSED : SPIN_SIGN + 1]
     if not borne:
         return False
     at.call(ACCELERATE, at.t, at.y)
     for points in borne:
-        push, off = touch[points, FORCE], touch[points, POINT : POINT + 3]
+        push, off = touch[points, NORMAL_FORCE], touch[points, POINT : POINT + 3]
         off = off - off.mean(axis=0)
         most = float(np.abs(push).sum() * np.abs(off).max())
         middle = push @ off / most if most > 0.0 else np.zeros(3)
         aims |= {c: middle for c in points}
-    touch[:, CLOSED : SPIN_AHEAD + 1] = modes
+    touch[:, CLOSED : SPIN_SIGN + 1] = modes
     at.refresh()
     return aim(at, aims, BORNE)
 
@@ -129,7 +129,7 @@ def letting_go(at: Instant, rims: Rims) -> frozenset[int]:
 def falling(at: Instant, c: int) -> Array:
     """Where the rim of contact c goes down as it turns, by its rate: turn x n."""
     touch = at.system.touch
-    return np.cross(touch[c, TURN : TURN + 3], touch[c, NORMAL : NORMAL + 3])
+    return np.cross(touch[c, RELATIVE_SPIN : RELATIVE_SPIN + 3], touch[c, NORMAL : NORMAL + 3])
 
 
 def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:

@@ -16,7 +16,7 @@ from rb_sim.mechanics.contact.contact_bodies import FREE, SHARP, least_slip
 from rb_sim.mechanics.contact.contact_table import (
     AT_SLIP,
     CREEPS,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
     SLIDE,
     SLIP,
     STIFF,
@@ -62,7 +62,7 @@ def note_stiffness(system, y):
         level = SHARP * norm(vec(touch, c, SLIP)) / system.speed
         if touch[c, CREEPS] > 0.0:
             touch[c, STIFF] = own_rate(system, y, c, AT_SLIP) / max(level, least)
-        elif least < touch[c, LEVELS_BEFORE + AT_SLIP] < FREE:
+        elif least < touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP] < FREE:
             rate = own_rate(system, y, c, AT_SLIP) / level
             lasts = rate * time_to_stop(touch, c, AT_SLIP, SLIDE) > LASTS
             touch[c, STIFF] = rate if lasts else 0.0
@@ -147,14 +147,23 @@ def length_of_next(method, h, error, work):
 def increment(method, system, t, y, h, work):
     """dy over one step of length h from (t, y) into its row of `work`; returns the error
     estimate, relative to the tolerance 1."""
-    n, room = y.shape[0], pointer(work)
+    n, workspace = y.shape[0], pointer(work)
     if is_implicit(work):
         return call_step(
             method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
-            part(room, DY * n), room,
+            part(workspace, DY * n), workspace,
         )  # fmt: skip
     return call_step(
-        method.step, method.rate, 0, n, t, pointer(y), h, address(system), part(room, DY * n), room
+        method.step,
+        method.rate,
+        0,
+        n,
+        t,
+        pointer(y),
+        h,
+        address(system),
+        part(workspace, DY * n),
+        workspace,
     )
 
 

@@ -138,11 +138,11 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
     """Impulses of all lines for the impulse process of contact c, joints taking part; None if the
     process has no end."""
     k, joints = at.first[c], at.first[0]
-    J = at.room.J
+    J = at.workspace.J
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
     v = own @ velocities(at.system, at.y)
-    v = v - at.room.line_rate[k : k + 3]
+    v = v - at.workspace.line_rate[k : k + 3]
     law = at.laws[c]
     x = impulse_process(A, v, law.kinetic, law.restitution)
     if x is None:
@@ -158,7 +158,7 @@ def least_lifted(at: Instant) -> int | None:
     lines = [at.first[c] for c in at.touching()]
     if not lines:
         return None
-    J, W = at.room.J[lines], at.room.W[lines]
+    J, W = at.workspace.J[lines], at.workspace.W[lines]
     lifted, alone = (np.einsum("ij,jk,ik->i", J, at.inverse_mass, P) for P in (W, J))
     return at.touching()[int(np.argmin(lifted / alone))]
 
@@ -178,19 +178,19 @@ def leap(at: Instant, duration: float) -> Array | None:
     and contact forces work on the mean velocity.  None if the laws have no solution here either."""
     touching, touch = at.touching(), at.system.touch
     pressed = [c for c, law in enumerate(at.laws) if law.compliant and touch[c, CLOSED] == 1.0]
-    at.room.taking_part[:] = 0
-    at.room.taking_part[touching], at.room.taking_part[pressed] = CANDIDATE, PRESSED
-    at.room.moved[:] = 0
+    at.workspace.taking_part[:] = 0
+    at.workspace.taking_part[touching], at.workspace.taking_part[pressed] = CANDIDATE, PRESSED
+    at.workspace.moved[:] = 0
     for c in (*touching, *pressed):
-        at.room.moved[c] = what_moves(at, c)
+        at.workspace.moved[c] = what_moves(at, c)
         rest_if_it_may(at, c)
     at.refresh()
     if at.call.over(at.t, at.y, duration) != SOLVED:
         return None
     u = velocities(at.system, at.y)
-    impulses = at.room.impulses.copy()
-    p = at.room.W.T @ impulses
-    after = u + duration * at.room.free_accelerations + at.inverse_mass @ p
+    impulses = at.workspace.impulses.copy()
+    p = at.workspace.W.T @ impulses
+    after = u + duration * at.workspace.free_accelerations + at.inverse_mass @ p
     u_mean = 0.5 * (u + after)
     work = float(p @ u_mean) + duration * power_of_given(at, u_mean)
     for i in range(at.system.bodies.shape[0]):
@@ -279,7 +279,7 @@ class StrikingMotion(EventStepping):
             to = min(n + 1, last) if self.rims else last  # rims aim anew before each round
             status = self._call(tasks.IMPACTS, instant.t, instant.y, (n, to, single))
             n = int(self._call.found)
-            self._journal.take(instant.room)
+            self._journal.take(instant.workspace)
             self._refuse_impacts(instant, status, n >= last)
 
     def _refuse_impacts(self, instant: Instant, status: int, over: bool) -> None:
@@ -298,9 +298,9 @@ class StrikingMotion(EventStepping):
 
     def _stop_at_once(self, instant: Instant) -> None:
         """One impact without rebound."""
-        instant.room.plastic[:], instant.room.together[:] = 1, 0
+        instant.workspace.plastic[:], instant.workspace.together[:] = 1, 0
         status = self._call(tasks.STRIKE, instant.t, instant.y)
-        self._journal.take(instant.room)
+        self._journal.take(instant.workspace)
         self._refuse_impacts(instant, status, False)
 
     def _jam(self, instant: Instant, c: int | None) -> None:
@@ -313,7 +313,7 @@ class StrikingMotion(EventStepping):
                     break
                 instant.apply(x)
                 self._call(tasks.NOTE, instant.t, instant.y, (JAMS, 0, 0))
-                self._journal.take(instant.room)
+                self._journal.take(instant.workspace)
                 return
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:

@@ -83,8 +83,8 @@ def told(of: Callable[[], str]) -> Iterator[None]:
 class Instant:
     """The contacts of a system at (t, y); y and the table of contacts are changed in place.
 
-    One instant after the other: they share the room of the tasks. Raises SimulationError where no
-    modes or impulses satisfy the laws.
+    One instant after the other: they share the workspace of the tasks. Raises SimulationError
+    if no modes or impulses satisfy the laws.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Instant:
     ) -> None:
         """task: that writes the lines."""
         self.system, self.laws, self.t, self.y = call.system, laws, t, y
-        self.call, self.room = call, call.room
+        self.call, self.workspace = call, call.workspace
         self.still = speed_that_is_none(self.system)
         """Speed that is none [m/s]."""
         self.first: list[int] = self.system.first_row[self.system.joints :].tolist()
@@ -118,13 +118,13 @@ class Instant:
 
     def apply(self, x: Array) -> None:
         """Add the impulses x to the velocities, and their work to that of the contacts."""
-        self.room.impulses[:] = x
+        self.workspace.impulses[:] = x
         self.call(tasks.APPLY, self.t, self.y)
 
     def taken_by_joints(self, rows: Array) -> Array:
         """Minus the impulses on the joints' lines per unit of impulse along each of `rows`, (joint
         lines, rows)."""
-        held = self.room.J[: self.first[0]]
+        held = self.workspace.J[: self.first[0]]
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
@@ -133,7 +133,7 @@ class Instant:
 
     def pivot_of(self, rows: Array, pushes: Array) -> Array:
         """Velocities along `rows` per unit of impulse along each of `pushes`, joints holding."""
-        held = self.room.J[: self.first[0]]
+        held = self.workspace.J[: self.first[0]]
         return rows @ self.inverse_mass @ (pushes.T - held.T @ self.taken_by_joints(pushes))
 
     def effective_pivot(self, c: int) -> float:
@@ -142,7 +142,7 @@ class Instant:
         if speed <= self.still or not 0.0 < law.kinetic < np.inf:
             return 1.0
         k = self.first[c]
-        J = self.room.J
+        J = self.workspace.J
         n = self.system.touch[c, NORMAL : NORMAL + 3]
         t1, t2 = frame(n)
         d = self.system.touch[c, SLIP : SLIP + 3] / speed

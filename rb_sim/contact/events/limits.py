@@ -15,7 +15,7 @@ from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.problem.bounces import HELD_DOWN
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
-from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL, SLIDE, SLOPES_BEFORE
+from rb_sim.mechanics.contact.contact_table import CLOSED, EVENT_RATES_BEFORE, NORMAL, SLIDE
 from rb_sim.mechanics.samples import Array
 
 # Where event-driven motion is the wrong tool: said in one line that names time stepping.
@@ -128,5 +128,5 @@ def refuse_to_be_dragged_off(
     would push again at once: at the start of the step, apart, its event function falls."""
     touch, unit = system.touch, system.length / system.speed
     apart = law.compliant and touch[c, CLOSED] == 0.0
-    if apart and law.drags and touch[c, SLOPES_BEFORE] * unit < -HELD_DOWN:
+    if apart and law.drags and touch[c, EVENT_RATES_BEFORE] * unit < -HELD_DOWN:
         refuse_drag(t, names[c])

@@ -18,7 +18,7 @@ from rb_sim.contact.events.search import (
     first_dip,
     level_at,
     level_of,
-    note_levels,
+    note_event_functions,
 )
 from rb_sim.contact.events.stick_transition import FAINT, stop_that_is_due
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
@@ -34,35 +34,35 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_ROLL,
     AT_SLIP,
     AT_SPIN,
     CLOSED,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     FASTEST,
     FASTEST_BEFORE,
-    FORCE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
     KINETIC,
-    LEVEL_KINDS,
-    LEVELS,
-    LEVELS_BEFORE,
     NORMAL,
     NORMAL_BEFORE,
+    NORMAL_FORCE,
+    RELATIVE_SPIN,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLL_RATE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SLIP_RATE,
-    SLOPES_BEFORE,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     STATIC,
-    TURN,
 )
 from rb_sim.mechanics.contact.creep import SOON, fastest_creep, note_creep, rubs
 from rb_sim.mechanics.contact.event_functions import level_rates, roll_level, rolling, slip_level
@@ -82,9 +82,9 @@ def look_ahead(system, rates):
     """
     touch = system.touch
     for c in range(touch.shape[0]):
-        for i in range(LEVEL_KINDS):
-            touch[c, LEVELS_BEFORE + i] = touch[c, LEVELS + i]
-            touch[c, SLOPES_BEFORE + i] = rates[c, i]
+        for i in range(EVENT_FUNCTION_KINDS):
+            touch[c, EVENT_FUNCTIONS_BEFORE + i] = touch[c, EVENT_FUNCTIONS + i]
+            touch[c, EVENT_RATES_BEFORE + i] = rates[c, i]
         touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
         touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
         keep(touch, c, NORMAL_BEFORE, vec(touch, c, NORMAL))
@@ -96,12 +96,12 @@ def look_ahead(system, rates):
 @inline
 def note_directions(system, c):
     """Directions of slip and turning, and the event functions along them."""
-    touch, before, slopes = system.touch, LEVELS_BEFORE, SLOPES_BEFORE
+    touch, before, slopes = system.touch, EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE
     slip, roll = vec(touch, c, SLIP), rolling(touch, c)
-    note_direction(touch, c, AHEAD, slip, least_slip(system, c))
-    about = dot(vec(touch, c, TURN), vec(touch, c, NORMAL))
+    note_direction(touch, c, SLIP_DIRECTION, slip, least_slip(system, c))
+    about = dot(vec(touch, c, RELATIVE_SPIN), vec(touch, c, NORMAL))
     still = system.still / system.length
-    note_direction(touch, c, ROLL_AHEAD, roll, still)
+    note_direction(touch, c, ROLL_DIRECTION, roll, still)
     if rubs(touch, c):
         touch[c, before + AT_SLIP] = slip_level(system, c, slip)
         touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
@@ -110,10 +110,10 @@ def note_directions(system, c):
         touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
     if abs(about) > still:
         ahead = 1.0 if about > 0.0 else -1.0
-        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_AHEAD]:
+        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_SIGN]:
             touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
             touch[c, slopes + AT_SPIN] = -touch[c, slopes + AT_SPIN]
-        touch[c, SPIN_AHEAD] = ahead
+        touch[c, SPIN_SIGN] = ahead
 
 
 @inline
@@ -182,10 +182,10 @@ def note_slow_slips(system, kept, arms, grid):
             kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
-        mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, FORCE]
+        mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, NORMAL_FORCE]
         if kept[c, PUSHED] == 0.0:
             kept[c, BEGAN] = speed_of(grid.y0, b, arms)
-        turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, AHEAD)))
+        turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, SLIP_DIRECTION)))
         kept[c, PUSHED] += push * (grid.t1 - grid.t0)
         kept[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
         if kept[c, PUSHED] > LASTING * mass * system.still:
@@ -303,7 +303,7 @@ def next_event(method, system, grid, work, kept, arms):
         if i % 3 != 2:  # every third step bisects
             t = first_crossing(system, bracket, early, late)
         level, code = level_at(method, system, grid, t, work, y, c)
-        note_levels(system, bracket, level < 0.0)
+        note_event_functions(system, bracket, level < 0.0)
         if level < 0.0:
             late, deepest, found = t, level, code
             copy(best, y)
@@ -354,8 +354,11 @@ def slip_that_is_lost(system, width):
     for c in range(touch.shape[0]):
         if not rubs(touch, c) or may_creep(system, c):  # that one creeps from there on
             continue
-        before, level = touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, LEVELS + AT_SLIP]
-        rate = touch[c, SLOPES_BEFORE + AT_SLIP]
+        before, level = (
+            touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP],
+            touch[c, EVENT_FUNCTIONS + AT_SLIP],
+        )
+        rate = touch[c, EVENT_RATES_BEFORE + AT_SLIP]
         fall = rate * width if rate < -FAINT else 0.0
         lost = norm(vec(touch, c, SLIP)) <= system.still
         if lost and fall < 0.0 and level > before + FOLLOWED * fall:

@@ -12,19 +12,19 @@ from rb_sim.mechanics.contact.contact_bodies import FREE, line_of
 from rb_sim.mechanics.contact.contact_table import (
     AROUND,
     CLOSED,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     FASTEST,
     FASTEST_BEFORE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    LEVEL_KINDS,
-    LEVELS,
-    LEVELS_BEFORE,
+    LEAN_SIGN,
     NORMAL,
     NORMAL_BEFORE,
-    SENSE,
-    SLOPES_BEFORE,
 )
 from rb_sim.mechanics.contact.event_functions import in_rigid_flight, level_rates, lowest_level
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, WIDTH, vec
@@ -53,33 +53,36 @@ the earlier and the later instant, and at the begin and the end of the step (t i
 
 @inline
 def begin_bracket(system, grid, rates, late):
-    """The bracket from the begin of the step to `late`, shape (contacts, LEVEL_KINDS + 1, 8).
+    """The bracket from the begin of the step to `late`, (contacts, EVENT_FUNCTION_KINDS + 1, 8).
 
     After `level_at` at `late`; rates: those at the end of the step.
     """
     touch = system.touch
-    bracket = np.full((touch.shape[0], LEVEL_KINDS + 1, 8), FREE)
+    bracket = np.full((touch.shape[0], EVENT_FUNCTION_KINDS + 1, 8), FREE)
     for c in range(touch.shape[0]):
-        bracket[c, LEVEL_KINDS, BEGIN], bracket[c, LEVEL_KINDS, END] = grid.t0, grid.t1
-        for k in range(LEVEL_KINDS):
-            bracket[c, k, EARLY] = touch[c, LEVELS_BEFORE + k]
-            bracket[c, k, BEGIN] = touch[c, LEVELS_BEFORE + k]
-            bracket[c, k, BEGIN + 1] = touch[c, SLOPES_BEFORE + k]
+        bracket[c, EVENT_FUNCTION_KINDS, BEGIN], bracket[c, EVENT_FUNCTION_KINDS, END] = (
+            grid.t0,
+            grid.t1,
+        )
+        for k in range(EVENT_FUNCTION_KINDS):
+            bracket[c, k, EARLY] = touch[c, EVENT_FUNCTIONS_BEFORE + k]
+            bracket[c, k, BEGIN] = touch[c, EVENT_FUNCTIONS_BEFORE + k]
+            bracket[c, k, BEGIN + 1] = touch[c, EVENT_RATES_BEFORE + k]
             if late == grid.t1:
-                bracket[c, k, END] = touch[c, LEVELS + k]
+                bracket[c, k, END] = touch[c, EVENT_FUNCTIONS + k]
                 bracket[c, k, END + 1] = rates[c, k]
         bracket[c, 0, EARLY + 1] = touch[c, GAP_RATE_BEFORE] / system.length
-    note_levels(system, bracket, True)
+    note_event_functions(system, bracket, True)
     return bracket
 
 
 @inline
-def note_levels(system, bracket, late):
+def note_event_functions(system, bracket, late):
     """The event functions as they are in the table of contacts, into one side of the bracket."""
     touch, side = system.touch, LATE if late else EARLY
     for c in range(touch.shape[0]):
-        for k in range(LEVEL_KINDS):
-            bracket[c, k, side] = touch[c, LEVELS + k]
+        for k in range(EVENT_FUNCTION_KINDS):
+            bracket[c, k, side] = touch[c, EVENT_FUNCTIONS + k]
         bracket[c, 0, side + 1] = touch[c, GAP_RATE] / system.length
 
 
@@ -129,10 +132,10 @@ def first_crossing(system, bracket, early, late):
     first, slope = late, 0.0
     for c in range(bracket.shape[0]):
         flies = in_rigid_flight(system.touch, c)
-        for k in range(LEVEL_KINDS):
+        for k in range(EVENT_FUNCTION_KINDS):
             if bracket[c, k, LATE] < 0.0:
                 t, rate = crossing(
-                    bracket[c, k], bracket[c, LEVEL_KINDS], flies and k == 0, early, late
+                    bracket[c, k], bracket[c, EVENT_FUNCTION_KINDS], flies and k == 0, early, late
                 )
                 if t <= first:
                     first, slope = t, rate
@@ -272,11 +275,15 @@ def way_of_surfaces(system, grid, ends, i):
 def may_dip(system, grid, ends, rates, i, k):
     """True unless the k-th event function of contact i surely stays positive between the ends of
     the step; ends: the table at its end."""
-    low, high, width = ends[i, LEVELS_BEFORE + k], ends[i, LEVELS + k], grid.t1 - grid.t0
+    low, high, width = (
+        ends[i, EVENT_FUNCTIONS_BEFORE + k],
+        ends[i, EVENT_FUNCTIONS + k],
+        grid.t1 - grid.t0,
+    )
     if low == FREE or high == FREE or high < -SLACK:
         return False
     if k == 0 and ends[i, CLOSED] == 0.0:
-        if ends[i, AROUND] > 0.0 and ends[i, SENSE] == IN_FLIGHT:
+        if ends[i, AROUND] > 0.0 and ends[i, LEAN_SIGN] == IN_FLIGHT:
             return False  # no point of a rim in flight is lower than its low one
         reach = way_of_surfaces(system, grid, ends, i)
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
@@ -286,9 +293,9 @@ def may_dip(system, grid, ends, rates, i, k):
         before, after = normals_of_step(system, grid, ends, i)
         if dot(before, after) < ONE_SIDE:
             return True
-        if corner_of(low, ends[i, SLOPES_BEFORE], high, rates[i, 0], width) >= 0.0:
+        if corner_of(low, ends[i, EVENT_RATES_BEFORE], high, rates[i, 0], width) >= 0.0:
             return True
-    lowest, highest = cubic_range(low, ends[i, SLOPES_BEFORE + k], high, rates[i, k], width)
+    lowest, highest = cubic_range(low, ends[i, EVENT_RATES_BEFORE + k], high, rates[i, k], width)
     return highest > SLACK and not lowest > highest - lowest
 
 
@@ -390,7 +397,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         if not (a[0] < t < b[0]) or top + 2 > DEPTH:
             continue
         level_at(method, system, grid, t, work, y, c)
-        level = touch[i, LEVELS + k]
+        level = touch[i, EVENT_FUNCTIONS + k]
         if level < -SLACK:
             return t
         rate = rate_of(system, t, y, i, k)
@@ -404,11 +411,11 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
 
 @inline
 def first_that_may_dip(system, grid, rates):
-    """Number of the first event function, LEVEL_KINDS to a contact, that may dip; -1 for none."""
+    """Number of the first event function, in the order of the contacts, that may dip; -1: none."""
     for i in range(system.touch.shape[0]):
-        for k in range(LEVEL_KINDS):
+        for k in range(EVENT_FUNCTION_KINDS):
             if may_dip(system, grid, system.touch, rates, i, k):
-                return i * LEVEL_KINDS + k
+                return i * EVENT_FUNCTION_KINDS + k
     return -1
 
 
@@ -425,17 +432,17 @@ def first_dip(method, system, grid, rates, work, y, c):
     if first < 0:
         return earliest
     ends, spans = touch.copy(), np.empty((DEPTH, 2 * END_SIZE + 1))
-    for at in range(first, touch.shape[0] * LEVEL_KINDS):
-        i, k = at // LEVEL_KINDS, at % LEVEL_KINDS
+    for at in range(first, touch.shape[0] * EVENT_FUNCTION_KINDS):
+        i, k = at // EVENT_FUNCTION_KINDS, at % EVENT_FUNCTION_KINDS
         if at > first and not may_dip(system, grid, ends, rates, i, k):
             continue
         early, late = ends[i, FASTEST_BEFORE], ends[i, FASTEST]
         m, n = normals_of_step(system, grid, ends, i)
         before = (
-            grid.t0, ends[i, LEVELS_BEFORE + k], ends[i, SLOPES_BEFORE + k], early,
+            grid.t0, ends[i, EVENT_FUNCTIONS_BEFORE + k], ends[i, EVENT_RATES_BEFORE + k], early,
             m[0], m[1], m[2],
         )  # fmt: skip
-        after = (grid.t1, ends[i, LEVELS + k], rates[i, k], late, n[0], n[1], n[2])
+        after = (grid.t1, ends[i, EVENT_FUNCTIONS + k], rates[i, k], late, n[0], n[1], n[2])
         put_span(spans, 0, before, after, UNKNOWN)
         earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
     if earliest == grid.t1:

@@ -22,7 +22,15 @@ from rb_sim.contact.problem.delassus import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import CLOSED, ROLL, SIDE, SLIDE, SPIN, SPRING, STATIC
+from rb_sim.mechanics.contact.contact_table import (
+    CLOSED,
+    NORMAL_SIGN,
+    ROLL,
+    SLIDE,
+    SPIN,
+    SPRING,
+    STATIC,
+)
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, split
 from rb_sim.scene.compiled import Compiled
@@ -30,7 +38,7 @@ from rb_sim.scene.compiled import Compiled
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rb_sim.contact.problem.event_workspace import Room
+    from rb_sim.contact.problem.event_workspace import Workspace
     from rb_sim.numerics.cone_program import Cones
 
 
@@ -96,9 +104,9 @@ def reach(cones: Cones, y: Array, way: Array) -> float:
 def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     """By how much other shares than y change the accelerations within all bounds, relative to the
     largest that the loads or the reactions make; a turn counts by the scene's length."""
-    room = at.room
-    push = at.inverse_mass @ room.W[reactions.held].T
-    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(room.free_accelerations) // 6)
+    workspace = at.workspace
+    push = at.inverse_mass @ workspace.W[reactions.held].T
+    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(workspace.free_accelerations) // 6)
     terms = weights * (np.abs(push) @ np.abs(reactions.least))
     size, ways = np.linalg.svd(weights[:, None] * (push @ reactions.self_stress))[1:]
     if not size[0] > OPEN * terms.max():
@@ -106,25 +114,25 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
     if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
         return 0.0
-    own = push @ reactions.least, room.free_accelerations / reactions.unit
+    own = push @ reactions.least, workspace.free_accelerations / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 
 
 def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
-    """Keep in the room how much the shares y of the load leave open, if it is the most of a run."""
+    """Keep how much the shares y of the load leave open, if it is the most of a run."""
     touch = at.system.touch
     rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
     if rubs.any():
         figure = open_in(at, reactions, cones, y)
-        if figure > at.room.undetermined[4]:
-            at.room.undetermined[4:7] = figure, at.t, int(np.argmax(rubs))
+        if figure > at.workspace.undetermined[4]:
+            at.workspace.undetermined[4:7] = figure, at.t, int(np.argmax(rubs))
 
 
-def widest_of(room: Room, names: Sequence[str]) -> LeftOpen:
+def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
     """The widest choice that impacts and shares left."""
     told = []
     for first, what in ((1, IMPACT), (4, OPEN_SHARES)):
-        figure, t, contact = room.undetermined[first : first + 3].tolist()
+        figure, t, contact = workspace.undetermined[first : first + 3].tolist()
         told.append(LeftOpen(figure, t, names[int(contact)], what))
     return max(told)
 
@@ -191,12 +199,12 @@ def share_load(at: Instant, recent: bool = False) -> bool:
 
 def reactions_of(at: Instant) -> Reactions | None:
     """All reactions that keep what rests at rest; None if there is just one, or no contact."""
-    count = find_held(at.system, at.room)
+    count = find_held(at.system, at.workspace)
     if count == at.first[0]:
         return None
-    held, room = at.room.used[:count].tolist(), at.room
-    A = room.J[held] @ at.inverse_mass @ room.W[held].T
-    b = room.J[held] @ room.free_accelerations + room.line_bias[held]
+    held, workspace = at.workspace.used[:count].tolist(), at.workspace
+    A = workspace.J[held] @ at.inverse_mass @ workspace.W[held].T
+    b = workspace.J[held] @ workspace.free_accelerations + workspace.line_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)
@@ -226,7 +234,7 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
         if law.compliant:
             push = float(touch[c, SPRING]) / reactions.unit, np.zeros(freedom)
         else:
-            side = float(touch[c, SIDE]) if law.bilateral else 1.0
+            side = float(touch[c, NORMAL_SIGN]) if law.bilateral else 1.0
             push = side * line(k)[0], side * line(k)[1]
             linear += [] if law.bilateral else [push]
         for mode, bound, tails in (
@@ -274,17 +282,17 @@ def choose_modes(
     that do not close either. Returns slipping contacts that have opened though they may as well
     stay (their effective pivot is negative: Painleve).
     """
-    at.room.opened[list(opened)] = 1
+    at.workspace.opened[list(opened)] = 1
     contact, kind = code or (-1, -1)
     status = at.call(tasks.CHOOSE, at.t, at.y, (contact, kind, 0))
-    at.room.opened[:] = 0  # what follows in the loop may close them again
+    at.workspace.opened[:] = 0  # what follows in the loop may close them again
     if status == TOO_LARGE:
         raise not_finite(OF)
     if status == JAMMED_ONES:
         raise JammedError(at.t)
     if at.call.undecided:
         share_load(at)
-    parted = np.flatnonzero(at.room.parted).tolist()
+    parted = np.flatnonzero(at.workspace.parted).tolist()
     return tuple(c for c in parted if at.effective_pivot(c) < JAMMED)
 
 

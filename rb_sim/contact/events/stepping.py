@@ -383,8 +383,8 @@ class EventStepping(GridMotion):
     def _call(self) -> Tasks:
         """What is done between the calls of the loop, compiled."""
         if self._made is None or self._made[0] is not self.system:
-            room = None if self._made is None else self._made[1].room
-            self._made = self.system, Tasks(self.system, self._held(), room)
+            workspace = None if self._made is None else self._made[1].workspace
+            self._made = self.system, Tasks(self.system, self._held(), workspace)
         return self._made[1]
 
     def _pass_pause(self) -> None:

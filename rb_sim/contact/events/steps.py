@@ -46,7 +46,12 @@ from rb_sim.mechanics.contact.contact_bodies import (
     line_of,
 )
 from rb_sim.mechanics.contact.contact_projection import fill_symmetric
-from rb_sim.mechanics.contact.contact_table import AT_JAM, CLOSED, LEVELS_BEFORE, SLOPES_BEFORE
+from rb_sim.mechanics.contact.contact_table import (
+    AT_JAM,
+    CLOSED,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
+)
 from rb_sim.mechanics.contact.near_flat_rims import before_swing
 from rb_sim.mechanics.system import sample, settle
 from rb_sim.mechanics.systems.elimination import largest_pivots
@@ -80,8 +85,8 @@ def choose_lines(system, t, y):
         return
     write_joints(system, t, y)
     fill_symmetric(system, count, False)
-    room = np.empty(count * (count + rank + 2))
-    matrix, chosen = pointer(room), part(pointer(room), count * count)
+    workspace = np.empty(count * (count + rank + 2))
+    matrix, chosen = pointer(workspace), part(pointer(workspace), count * count)
     for i in range(count):
         for j in range(count):
             matrix[i * count + j] = system.square[0, i, j]
@@ -153,7 +158,10 @@ def before_jam(system, grid):
     contact jams."""
     touch, last = system.touch, grid.t1
     for c in range(touch.shape[0]):
-        level, rate = touch[c, LEVELS_BEFORE + AT_JAM], touch[c, SLOPES_BEFORE + AT_JAM]
+        level, rate = (
+            touch[c, EVENT_FUNCTIONS_BEFORE + AT_JAM],
+            touch[c, EVENT_RATES_BEFORE + AT_JAM],
+        )
         if touch[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
             part = JAM_PART if level > JAMMED else JAM_PASS
             last = min(last, grid.t0 - part * level / rate)
@@ -170,7 +178,7 @@ def jam_that_is_due(system):
     """
     touch = system.touch
     for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and touch[c, LEVELS_BEFORE + AT_JAM] < NEAR_JAM:
+        if touch[c, CLOSED] == 1.0 and touch[c, EVENT_FUNCTIONS_BEFORE + AT_JAM] < NEAR_JAM:
             return EVENT_KINDS * c + JAMS
     return -1
 

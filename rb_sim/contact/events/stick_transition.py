@@ -22,18 +22,18 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_ROLL,
     AT_SLIP,
     CLOSED,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     POINT,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLLING_ARM,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
+    SLIP_DIRECTION,
     STATIC,
 )
 from rb_sim.mechanics.contact.event_functions import natural_force, natural_turning, rolling
@@ -71,7 +71,7 @@ STRAIGHT = 1e-6
 def time_to_stop(touch, c, i, mode):
     """Time after which the slip or the rolling of contact c, event function i, would vanish at its
     present rate; FREE if it does not slow down."""
-    level, rate = touch[c, LEVELS_BEFORE + i], touch[c, SLOPES_BEFORE + i]
+    level, rate = touch[c, EVENT_FUNCTIONS_BEFORE + i], touch[c, EVENT_RATES_BEFORE + i]
     slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING
     slows = slides and level < FREE and rate < -FAINT
     return max(-level / rate, 0.0) if slows else FREE
@@ -96,7 +96,7 @@ def own_rate(system, y, c, i):
     p = vec(touch, c, POINT)
     moves_B, turns_B = lightness(system, y, system.lines[k, BODY], p)
     moves_A, turns_A = lightness(system, y, system.lines[k, PARENT], p)
-    push = abs(touch[c, LEVELS_BEFORE]) * natural_force(system)
+    push = abs(touch[c, EVENT_FUNCTIONS_BEFORE]) * natural_force(system)
     if i == AT_SLIP:
         return SHARP / system.speed * touch[c, STATIC] * push * (moves_B + moves_A)
     return touch[c, ROLLING_ARM] * push * (turns_B + turns_A) / natural_turning(system)
@@ -107,16 +107,16 @@ def was_turned(system, c, i, sine):
     """True if the last step has turned the slip or the rolling of contact c by more than that."""
     touch = system.touch
     if i == AT_SLIP:
-        now, before = vec(touch, c, SLIP), vec(touch, c, AHEAD)
+        now, before = vec(touch, c, SLIP), vec(touch, c, SLIP_DIRECTION)
     else:
-        now, before = rolling(touch, c), vec(touch, c, ROLL_AHEAD)
+        now, before = rolling(touch, c), vec(touch, c, ROLL_DIRECTION)
     return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
 
 
 @inline
 def longest_step(system, y, c, i, mode, h):
     """The longest step from y, up to h, that the slip or the rolling of contact c allows."""
-    touch, level = system.touch, system.touch[c, LEVELS_BEFORE + i]
+    touch, level = system.touch, system.touch[c, EVENT_FUNCTIONS_BEFORE + i]
     slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING and level < FREE
     left = time_to_stop(touch, c, i, mode)
     if not slides or left * system.speed <= LAST_STEP * system.length:
@@ -146,11 +146,11 @@ def before_noise(method, system, grid, implicit):
         return last
     touch, still = system.touch, SHARP * system.still / system.speed
     for c in range(touch.shape[0]):
-        level = touch[c, LEVELS_BEFORE + AT_SLIP]
+        level = touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
         slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
         if slides and still < level <= FAST * still and was_turned(system, c, AT_SLIP, ASIDE):
             own = own_rate(system, grid.y0, c, AT_SLIP)
-            if -touch[c, SLOPES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
+            if -touch[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
                 last = min(last, grid.t0 + CALM * level / own)
     return last
 

@@ -1,7 +1,7 @@
 """What is done between the calls of the loop, compiled once for all scenes.
 
-Tasks work on the tables of a system and the room for events, and are called by one address, since
-each argument costs where Python calls.
+Tasks work on the tables of a system and the workspace for events, and are called by one address,
+since each argument costs where Python calls.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from rb_sim.contact.problem.delassus import read_velocities, write_lines
 from rb_sim.contact.problem.event_workspace import (
     CHANGES,
     IMPACT,
-    ROOM_LAYOUT,
-    Room,
+    WORKSPACE_LAYOUT,
+    Workspace,
     note_changes,
     note_impulses,
-    room_for,
-    room_left,
     take_before,
+    workspace_for,
+    workspace_left,
 )
 from rb_sim.contact.problem.forces import answer_over
 from rb_sim.contact.problem.impacts import NOTHING, STRUCK, apply_impulses, strike, strike_in_rounds
@@ -45,7 +45,7 @@ from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
 ) = range(14)  # fmt: skip
 """Tasks: write the lines of what is closed, or all of them as dense matrices; multipliers and
 accelerations; bring y back to the manifold; begin a step; arrive at an event (keep the modes before
-it, write all lines); rounds of impacts, or one of what the room names; add the impulses of the
+it, write all lines); rounds of impacts, or one of what the workspace names; add the impulses of the
 room, or note them; choose the modes; leave (note what has changed, find the time within which
 flights end); pass an event whole, where nothing but the laws is asked; impulses over a short
 time.
@@ -53,40 +53,42 @@ time.
 DONE, AT_IMPACTS, AT_MODES = range(3)
 """How far PASS has come: to the end, or to where more than the laws is asked."""
 
-SYSTEM, ROOM, NUMBERS, STATE, DIGITS, LENGTH, TASK, FIRST, SECOND, THIRD, PLACES = range(11)
-"""What a task is told: addresses of system, room, numbers, y and its low digits, how long y is, the
-task and three integers that it takes."""
+SYSTEM, WORKSPACE, NUMBERS, STATE, DIGITS, LENGTH, TASK, FIRST, SECOND, THIRD, PLACES = range(11)
+"""Arguments of a task: addresses of system, workspace, numbers, y and its low digits, how long y
+is, the task and three integers that it takes."""
 TIME, FOUND, MORE = range(3)
 """Numbers: t, and what a task gives: a number, and whether the laws alone decide."""
 NO_DIGITS = np.zeros(0)
 
 
 @inline
-def pass_through(system, room, t, y, contact, fixed):
+def pass_through(system, workspace, t, y, contact, fixed):
     """What PASS does after the touch-down of a contact: (how far it has come, time within which the
     flights that begin end)."""
-    take_before(system, room)
-    write_lines(system, t, y, room)
-    status, _ = strike_in_rounds(system, room, t, y, 0, EVENTS_AT_ONCE, 0)
+    take_before(system, workspace)
+    write_lines(system, t, y, workspace)
+    status, _ = strike_in_rounds(system, workspace, t, y, 0, EVENTS_AT_ONCE, 0)
     if status != NOTHING:
         return AT_IMPACTS, math.inf
-    if choose(system, room, t, y, (contact, TOUCH_DOWN)) != WHOLE or may_share(system, room):
+    if choose(system, workspace, t, y, (contact, TOUCH_DOWN)) != WHOLE or may_share(
+        system, workspace
+    ):
         return AT_MODES, math.inf
-    contacts = room.parted.shape[0]
+    contacts = workspace.parted.shape[0]
     for c in range(contacts):
-        if room.parted[c] == 1:
+        if workspace.parted[c] == 1:
             return AT_MODES, math.inf
-    if room_left(room) < CHANGES * contacts:
+    if workspace_left(workspace) < CHANGES * contacts:
         return AT_MODES, math.inf
-    note_changes(system, room, t)
-    length, _ = time_of_flights(system, room, t, y, fixed)
+    note_changes(system, workspace, t)
+    length, _ = time_of_flights(system, workspace, t, y, fixed)
     return DONE, length
 
 
 @for_python
 def do_task(places):
     """Do the task at (t, y); returns its status."""
-    system, room = held_at(places, SYSTEM), held_at(places, ROOM)
+    system, workspace = held_at(places, SYSTEM), held_at(places, WORKSPACE)
     numbers, task = pointer_to(places, NUMBERS), places[TASK]
     t, y = numbers[TIME], view(pointer_to(places, STATE), 0, places[LENGTH])
     first, second, third = places[FIRST], places[SECOND], places[THIRD]
@@ -94,7 +96,7 @@ def do_task(places):
     if task == WRITE:
         write_rows(system, t, y)
     elif task == LINES:
-        write_lines(system, t, y, room)
+        write_lines(system, t, y, workspace)
     elif task == ACCELERATE:
         contact_accelerations(system, t, y)
     elif task == SETTLE:
@@ -103,31 +105,31 @@ def do_task(places):
     elif task == BEGIN:
         begin_step(system, t, y, view(pointer_to(places, DIGITS), 0, places[LENGTH]))
     elif task == ARRIVE:
-        take_before(system, room)
-        write_lines(system, t, y, room)
+        take_before(system, workspace)
+        write_lines(system, t, y, workspace)
     elif task == IMPACTS:
-        status, n = strike_in_rounds(system, room, t, y, first, second, third)
+        status, n = strike_in_rounds(system, workspace, t, y, first, second, third)
         numbers[FOUND] = n
     elif task == STRIKE:
-        status = strike(system, room, t, y, False)
+        status = strike(system, workspace, t, y, False)
         if status == STRUCK:
-            note_impulses(system, room, t, IMPACT)
+            note_impulses(system, workspace, t, IMPACT)
     elif task == APPLY:
-        apply_impulses(system, room, t, y, room.impulses)
+        apply_impulses(system, workspace, t, y, workspace.impulses)
     elif task == NOTE:
-        note_impulses(system, room, t, first)
+        note_impulses(system, workspace, t, first)
     elif task == CHOOSE:
-        status = choose(system, room, t, y, (first, second))
-        numbers[MORE] = 1.0 if status == 0 and may_share(system, room) else 0.0
+        status = choose(system, workspace, t, y, (first, second))
+        numbers[MORE] = 1.0 if status == 0 and may_share(system, workspace) else 0.0
     elif task == LEAVE:
-        note_changes(system, room, t)
-        numbers[FOUND], status = time_of_flights(system, room, t, y, first == 1)
+        note_changes(system, workspace, t)
+        numbers[FOUND], status = time_of_flights(system, workspace, t, y, first == 1)
     elif task == PASS:
-        status, numbers[FOUND] = pass_through(system, room, t, y, first, second == 1)
+        status, numbers[FOUND] = pass_through(system, workspace, t, y, first, second == 1)
     else:
-        u = np.empty_like(room.free_accelerations)
+        u = np.empty_like(workspace.free_accelerations)
         read_velocities(system, y, u)
-        status = answer_over(system, room, u, numbers[FOUND])
+        status = answer_over(system, workspace, u, numbers[FOUND])
     return status
 
 
@@ -142,16 +144,18 @@ class Tasks:
     nothing.
     """
 
-    def __init__(self, system: ContactBodies, packed: Any = None, room: Room | None = None) -> None:
-        """room: that of the same contacts before, with what it remembers."""
+    def __init__(
+        self, system: ContactBodies, packed: Any = None, workspace: Workspace | None = None
+    ) -> None:
+        """workspace: that of the same contacts before, with what it remembers."""
         self.system = system
-        self.room = room_for(system) if room is None else room
+        self.workspace = workspace_for(system) if workspace is None else workspace
         self._numbers = np.zeros(3)
         self._plain = packed is None or interpreted()
         if packed is None or self._plain:
-            self._places: Any = [system, self.room, self._numbers] + [0] * (PLACES - 3)
+            self._places: Any = [system, self.workspace, self._numbers] + [0] * (PLACES - 3)
             return
-        self._kept = packed, ROOM_LAYOUT.pack(self.room._asdict())
+        self._kept = packed, WORKSPACE_LAYOUT.pack(self.workspace._asdict())
         self._table = np.zeros(PLACES, np.int64)
         self._table[:STATE] = [address_of(a) for a in (*self._kept, self._numbers)]
         self._told = memoryview(self._table.data).cast("B")[8 * STATE :]

@@ -8,7 +8,7 @@ from collections import deque
 from rb_sim.contact.problem.event_workspace import (
     RESTS,
     TOUCHING,
-    Room,
+    Workspace,
     note,
     speed_that_is_none,
     touches,
@@ -131,111 +131,111 @@ Low bounces know it best where the fall changes; but rounding of the height, ove
 the larger the lower they are."""
 
 
-def forget_bounces(room: Room) -> None:
+def forget_bounces(workspace: Workspace) -> None:
     """There have been none."""
-    room.bounces[:] = 0
-    room.rests[:] = math.inf
+    workspace.bounces[:] = 0
+    workspace.rests[:] = math.inf
 
 
 @inline
-def acceleration_along(system, room, k):
+def acceleration_along(system, workspace, k):
     """Of line k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
-    s = room.line_bias[k]
+    s = workspace.line_bias[k]
     b, a = system.lines[k, BODY], system.lines[k, PARENT]
     for j in range(6):
-        s += room.J[k, 6 * b + j] * system.bodies[b, PUSH + j]
+        s += workspace.J[k, 6 * b + j] * system.bodies[b, PUSH + j]
     if a >= 0:
         for j in range(6):
-            s += room.J[k, 6 * a + j] * system.bodies[a, PUSH + j]
+            s += workspace.J[k, 6 * a + j] * system.bodies[a, PUSH + j]
     return s
 
 
 @inline
-def free_normal_acceleration(system, room, t, y, c):
+def free_normal_acceleration(system, workspace, t, y, c):
     """Of the gap, with contact c open and the others as they are [m/s^2]."""
     mode = system.touch[c, CLOSED]
     system.touch[c, CLOSED] = 0.0
     contact_accelerations(system, t, y)
     system.touch[c, CLOSED] = mode
-    return acceleration_along(system, room, line_of(system, c))
+    return acceleration_along(system, workspace, line_of(system, c))
 
 
 @inline
-def is_low(system, room, t, y, c):
+def is_low(system, workspace, t, y, c):
     """True if contact c falls from, or rises to, a height that is too low to tell."""
-    fall = -free_normal_acceleration(system, room, t, y, c)
+    fall = -free_normal_acceleration(system, workspace, t, y, c)
     height = 0.5 * system.touch[c, GAP_RATE] ** 2
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
 @inline
-def see_rest(room, c, t):
+def see_rest(workspace, c, t):
     """One more bounce of contact c tells that its series will be over at t."""
-    change = abs(t - room.rests[c, LAST])
-    if change <= room.rests[c, CHANGE]:
-        room.rests[c, BEST], room.rests[c, CHANGE] = t, change
-    room.rests[c, LAST] = t
+    change = abs(t - workspace.rests[c, LAST])
+    if change <= workspace.rests[c, CHANGE]:
+        workspace.rests[c, BEST], workspace.rests[c, CHANGE] = t, change
+    workspace.rests[c, LAST] = t
 
 
 @inline
-def close_endless(system, room, t, y):
+def close_endless(system, workspace, t, y):
     """Contacts whose further bounces would all be over at once become plastic, and no others."""
     touch = system.touch
     for c in range(touch.shape[0]):
-        room.plastic[c] = 0
+        workspace.plastic[c] = 0
         e, speed = touch[c, RESTITUTION], -touch[c, GAP_RATE]
         bounces = touches(system, c) and 0.0 < e < 1.0 and speed > speed_that_is_none(system)
-        if not bounces or room.bounces[c] < ZENO_BOUNCES:
+        if not bounces or workspace.bounces[c] < ZENO_BOUNCES:
             continue
-        fall = -free_normal_acceleration(system, room, t, y, c)
+        fall = -free_normal_acceleration(system, workspace, t, y, c)
         if fall <= 0.0:
             continue
-        see_rest(room, c, t + 2.0 * e * speed / (fall * (1.0 - e)))
+        see_rest(workspace, c, t + 2.0 * e * speed / (fall * (1.0 - e)))
         if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * system.length:
-            room.plastic[c] = 1
-            note(room, room.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
+            workspace.plastic[c] = 1
+            note(workspace, workspace.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
 
 
 @inline
-def close_rocking(system, room, t, y):
+def close_rocking(system, workspace, t, y):
     """Contacts that strike and part in turns, too low to tell, close together; returns whether
     there are any."""
     touch, still, count = system.touch, speed_that_is_none(system), 0
     low, struck = True, False
     for c in range(touch.shape[0]):
-        room.together[c] = 0
+        workspace.together[c] = 0
         count += 1 if touches(system, c) else 0
     for c in range(touch.shape[0]):
         if count >= 2 and touches(system, c) and touch[c, GAP_RATE] < -still:
             struck = True
-            low = low and is_low(system, room, t, y, c)
+            low = low and is_low(system, workspace, t, y, c)
     if not struck:
         return False
     last = touch.shape[0]
-    room.bounces[last] = room.bounces[last] + 1 if low else 0
-    if room.bounces[last] <= ZENO_BOUNCES:
+    workspace.bounces[last] = workspace.bounces[last] + 1 if low else 0
+    if workspace.bounces[last] <= ZENO_BOUNCES:
         return False
     for c in range(touch.shape[0]):
         if touches(system, c) and touch[c, GAP_RATE] < -still:
-            note(room, t, c, RESTS, (0.0, 0.0, 0.0))
+            note(workspace, t, c, RESTS, (0.0, 0.0, 0.0))
     any_together = False
     for c in range(touch.shape[0]):
-        if touches(system, c) and is_low(system, room, t, y, c):
-            room.together[c] = 1
+        if touches(system, c) and is_low(system, workspace, t, y, c):
+            workspace.together[c] = 1
             any_together = True
     return any_together
 
 
 @inline
-def count_bounces(room):
+def count_bounces(workspace):
     """An impact has been: contacts that part after it have bounced once more, others rest."""
-    for c in range(room.rests.shape[0]):
-        if room.rebounding[c] == 1:
-            room.bounces[c] += 1
+    for c in range(workspace.rests.shape[0]):
+        if workspace.rebounding[c] == 1:
+            workspace.bounces[c] += 1
         else:
-            room.bounces[c] = 0
+            workspace.bounces[c] = 0
             for j in range(3):
-                room.rests[c, j] = math.inf
+                workspace.rests[c, j] = math.inf
 
 
 # Flights that an instant begins: how long they may be.
@@ -251,7 +251,7 @@ LOW = 1e-10
 
 
 @inline
-def time_of_flights(system, room, t, y, fixed):
+def time_of_flights(system, workspace, t, y, fixed):
     """(time within which the flights that begin here have to be looked at [s], inf where there are
     none; 0, or 1 + a contact whose drag lifts off what falls back at once).
 
@@ -264,7 +264,7 @@ def time_of_flights(system, room, t, y, fixed):
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] != 0.0 or abs(touch[c, GAP]) > near:
             continue
-        fall = -acceleration_along(system, room, line_of(system, c))
+        fall = -acceleration_along(system, workspace, line_of(system, c))
         rise = touch[c, GAP_RATE]
         if fall > 0.0 and rise > speed_that_is_none(system):
             hidden = fixed or 0.5 * rise * rise < LOW * fall * system.length

@@ -144,8 +144,8 @@ def read_velocities(system, y, u):
 
 
 @inline
-def write_lines(system, t, y, room):
-    """The lines at (t, y) into the room: the Jacobian with every contact closed and stuck, the
+def write_lines(system, t, y, workspace):
+    """The lines at (t, y) into the workspace: the Jacobian with every contact closed and stuck, the
     pushes and loads in the modes that the table of contacts has."""
     touch, n = system.touch, system.lines.shape[0]
     modes = np.empty((touch.shape[0], 4))
@@ -158,23 +158,23 @@ def write_lines(system, t, y, room):
         touch[c, SPIN] = STUCK
     write_rows(system, t, y)
     for k in range(n):
-        spread_line(system, system.rows, k, room.J)
-        room.line_bias[k], room.line_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
+        spread_line(system, system.rows, k, workspace.J)
+        workspace.line_bias[k], workspace.line_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
     for c in range(touch.shape[0]):
         for j in range(4):
             touch[c, CLOSED + j] = modes[c, j]
     unconstrained(system, t, y)
     for k in range(n):
-        spread_line(system, system.pushes, k, room.W)
+        spread_line(system, system.pushes, k, workspace.W)
         size = 0.0
         for j in range(12):
             size += abs(system.pushes[k, j])
         if size == 0.0:
-            for j in range(room.W.shape[1]):
-                room.W[k, j] = room.J[k, j]
+            for j in range(workspace.W.shape[1]):
+                workspace.W[k, j] = workspace.J[k, j]
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            room.free_accelerations[6 * i + j] = system.bodies[i, PUSH + j]
+            workspace.free_accelerations[6 * i + j] = system.bodies[i, PUSH + j]
 
 
 @inline

@@ -13,22 +13,22 @@ from rb_sim.integrate.layout import INTEGER, REAL, Layout
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies, line_of
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     BILATERAL,
     CLOSED,
     COMPLIANT,
     GAP,
     GAP_RATE,
+    LEAN_SIGN,
     NORMAL,
+    RELATIVE_SPIN,
     ROLL,
     ROLLING_ARM,
-    SENSE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SPIN,
     SPINNING_ARM,
     STATIC,
-    TURN,
 )
 from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.mechanics.systems.many_bodies import BODY, vec
@@ -61,18 +61,18 @@ def turn_that_is_none(system):
 def touches(system, c):
     """True if contact c is rigid and its surfaces touch."""
     touch = system.touch
-    if touch[c, COMPLIANT] == 1.0 or touch[c, SENSE] == ABSENT:
+    if touch[c, COMPLIANT] == 1.0 or touch[c, LEAN_SIGN] == ABSENT:
         return False
     return touch[c, GAP] <= TOUCHING * system.length or touch[c, BILATERAL] == 1.0
 
 
 @inline
-def find_touching(system, room):
+def find_touching(system, workspace):
     """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
     touch, fastest = system.touch, -1
     for c in range(touch.shape[0]):
         here = touches(system, c)
-        room.taking_part[c] = 1 if here else 0
+        workspace.taking_part[c] = 1 if here else 0
         if here and (fastest < 0 or touch[c, GAP_RATE] < touch[fastest, GAP_RATE]):
             fastest = c
     return fastest
@@ -87,16 +87,16 @@ def slip_speed(system, c):
 @inline
 def turning(system, c):
     """Relative angular velocity of contact c: (across the normal, along it) [rad/s]."""
-    turn, n = vec(system.touch, c, TURN), vec(system.touch, c, NORMAL)
+    turn, n = vec(system.touch, c, RELATIVE_SPIN), vec(system.touch, c, NORMAL)
     about = dot(turn, n)
     return sub(turn, scale(about, n)), about
 
 
-# Room for what is done between the calls of the loop, as compiled functions see it: the lines as
+# Workspace between the calls of the loop, as compiled functions see it: the lines as
 # dense matrices, one problem between lines and laws, and what is told to whoever runs a scene.
 
 
-MODES_WIDTH = AHEAD + 3
+MODES_WIDTH = SLIP_DIRECTION + 3
 """Columns of the table of contacts that hold the modes, and the directions of slip."""
 NOTE_WIDTH = 6
 """Of a note: time [s], contact, kind (see KINDS of `notes`), impulse [N s]."""
@@ -104,7 +104,7 @@ WAYS = 3
 """In which a contact may move: slip, roll, spin."""
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Tables of n lines, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
 
     J: np.ndarray
@@ -191,10 +191,10 @@ _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "written": (INTEGER, (1,)),
 }
 """Kind and lengths of each table."""
-ROOM_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _FIELDS.items()})
+WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _FIELDS.items()})
 
 
-def room_for(system: ContactBodies) -> Room:
+def workspace_for(system: ContactBodies) -> Workspace:
     """Tables for the system, not filled yet."""
     lines, contacts = len(system.lines), len(system.touch)
     lengths = {
@@ -206,10 +206,10 @@ def room_for(system: ContactBodies) -> Room:
     for name, (kind, shape) in _FIELDS.items():
         sizes = [length if isinstance(length, int) else lengths[length] for length in shape]
         tables[name] = np.zeros(sizes, np.int64 if kind == INTEGER else np.float64)
-    return Room(**tables)
+    return Workspace(**tables)
 
 
-# What happens to the contacts, noted where it happens: rows of the room, which `Journal` reads.
+# What happens to the contacts, noted where it happens: rows that `Journal` reads.
 
 
 KINDS = (
@@ -228,25 +228,25 @@ OF_ROUND, CHANGES = 3, 5
 
 
 @inline
-def room_left(room):
+def workspace_left(workspace):
     """For how many notes there is room."""
-    return room.notes.shape[0] - room.written[0]
+    return workspace.notes.shape[0] - workspace.written[0]
 
 
 @inline
-def note(room, t, c, kind, impulse):
+def note(workspace, t, c, kind, impulse):
     """Note one event of contact c; impulse: BY it ON its body, world axes [N s]."""
-    k = room.written[0]
-    room.notes[k, 0], room.notes[k, 1], room.notes[k, 2] = t, c, kind
+    k = workspace.written[0]
+    workspace.notes[k, 0], workspace.notes[k, 1], workspace.notes[k, 2] = t, c, kind
     for j in range(3):
-        room.notes[k, 3 + j] = impulse[j]
-    room.written[0] = k + 1
+        workspace.notes[k, 3 + j] = impulse[j]
+    workspace.written[0] = k + 1
 
 
 @inline
-def note_impulses(system, room, t, kind):
-    """One event for each contact that takes part in the impulses of the room."""
-    x, J, most = room.impulses, room.J, 0.0
+def note_impulses(system, workspace, t, kind):
+    """One event for each contact that takes part in the impulses of the workspace."""
+    x, J, most = workspace.impulses, workspace.J, 0.0
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))
     for c in range(system.touch.shape[0]):
@@ -254,7 +254,7 @@ def note_impulses(system, room, t, kind):
         if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > NONE * most:
             b = 6 * system.lines[k, BODY]
             note(
-                room, t, c, kind,
+                workspace, t, c, kind,
                 (
                     J[k, b] * x[k] + J[k + 1, b] * x[k + 1] + J[k + 2, b] * x[k + 2],
                     J[k, b + 1] * x[k] + J[k + 1, b + 1] * x[k + 1] + J[k + 2, b + 1] * x[k + 2],
@@ -264,41 +264,41 @@ def note_impulses(system, room, t, kind):
 
 
 @inline
-def take_before(system, room):
+def take_before(system, workspace):
     """Keep the modes that the contacts have before an event."""
-    for c in range(room.before.shape[0]):
-        for j in range(room.before.shape[1]):
-            room.before[c, j] = system.touch[c, j]
+    for c in range(workspace.before.shape[0]):
+        for j in range(workspace.before.shape[1]):
+            workspace.before[c, j] = system.touch[c, j]
 
 
 @inline
-def note_way(system, room, t, c, way, kinds):
+def note_way(system, workspace, t, c, way, kinds):
     """Note a change of one kind of friction; way: columns of its mode and its bound, kinds: those
     of its beginning and its end."""
     mode, bound = way
-    was, now = room.before[c, mode], system.touch[c, mode]
+    was, now = workspace.before[c, mode], system.touch[c, mode]
     if system.touch[c, bound] > 0.0 and was != now:
-        note(room, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
+        note(workspace, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
 
 
 @inline
-def note_changes(system, room, t):
+def note_changes(system, workspace, t):
     """Note what opened, closed, slipped and stuck."""
-    touch, before = system.touch, room.before
+    touch, before = system.touch, workspace.before
     for c in range(touch.shape[0]):
         if before[c, CLOSED] != touch[c, CLOSED]:
-            note(room, t, c, CLOSES if touch[c, CLOSED] != 0.0 else OPENS, (0.0, 0.0, 0.0))
+            note(workspace, t, c, CLOSES if touch[c, CLOSED] != 0.0 else OPENS, (0.0, 0.0, 0.0))
         if touch[c, CLOSED] == 0.0:
             continue
-        note_way(system, room, t, c, (SLIDE, STATIC), (SLIPS, STICKS))
-        note_way(system, room, t, c, (ROLL, ROLLING_ARM), (ROLLS, STOPS_ROLLING))
-        note_way(system, room, t, c, (SPIN, SPINNING_ARM), (SPINS, STOPS_SPINNING))
+        note_way(system, workspace, t, c, (SLIDE, STATIC), (SLIPS, STICKS))
+        note_way(system, workspace, t, c, (ROLL, ROLLING_ARM), (ROLLS, STOPS_ROLLING))
+        note_way(system, workspace, t, c, (SPIN, SPINNING_ARM), (SPINS, STOPS_SPINNING))
         along = 0.0
         for j in range(3):
-            along += before[c, AHEAD + j] * touch[c, AHEAD + j]
+            along += before[c, SLIP_DIRECTION + j] * touch[c, SLIP_DIRECTION + j]
         slides = before[c, SLIDE] == SLIDING and touch[c, SLIDE] == SLIDING
         if touch[c, STATIC] > 0.0 and slides and along < 0.0:
-            note(room, t, c, REVERSES, (0.0, 0.0, 0.0))
+            note(workspace, t, c, REVERSES, (0.0, 0.0, 0.0))
 
 
 # What happened to the contacts, as the events of a run.
@@ -328,13 +328,13 @@ class Journal:
         told = self._kinds[c][kind]
         self._add(ContactEvent(float(t), self.names[c], told, (0.0, 0.0, 0.0)))
 
-    def take(self, room: Room) -> None:
-        """The events noted in the room, which is empty then."""
-        for t, contact, kind, *impulse in room.notes[: int(room.written[0])].tolist():
+    def take(self, workspace: Workspace) -> None:
+        """The events noted in the workspace, which is empty then."""
+        for t, contact, kind, *impulse in workspace.notes[: int(workspace.written[0])].tolist():
             c = int(contact)
             name = self._kinds[c][int(kind)]
             self._add(ContactEvent(t, self.names[c], name, tuple(impulse)))
-        room.written[0] = 0
+        workspace.written[0] = 0
 
     def _add(self, event: ContactEvent) -> None:
         self.events.append(event)

@@ -30,9 +30,9 @@ from rb_sim.contact.problem.event_workspace import (
     find_touching,
     note,
     note_impulses,
-    room_left,
     slip_speed,
     speed_that_is_none,
+    workspace_left,
 )
 from rb_sim.contact.problem.forces import (
     NOT_FINITE,
@@ -100,10 +100,10 @@ class Rule(NamedTuple):
 
 
 @inline
-def along_lines(system, room, u, v):
+def along_lines(system, workspace, u, v):
     """v = J u - b, of all lines."""
     for k in range(v.shape[0]):
-        v[k] = line_times(system, room.J, k, u) - room.line_rate[k]
+        v[k] = line_times(system, workspace.J, k, u) - workspace.line_rate[k]
 
 
 @inline
@@ -126,35 +126,35 @@ def rubs_up_to(system, c, v):
 
 
 @inline
-def lay_out_impact(system, room, v, together, loose):
+def lay_out_impact(system, workspace, v, together, loose):
     """The lines and laws of an impact of what takes part; returns (lines, bounds).
 
     loose: what is perfectly rough and does not part has no friction but holds.
     """
     touch, n, m = system.touch, 0, 0
     for k in range(line_of(system, 0)):
-        n = add_line(room, n, k, HOLDS)
+        n = add_line(workspace, n, k, HOLDS)
     for c in range(touch.shape[0]):
-        if room.taking_part[c] != 1:
+        if workspace.taking_part[c] != 1:
             continue
         k, push = line_of(system, c), n
-        both = touch[c, BILATERAL] == 1.0 or (together and room.together[c] == 1)
-        n = add_line(room, n, k, HOLDS if both else PUSHES)
+        both = touch[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
+        n = add_line(workspace, n, k, HOLDS if both else PUSHES)
         coefficient = rubs_up_to(system, c, v)
         if coefficient > 0.0:
             held = loose and grips(system, c, v)
             rule = HOLDS if held else RUBS
-            n = add_line(room, n, k + 1, rule)
-            n = add_line(room, n, k + 2, rule)
+            n = add_line(workspace, n, k + 1, rule)
+            n = add_line(workspace, n, k + 2, rule)
             if not held:
-                m = add_bound(room, m, (n - 2, n - 1, push), coefficient, (c, 0))
+                m = add_bound(workspace, m, (n - 2, n - 1, push), coefficient, (c, 0))
         if touch[c, ROLLING_ARM] > 0.0:
-            n = add_line(room, n, k + 3, RUBS)
-            n = add_line(room, n, k + 4, RUBS)
-            m = add_bound(room, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
+            n = add_line(workspace, n, k + 3, RUBS)
+            n = add_line(workspace, n, k + 4, RUBS)
+            m = add_bound(workspace, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
         if touch[c, SPINNING_ARM] > 0.0:
-            n = add_line(room, n, k + 5, RUBS)
-            m = add_bound(room, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
+            n = add_line(workspace, n, k + 5, RUBS)
+            m = add_bound(workspace, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
     return n, m
 
 
@@ -168,44 +168,44 @@ def velocity_after(A, b, i, x):
 
 
 @inline
-def let_press_hold(system, room, A, b, x, pressing):
+def let_press_hold(system, workspace, A, b, x, pressing):
     """Let the pushes that do not part at the solution x hold, and mark them; returns how many there
     are."""
     many, still = 0, speed_that_is_none(system)
     for i in range(x.shape[0]):
         pressing[i] = 0.0
-        if room.rules[i] == PUSHES and velocity_after(A, b, i, x) <= still:
-            room.rules[i], pressing[i] = HOLDS, 1.0
+        if workspace.rules[i] == PUSHES and velocity_after(A, b, i, x) <= still:
+            workspace.rules[i], pressing[i] = HOLDS, 1.0
             many += 1
     return many
 
 
 @inline
-def keeps_pushing(room, pressing, x):
+def keeps_pushing(workspace, pressing, x):
     """True if no contact that presses would have to pull for x."""
     most = 0.0
     for i in range(x.shape[0]):
         most = max(most, abs(x[i]))
     for i in range(x.shape[0]):
-        if pressing[i] == 1.0 and x[i] < room.least[i] - NONE * most:
+        if pressing[i] == 1.0 and x[i] < workspace.least[i] - NONE * most:
             return False
     return True
 
 
 @inline
-def leave_open(room, A, b, terms, x, other):
-    """Let room.undetermined tell how far two impulses end in other velocities, if they do."""
+def leave_open(workspace, A, b, terms, x, other):
+    """Let workspace.undetermined tell how far two impulses end in other velocities, if they do."""
     largest, most = 0.0, 0.0
     for i in range(x.shape[0]):
         largest = max(largest, terms[i])
         apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
         most = max(most, abs(apart))
     if most > APART * largest:
-        room.undetermined[0] = max(room.undetermined[0], most / largest)
+        workspace.undetermined[0] = max(workspace.undetermined[0], most / largest)
 
 
 @inline
-def without_least_push(room, m, A, b, terms, pressing, x, other):
+def without_least_push(workspace, m, A, b, terms, pressing, x, other):
     """Into other the impulses where the contact that pushes least does not; returns SOLVED if there
     are some."""
     n, least = x.shape[0], -1
@@ -216,117 +216,117 @@ def without_least_push(room, m, A, b, terms, pressing, x, other):
     for i in range(n):
         alone[least, i], alone[i, least] = 0.0, 0.0
     alone[least, least], rest[least] = A[least, least], 0.0
-    return solve_in(room, n, m, alone, rest, terms, other)
+    return solve_in(workspace, n, m, alone, rest, terms, other)
 
 
 @inline
-def take_least_shares(system, room, m, A, b, terms, x):
+def take_least_shares(system, workspace, m, A, b, terms, x):
     """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
-    it; room.undetermined tells how far others end in another motion.
+    it; workspace.undetermined tells how far others end in another motion.
 
     How the corners of a face share a push is not in the laws, and rounding would choose. Where
     they slip in several directions the friction, and the motion, depend on it.
     """
     n = x.shape[0]
     found, pressing = np.empty(n), np.empty(n)
-    if let_press_hold(system, room, A, b, x, pressing) < MANY:
+    if let_press_hold(system, workspace, A, b, x, pressing) < MANY:
         return
-    if solve_in(room, n, m, A, b, terms, found) != SOLVED:
+    if solve_in(workspace, n, m, A, b, terms, found) != SOLVED:
         return
-    if not keeps_pushing(room, pressing, found):
+    if not keeps_pushing(workspace, pressing, found):
         return
-    leave_open(room, A, b, terms, x, found)
+    leave_open(workspace, A, b, terms, x, found)
     for i in range(n):
         x[i] = found[i]
-    if without_least_push(room, m, A, b, terms, pressing, x, found) == SOLVED:
-        possible = keeps_pushing(room, pressing, found)
+    if without_least_push(workspace, m, A, b, terms, pressing, x, found) == SOLVED:
+        possible = keeps_pushing(workspace, pressing, found)
         for i in range(n):
             parts = velocity_after(A, b, i, found)
             possible = possible and not (pressing[i] == 1.0 and abs(parts) > APART * terms[i])
         if possible:
-            leave_open(room, A, b, terms, x, found)
+            leave_open(workspace, A, b, terms, x, found)
 
 
 @inline
-def try_impulses(system, room, before, rule, loose, x):
+def try_impulses(system, workspace, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
-    n, m = lay_out_impact(system, room, before.v, rule.together, loose)
+    n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
-    fill_delassus(system, room.J, room.J, room.used, n, A)
+    fill_delassus(system, workspace.J, workspace.J, workspace.used, n, A)
     for i in range(n):
-        k = room.used[i]
+        k = workspace.used[i]
         b[i] = before.v[k]
-        terms[i] = size_of_terms(system, room.J, k, before.u) + abs(room.line_rate[k])
+        terms[i] = size_of_terms(system, workspace.J, k, before.u) + abs(workspace.line_rate[k])
     for c in range(system.touch.shape[0]):
-        if room.taking_part[c] == 1:
-            i = room.place_of[line_of(system, c)]
+        if workspace.taking_part[c] == 1:
+            i = workspace.place_of[line_of(system, c)]
             b[i] *= 1.0 + rule.rebound[c]
-            room.least[i] = rule.least[c]
-    status = solve_in(room, n, m, A, b, terms, found)
+            workspace.least[i] = rule.least[c]
+    status = solve_in(workspace, n, m, A, b, terms, found)
     if status == SOLVED:
-        take_least_shares(system, room, m, A, b, terms, found)
+        take_least_shares(system, workspace, m, A, b, terms, found)
     for k in range(x.shape[0]):
         x[k] = 0.0
     for i in range(n):
-        x[room.used[i]] = found[i]
+        x[workspace.used[i]] = found[i]
     return status
 
 
 @inline
-def impulses_with(system, room, before, rule, x):
+def impulses_with(system, workspace, before, rule, x):
     """Into x the impulses with w = A x + v + e v-, of all lines; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
     holding = False
     for c in range(system.touch.shape[0]):
-        holding = holding or (room.taking_part[c] == 1 and grips(system, c, before.v))
+        holding = holding or (workspace.taking_part[c] == 1 and grips(system, c, before.v))
     status = UNSOLVED
     if not (rule.stop and holding):
-        status = try_impulses(system, room, before, rule, False, x)
+        status = try_impulses(system, workspace, before, rule, False, x)
     if status == UNSOLVED and holding:
         # what is perfectly rough stops the slip even where that alone lifts it off
-        status = try_impulses(system, room, before, rule, True, x)
+        status = try_impulses(system, workspace, before, rule, True, x)
     return status
 
 
 @inline
-def gains_energy(system, room, u, x):
+def gains_energy(system, workspace, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
     p, du = np.empty_like(u), np.empty_like(u)
-    momentum_of(system, room.J, x, p)
+    momentum_of(system, workspace.J, x, p)
     inverse_mass_times(system, p, du)
     work, size = 0.0, 1e-300
     for j in range(u.shape[0]):
         work += p[j] * (u[j] + 0.5 * du[j])
         size += abs(p[j]) * abs(u[j])
     for k in range(x.shape[0]):
-        work -= x[k] * room.line_rate[k]
+        work -= x[k] * workspace.line_rate[k]
     return work > ENERGY_SLACK * size
 
 
 @inline
-def newton_impulses(system, room, before, rebound, x):
+def newton_impulses(system, workspace, before, rebound, x):
     """Into x the impulses of Newton's rule, with e of each contact."""
     none = np.zeros_like(rebound)
-    return impulses_with(system, room, before, Rule(rebound, none, False, False), x)
+    return impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
 
 
 @inline
-def poisson_impulses(system, room, before, rebound, x):
+def poisson_impulses(system, workspace, before, rebound, x):
     """Into x those of compression to rest, then of at least e times its push once more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
     first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
-    status = impulses_with(system, room, before, Rule(none, none, False, False), first)
+    status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
     if status != SOLVED:
         return status
     for c in range(least.shape[0]):
         least[c] = rebound[c] * first[line_of(system, c)]
-    momentum_of(system, room.J, first, p)
+    momentum_of(system, workspace.J, first, p)
     inverse_mass_times(system, p, du)
     after = np.empty_like(x)
     for k in range(x.shape[0]):
-        after[k] = before.v[k] + line_times(system, room.J, k, du)
+        after[k] = before.v[k] + line_times(system, workspace.J, k, du)
     compressed = Velocities(before.u, after)
-    status = impulses_with(system, room, compressed, Rule(none, least, False, False), x)
+    status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
     for k in range(x.shape[0]):
         x[k] += first[k]
     return status
@@ -349,12 +349,12 @@ def must_stop_slipping(system, c):
 
 
 @inline
-def apply_impulses(system, room, t, y, x):
+def apply_impulses(system, workspace, t, y, x):
     """Add the impulses to the velocities, and their work to that of the contacts."""
-    u, p = np.empty_like(room.free_accelerations), np.empty_like(room.free_accelerations)
+    u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
     du = np.empty_like(u)
     read_velocities(system, y, u)
-    momentum_of(system, room.J, x, p)
+    momentum_of(system, workspace.J, x, p)
     inverse_mass_times(system, p, du)
     work = 0.0
     for i in range(system.bodies.shape[0]):
@@ -363,47 +363,49 @@ def apply_impulses(system, room, t, y, x):
             y[WIDTH * i + 7 + j] = u[k] + du[k]
             work += p[k] * (u[k] + 0.5 * du[k])
     y[WIDTH * system.bodies.shape[0]] += work
-    write_lines(system, t, y, room)
+    write_lines(system, t, y, workspace)
 
 
 @inline
-def impulses_of_strike(system, room, before, fastest, x):
+def impulses_of_strike(system, workspace, before, fastest, x):
     """Into x the impulses of what takes part, by the first of the rules that has some and gains no
     energy."""
     touch, contacts = system.touch, system.touch.shape[0]
     rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
-    room.undetermined[0] = 0.0
+    workspace.undetermined[0] = 0.0
     for c in range(contacts):
-        any_together = any_together or room.together[c] == 1
-        if room.taking_part[c] == 1 and room.plastic[c] == 0:
+        any_together = any_together or workspace.together[c] == 1
+        if workspace.taking_part[c] == 1 and workspace.plastic[c] == 0:
             if before.v[line_of(system, c)] < 0.0:
                 rebound[c] = touch[c, RESTITUTION]
     status = UNSOLVED
     if any_together:
-        status = impulses_with(system, room, before, Rule(none, none, True, False), x)
+        status = impulses_with(system, workspace, before, Rule(none, none, True, False), x)
     if status == UNSOLVED and not touch[fastest, GAP_RATE] < -speed_that_is_none(system):
-        status = impulses_with(system, room, before, Rule(none, none, False, True), x)
+        status = impulses_with(system, workspace, before, Rule(none, none, False, True), x)
     if status == UNSOLVED:
-        status = newton_impulses(system, room, before, rebound, x)
-    if status == UNSOLVED or (status == SOLVED and gains_energy(system, room, before.u, x)):
-        status = poisson_impulses(system, room, before, rebound, x)
-        if status == UNSOLVED or (status == SOLVED and gains_energy(system, room, before.u, x)):
-            status = newton_impulses(system, room, before, none, x)
+        status = newton_impulses(system, workspace, before, rebound, x)
+    if status == UNSOLVED or (status == SOLVED and gains_energy(system, workspace, before.u, x)):
+        status = poisson_impulses(system, workspace, before, rebound, x)
+        if status == UNSOLVED or (
+            status == SOLVED and gains_energy(system, workspace, before.u, x)
+        ):
+            status = newton_impulses(system, workspace, before, none, x)
     return status
 
 
 @inline
-def strike(system, room, t, y, alone):
+def strike(system, workspace, t, y, alone):
     """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
-    `room.plastic`: contacts without rebound; `room.together`: touching ones that do not part
-    either; alone: only the contact that approaches fastest, and those as fast. The impulses go into
-    the room, and `room.rebounding` becomes 1 for contacts that separate after it.
+    `workspace.plastic`: contacts without rebound; `workspace.together`: touching ones that do not
+    part either; alone: only the contact that approaches fastest, and those as fast. The impulses go
+    into the workspace, and `workspace.rebounding` becomes 1 for contacts that separate after it.
     """
     touch, still = system.touch, speed_that_is_none(system)
-    fastest, strikes = find_touching(system, room), False
+    fastest, strikes = find_touching(system, workspace), False
     for c in range(touch.shape[0]):
-        if room.taking_part[c] == 1:
+        if workspace.taking_part[c] == 1:
             approaches = touch[c, GAP_RATE] < -still
             strikes = strikes or approaches or must_stop_slipping(system, c)
     if not strikes:
@@ -411,32 +413,32 @@ def strike(system, room, t, y, alone):
     if alone and touch[fastest, GAP_RATE] < -still:
         for c in range(touch.shape[0]):
             as_fast = touch[c, GAP_RATE] <= (1.0 - TIED) * touch[fastest, GAP_RATE]
-            room.taking_part[c] = 1 if room.taking_part[c] == 1 and as_fast else 0
-    u, v = np.empty_like(room.free_accelerations), np.empty_like(room.line_rate)
+            workspace.taking_part[c] = 1 if workspace.taking_part[c] == 1 and as_fast else 0
+    u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.line_rate)
     read_velocities(system, y, u)
-    along_lines(system, room, u, v)
-    x = room.impulses
-    status = impulses_of_strike(system, room, Velocities(u, v), fastest, x)
+    along_lines(system, workspace, u, v)
+    x = workspace.impulses
+    status = impulses_of_strike(system, workspace, Velocities(u, v), fastest, x)
     if status == NOT_FINITE:
         return OVERFLOWN
     if status == UNSOLVED:
         return NO_IMPULSES
-    if room.undetermined[0] > 0.0:
-        note(room, t, fastest, AMBIGUOUS, (0.0, 0.0, 0.0))
-        if room.undetermined[0] > room.undetermined[1]:
-            room.undetermined[1] = room.undetermined[0]
-            room.undetermined[2], room.undetermined[3] = t, fastest
-    apply_impulses(system, room, t, y, x)
+    if workspace.undetermined[0] > 0.0:
+        note(workspace, t, fastest, AMBIGUOUS, (0.0, 0.0, 0.0))
+        if workspace.undetermined[0] > workspace.undetermined[1]:
+            workspace.undetermined[1] = workspace.undetermined[0]
+            workspace.undetermined[2], workspace.undetermined[3] = t, fastest
+    apply_impulses(system, workspace, t, y, x)
     read_velocities(system, y, u)
-    along_lines(system, room, u, v)
+    along_lines(system, workspace, u, v)
     for c in range(touch.shape[0]):
-        parts = room.taking_part[c] == 1 and v[line_of(system, c)] > still
-        room.rebounding[c] = 1 if parts else 0
+        parts = workspace.taking_part[c] == 1 and v[line_of(system, c)] > still
+        workspace.rebounding[c] = 1 if parts else 0
     return STRUCK
 
 
 @inline
-def strike_in_rounds(system, room, t, y, first, last, single):
+def strike_in_rounds(system, workspace, t, y, first, last, single):
     """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
     closed. single: so many rounds strike one contact at a time.
 
@@ -444,16 +446,18 @@ def strike_in_rounds(system, room, t, y, first, last, single):
     """
     contacts = system.touch.shape[0]
     for n in range(first, last):
-        if room_left(room) < OF_ROUND * contacts + 1:
+        if workspace_left(workspace) < OF_ROUND * contacts + 1:
             return GOES_ON, n
-        close_endless(system, room, t, y)
-        rocks = close_rocking(system, room, t, y)
+        close_endless(system, workspace, t, y)
+        rocks = close_rocking(system, workspace, t, y)
         for c in range(contacts):
-            if 0 < single <= n or room.together[c] == 1:  # no end: what it leaves is taken together
-                room.plastic[c] = 1
-        status = strike(system, room, t, y, n < single and not rocks)
+            if (
+                0 < single <= n or workspace.together[c] == 1
+            ):  # no end: what it leaves is taken together
+                workspace.plastic[c] = 1
+        status = strike(system, workspace, t, y, n < single and not rocks)
         if status != STRUCK:
             return status, n
-        note_impulses(system, room, t, IMPACT)
-        count_bounces(room)
+        note_impulses(system, workspace, t, IMPACT)
+        count_bounces(workspace)
     return ENDLESS, last

@@ -39,7 +39,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     BILATERAL,
     CLOSED,
     COMPLIANT,
@@ -47,16 +46,17 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP,
     GAP_RATE,
     KINETIC,
+    LEAN_SIGN,
     NORMAL,
+    NORMAL_SIGN,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLLING_ARM,
-    SENSE,
-    SIDE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     SPINNING_ARM,
     SPRING,
     STATIC,
@@ -77,11 +77,11 @@ FEW = 20
 
 
 @inline
-def find_held(system, room):
-    """Lines of the joints and of what rests, in their order, into `room.used`; returns how many."""
+def find_held(system, workspace):
+    """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
     touch, n = system.touch, line_of(system, 0)
     for k in range(n):
-        room.used[k] = k
+        workspace.used[k] = k
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] == 0.0:
             continue
@@ -96,13 +96,13 @@ def find_held(system, room):
         )
         for j in range(6):
             if holds[j]:
-                room.used[n] = k + j
+                workspace.used[n] = k + j
                 n += 1
     return n
 
 
 @inline
-def may_share(system, room):
+def may_share(system, workspace):
     """False where what holds has one set of reactions for certain; no self-stress is kept then.
 
     The smallest pivot of n columns is at most 2^n sqrt(n) times the smallest singular value (Golub
@@ -110,13 +110,13 @@ def may_share(system, room):
     """
     for k in range(system.vectors.shape[1]):
         system.vectors[SHARES, k] = 0.0
-    n = find_held(system, room)
+    n = find_held(system, workspace)
     if n == line_of(system, 0):
         return False
     if n > FEW:
         return True
     A, work = np.empty((n, n)), np.zeros(2 * n)
-    fill_delassus(system, room.J, room.W, room.used, n, A)
+    fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
     R = pointer(A)
     rank = triangular(R, n, pointer(work), part(pointer(work), n))
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
@@ -141,25 +141,25 @@ def open_contact(touch, c):
 
 
 @inline
-def sort_contacts(system, room, code):
-    """Which contacts may close, and which compliant ones are pressed, into `room.taking_part`;
+def sort_contacts(system, workspace, code):
+    """Which contacts may close, and which compliant ones are pressed, into `workspace.taking_part`;
     opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
     many there are."""
     touch, still, count = system.touch, speed_that_is_none(system), 0
     for c in range(touch.shape[0]):
         both, part = touch[c, BILATERAL] == 1.0, 0
         if touch[c, COMPLIANT] == 1.0:
-            there = touch[c, SENSE] != ABSENT
+            there = touch[c, LEAN_SIGN] != ABSENT
             if there and touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0:
                 part = PRESSED
         elif both or (
             abs(touch[c, GAP_RATE]) <= still
             and touches(system, c)
-            and room.opened[c] == 0
+            and workspace.opened[c] == 0
             and not (c == code[0] and code[1] == LIFT_OFF)
         ):
             part = CANDIDATE
-        room.taking_part[c] = part
+        workspace.taking_part[c] = part
         if part == 0:
             open_contact(touch, c)
         else:
@@ -172,15 +172,15 @@ def sort_contacts(system, room, code):
 def first_guess(system, c, lifts_off):
     """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
     touch, still = system.touch, speed_that_is_none(system)
-    if touch[c, SIDE] == 0.0:
-        touch[c, SIDE] = 1.0
+    if touch[c, NORMAL_SIGN] == 0.0:
+        touch[c, NORMAL_SIGN] = 1.0
     if touch[c, BILATERAL] == 1.0 and lifts_off:
-        touch[c, SIDE] = -touch[c, SIDE]
+        touch[c, NORMAL_SIGN] = -touch[c, NORMAL_SIGN]
     speed = slip_speed(system, c)
     slides = touch[c, STATIC] == 0.0 or speed > still or touch[c, CREEPS] > 0.0
     touch[c, SLIDE] = SLIDING if slides else STUCK
     if speed > still and touch[c, CREEPS] == 0.0:
-        keep(touch, c, AHEAD, scale(1.0 / speed, vec(touch, c, SLIP)))
+        keep(touch, c, SLIP_DIRECTION, scale(1.0 / speed, vec(touch, c, SLIP)))
     across, about = turning(system, c)
     fast, slow = norm(across), turn_that_is_none(system)
     touch[c, ROLL] = NONE
@@ -190,129 +190,129 @@ def first_guess(system, c, lifts_off):
     if touch[c, SPINNING_ARM] > 0.0:
         touch[c, SPIN] = SLIDING if abs(about) > slow else STUCK
     if touch[c, ROLL] == SLIDING:
-        keep(touch, c, ROLL_AHEAD, scale(1.0 / fast, across))
+        keep(touch, c, ROLL_DIRECTION, scale(1.0 / fast, across))
     if touch[c, SPIN] == SLIDING:
-        touch[c, SPIN_AHEAD] = math.copysign(1.0, about)
+        touch[c, SPIN_SIGN] = math.copysign(1.0, about)
 
 
 @inline
-def size_of(w, room, i):
+def size_of(w, workspace, i):
     """|w| of the lines of the i-th bound."""
-    first, second = room.bounds[i, 0], room.bounds[i, 1]
+    first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
 
 @inline
-def begin_to_move(system, room, i, x, w, size):
+def begin_to_move(system, workspace, i, x, w, size):
     """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
-    touch, c, way = system.touch, room.moves[i, 0], room.moves[i, 1]
-    first, second = room.bounds[i, 0], room.bounds[i, 1]
-    rate = size_of(w, room, i)
+    touch, c, way = system.touch, workspace.moves[i, 0], workspace.moves[i, 1]
+    first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
+    rate = size_of(w, workspace, i)
     begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
-    if not begins and room.moved[c, way] == 0:
+    if not begins and workspace.moved[c, way] == 0:
         touch[c, SLIDE + way] = STUCK
         return
-    room.moved[c, way] = 1
+    workspace.moved[c, way] = 1
     touch[c, SLIDE + way] = SLIDING
-    force, y, z = size_of(x, room, i), 0.0, 0.0
+    force, y, z = size_of(x, workspace, i), 0.0, 0.0
     if begins:
         y, z = w[first] / rate, w[second] / rate if second >= 0 else 0.0
     elif force > 0.0:
         y, z = -x[first] / force, -x[second] / force if second >= 0 else 0.0
     if way == 2:
-        touch[c, SPIN_AHEAD] = math.copysign(1.0, y)
+        touch[c, SPIN_SIGN] = math.copysign(1.0, y)
         return
     t1, t2 = perpendicular(vec(touch, c, NORMAL))
-    keep(touch, c, AHEAD if way == 0 else ROLL_AHEAD, add(scale(y, t1), scale(z, t2)))
+    keep(touch, c, SLIP_DIRECTION if way == 0 else ROLL_DIRECTION, add(scale(y, t1), scale(z, t2)))
 
 
 @inline
-def read_modes(system, room, n, m, x, w):
+def read_modes(system, workspace, n, m, x, w):
     """Modes from forces x and accelerations w of n lines."""
     touch, size, most = system.touch, 0.0, 0.0
     for i in range(n):
         size = max(size, abs(w[i]))
-    for j in range(room.free_accelerations.shape[0]):
-        most = max(most, abs(room.free_accelerations[j]))
+    for j in range(workspace.free_accelerations.shape[0]):
+        most = max(most, abs(workspace.free_accelerations[j]))
     size += most
     for c in range(touch.shape[0]):
-        if room.taking_part[c] != CANDIDATE:
+        if workspace.taking_part[c] != CANDIDATE:
             continue
-        i, both = room.place_of[line_of(system, c)], touch[c, BILATERAL] == 1.0
+        i, both = workspace.place_of[line_of(system, c)], touch[c, BILATERAL] == 1.0
         if not both and w[i] > BEGINS * size:
             open_contact(touch, c)
         if both and touch[c, SLIDE] != SLIDING:
-            touch[c, SIDE] = -1.0 if x[i] < 0.0 else 1.0
+            touch[c, NORMAL_SIGN] = -1.0 if x[i] < 0.0 else 1.0
     for i in range(m):
-        if touch[room.moves[i, 0], CLOSED] != 0.0:
-            begin_to_move(system, room, i, x, w, size)
+        if touch[workspace.moves[i, 0], CLOSED] != 0.0:
+            begin_to_move(system, workspace, i, x, w, size)
 
 
 @inline
-def moving(room):
+def moving(workspace):
     """How many have left their rest."""
     count = 0
-    for c in range(room.moved.shape[0]):
+    for c in range(workspace.moved.shape[0]):
         for way in range(3):
-            count += room.moved[c, way]
+            count += workspace.moved[c, way]
     return count
 
 
 @inline
-def find_forces(system, room, t, y):
+def find_forces(system, workspace, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
     for _ in range(MODE_ROUNDS):
-        write_lines(system, t, y, room)
-        n, m = lay_out_forces(system, room)
+        write_lines(system, t, y, workspace)
+        n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
-        fill_forces(system, room, n, A, b, terms)
-        status = solve_forces(room, n, m, A, b, terms, x, w)
+        fill_forces(system, workspace, n, A, b, terms)
+        status = solve_forces(workspace, n, m, A, b, terms, x, w)
         if status != SOLVED:
             return status
-        before = moving(room)
-        read_modes(system, room, n, m, x, w)
-        if moving(room) == before:
+        before = moving(workspace)
+        read_modes(system, workspace, n, m, x, w)
+        if moving(workspace) == before:
             return SOLVED
         for c in range(system.touch.shape[0]):  # the kinetic law now holds for what began to slide
-            if room.taking_part[c] != 0:
+            if workspace.taking_part[c] != 0:
                 system.touch[c, CLOSED] = 1.0
                 first_guess(system, c, False)
     return SOLVED
 
 
 @inline
-def choose(system, room, t, y, code):
+def choose(system, workspace, t, y, code):
     """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
 
     code: (contact, kind) of the event that led here: what it ends does not go on; (-1, -1) of none.
-    `room.opened`: contacts that do not close either. `room.parted` becomes 1 for what opened while
-    it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
+    `workspace.opened`: contacts that do not close either. `workspace.parted` becomes 1 for
+    what opened while it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
     """
     touch = system.touch
-    count = sort_contacts(system, room, code)
+    count = sort_contacts(system, workspace, code)
     for c in range(touch.shape[0]):
         for way in range(3):
-            room.moved[c, way] = 0
-        if room.taking_part[c] != 0:
+            workspace.moved[c, way] = 0
+        if workspace.taking_part[c] != 0:
             first_guess(system, c, c == code[0] and code[1] == LIFT_OFF)
             if c == code[0]:
-                room.moved[c, 0] = 1 if code[1] == SLIP_BEGINS else 0
-                room.moved[c, 1] = 1 if code[1] == ROLL_BEGINS else 0
-                room.moved[c, 2] = 1 if code[1] == SPIN_BEGINS else 0
+                workspace.moved[c, 0] = 1 if code[1] == SLIP_BEGINS else 0
+                workspace.moved[c, 1] = 1 if code[1] == ROLL_BEGINS else 0
+                workspace.moved[c, 2] = 1 if code[1] == SPIN_BEGINS else 0
     if count > 0:
-        status = find_forces(system, room, t, y)
+        status = find_forces(system, workspace, t, y)
         if status == NOT_FINITE:
             return TOO_LARGE
         if status != SOLVED:
             return JAMMED_ONES
     write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
     settle(system, t, y)
-    write_lines(system, t, y, room)
+    write_lines(system, t, y, workspace)
     still = speed_that_is_none(system)
     for c in range(touch.shape[0]):
-        lifts = room.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0
+        lifts = workspace.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0
         slips = slip_speed(system, c) > still and 0.0 < touch[c, KINETIC] < math.inf
-        room.parted[c] = 1 if lifts and slips else 0
+        workspace.parted[c] = 1 if lifts and slips else 0
     return WHOLE

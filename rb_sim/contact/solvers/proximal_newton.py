@@ -127,7 +127,7 @@ def eliminate(H, g, linked, order, done, found):
     """Solve H x = g in place of g; False where a pivot is none.
 
     linked: 1 for bodies whose block of H is not zero, shape (N, N); it gets what is filled.
-    order, done, found: room, N integers each.
+    order, done, found: workspace, N integers each.
     """
     N = linked.shape[0]
     for b in range(N):
@@ -332,7 +332,7 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
 
 
 @inline
-def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
+def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
     themselves are kept to `enough`.
 
@@ -340,7 +340,7 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
     """
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
-    A, D, H, g, linked, order, done, found = room
+    A, D, H, g, linked, order, done, found = workspace
     e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
     given, made = own_map(graph, u, x, A, D) if not e > solved else 1e300, 0
     while e > solved and given > enough and made < ROUNDS:
@@ -359,7 +359,7 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, room):
 
 @inline
 def own_map(graph, u, x, A, D):
-    """Size of the natural map of the laws themselves over the largest impulse; A, D: room."""
+    """Size of the natural map of the laws themselves over the largest impulse; A, D: workspace."""
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
     return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
@@ -378,12 +378,12 @@ def proximal_newton(graph, bodies, u, x, enough):
     A, D = np.empty((n, 3)), np.empty((n, 9))
     linked, order = np.empty((N, N), np.int64), np.empty(N, np.int64)
     H, g, done, found = np.empty((6 * N, 6 * N)), np.empty(6 * N), order.copy(), order.copy()
-    room = A, D, H, g, linked, order, done, found
+    workspace = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
     least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
     solved = max(min(SOLVED, FINER * enough), ROUND_OFF)
     for _ in range(STAGES):
-        e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, room)
+        e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
         made += more
         if not own > enough or not e > solved:
             least, given = e if own > enough else 0.0, own

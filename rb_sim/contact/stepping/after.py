@@ -53,21 +53,21 @@ AT_BOUND = 0.9
 
 
 @inline
-def quieten(tables, room, n, h):
+def quieten(tables, workspace, n, h):
     """A velocity that is but the rounding of its terms is none."""
-    b, u, sizes = tables.bodies, room.u, room.before
+    b, u, sizes = tables.bodies, workspace.u, workspace.before
     for i in range(b.shape[0]):
         sizes[2 * i] = h * norm(triple(b, i, LOAD)) / b[i, MASS]
         gained = symmetric_times(six(b, i, INVERSE), triple(b, i, LOAD + 3))
         sizes[2 * i + 1] = h * norm(gained)
     for i in range(n):
         for k in range(LINES * i, LINES * i + 3):
-            x, body, parent = abs(room.x[k]), room.ends[i, 0], room.ends[i, 1]
-            sizes[2 * body] += x * room.rows[k, LIGHT_B]
-            sizes[2 * body + 1] += x * norm(triple(room.rows, k, TURN_B))
+            x, body, parent = abs(workspace.x[k]), workspace.ends[i, 0], workspace.ends[i, 1]
+            sizes[2 * body] += x * workspace.rows[k, LIGHT_B]
+            sizes[2 * body + 1] += x * norm(triple(workspace.rows, k, TURN_B))
             if parent >= 0:
-                sizes[2 * parent] += x * room.rows[k, LIGHT_A]
-                sizes[2 * parent + 1] += x * norm(triple(room.rows, k, TURN_A))
+                sizes[2 * parent] += x * workspace.rows[k, LIGHT_A]
+                sizes[2 * parent + 1] += x * norm(triple(workspace.rows, k, TURN_A))
     for i in range(b.shape[0]):
         for part in range(2):
             v = triple(u, i, 3 * part)
@@ -76,38 +76,40 @@ def quieten(tables, room, n, h):
 
 
 @inline
-def work_done(room, n):
+def work_done(workspace, n):
     """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
     own is the change of kinetic energy exactly."""
     work = 0.0
     for i in range(n):
-        b, a = room.ends[i, 0], room.ends[i, 1]
+        b, a = workspace.ends[i, 0], workspace.ends[i, 1]
         for k in range(LINES * i, LINES * i + LINES):
-            if room.x[k] != 0.0:
-                mean = rate_of(room.rows, k, room.turning, b, a)
-                mean += rate_of(room.rows, k, room.u, b, a)
-                work += 0.5 * room.x[k] * mean
+            if workspace.x[k] != 0.0:
+                mean = rate_of(workspace.rows, k, workspace.turning, b, a)
+                mean += rate_of(workspace.rows, k, workspace.u, b, a)
+                work += 0.5 * workspace.x[k] * mean
     return work
 
 
 @inline
-def made_by(laws, room, n):
+def made_by(laws, workspace, n):
     """Energy that rigid contacts have made in the step [J]: impulse times mean velocity relative to
     their supports, of all of them.  By their laws they take some or none."""
     made = 0.0
     for i in range(n):
-        c, b, a = room.active[i], room.ends[i, 0], room.ends[i, 1]
+        c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
         if laws[c, COMPLIANT] == 1.0:
             continue
-        moves = triple(room.spots, c, MOVES)
+        moves = triple(workspace.spots, c, MOVES)
         for j in range(LINES):
             k = LINES * i + j
-            if room.x[k] != 0.0:
-                mean = rate_of(room.rows, k, room.turning, b, a) + rate_of(
-                    room.rows, k, room.u, b, a
+            if workspace.x[k] != 0.0:
+                mean = rate_of(workspace.rows, k, workspace.turning, b, a) + rate_of(
+                    workspace.rows, k, workspace.u, b, a
                 )
-                support = dot(triple(room.rows, k, 0), moves) if j < 3 else room.targets[k]
-                made += room.x[k] * (0.5 * mean - support)
+                support = (
+                    dot(triple(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
+                )
+                made += workspace.x[k] * (0.5 * mean - support)
     return max(0.0, made)
 
 
@@ -134,11 +136,11 @@ def slips_though_rough(laws, x, k, c):
 
 
 @inline
-def keep_impulses(tables, memory, room, y, n, h):
+def keep_impulses(tables, memory, workspace, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
-    x, laws, turned, several, rough = room.x, tables.laws, 0.0, 0.0, 0.0
-    active, ends, spots, rules = room.active, room.ends, room.spots, room.rules
-    rows, blocks, targets, u = room.rows, room.blocks, room.targets, room.u
+    x, laws, turned, several, rough = workspace.x, tables.laws, 0.0, 0.0, 0.0
+    active, ends, spots, rules = workspace.active, workspace.ends, workspace.spots, workspace.rules
+    rows, blocks, targets, u = workspace.rows, workspace.blocks, workspace.targets, workspace.u
     slow = LEAVES * tables.scales[1]
     for i in range(n):
         c, k, b, a = active[i], LINES * i, ends[i, 0], ends[i, 1]
@@ -148,11 +150,17 @@ def keep_impulses(tables, memory, room, y, n, h):
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
         moves = dot(triple(spots, c, NORMAL), triple(spots, c, MOVES))
         if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
-            closing = 2.0 * moves - rate_of(rows, k, room.turning, b, a) - rate_of(rows, k, u, b, a)
-            room.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
+            closing = (
+                2.0 * moves - rate_of(rows, k, workspace.turning, b, a) - rate_of(rows, k, u, b, a)
+            )
+            workspace.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
         bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
         slips = mu > 0.0 and memory[c, SLIDE] != STUCK
-        if slips and bore and is_paradox(blocks, rows, targets, room.bends, y, i, b, a, mu, slow):
+        if (
+            slips
+            and bore
+            and is_paradox(blocks, rows, targets, workspace.bends, y, i, b, a, mu, slow)
+        ):
             several = 1.0
         if slips_though_rough(laws, x, k, c):
             rough = 1.0
@@ -164,7 +172,7 @@ def keep_impulses(tables, memory, room, y, n, h):
         put(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
-        leaving = rate_of(rows, k, u, b, a) - moves + room.bends[i, 0]
+        leaving = rate_of(rows, k, u, b, a) - moves + workspace.bends[i, 0]
         note_middle(memory, spots, rows, u, c, k, t1, t2, b, a)
         memory[c, STAYS] = 1.0 if abs(leaving) <= slow else 0.0
         left = leaving > slow and not held
@@ -182,6 +190,6 @@ def keep_impulses(tables, memory, room, y, n, h):
         if laws[c, SPINNING] > 0.0:
             spins = abs(x[k + 5]) >= laws[c, SPINNING] * nearly
             memory[c, SPIN] = SLIDING if spins else STUCK
-    room.notes[TURNED] += turned
-    room.notes[SEVERAL] += several
-    room.notes[ROUGH_SLIPS] += rough
+    workspace.notes[TURNED] += turned
+    workspace.notes[SEVERAL] += several
+    workspace.notes[ROUGH_SLIPS] += rough

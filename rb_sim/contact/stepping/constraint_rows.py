@@ -274,13 +274,18 @@ def rates_of(rows, targets, u, k, b, a):
 
 
 @inline
-def gather(tables, memory, room, y, h):
+def gather(tables, memory, workspace, y, h):
     """Write lines, rules and first impulses of the points that take part; how many."""
-    found, notes = 0, room.notes
+    found, notes = 0, workspace.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
     owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
-    spots, rows, targets, bends = room.spots, room.rows, room.targets, room.bends
-    active, ends, u, turning = room.active, room.ends, room.u, room.turning
+    spots, rows, targets, bends = (
+        workspace.spots,
+        workspace.rows,
+        workspace.targets,
+        workspace.bends,
+    )
+    active, ends, u, turning = workspace.active, workspace.ends, workspace.u, workspace.turning
     speed, spin = fastest_of(u, y)
     within = 2.0 * speed + 1e-3 * (2.0 * speed + scales[1]), spin, h
     for c in range(owners.shape[0]):
@@ -299,20 +304,25 @@ def gather(tables, memory, room, y, h):
         rates = rates_of(rows, targets, turning, k, b, a)
         find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
         found += 1
-    straighten_crowds(laws, bends, active, ends, room.held, found)
-    begin_with_rules(tables, memory, room, y, found, h, ratio)
+    straighten_crowds(laws, bends, active, ends, workspace.held, found)
+    begin_with_rules(tables, memory, workspace, y, found, h, ratio)
     return found
 
 
 @inline
-def begin_with_rules(tables, memory, room, y, n, h, ratio):
+def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
     """Rules and first impulses of the n points that take part, whose lines are written; ratio:
     length of the step h over that of the last one."""
-    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, room.notes
-    spots, rows, targets, rules = room.spots, room.rows, room.targets, room.rules
-    bends, turning, x, u = room.bends, room.turning, room.x, room.u
+    laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, workspace.notes
+    spots, rows, targets, rules = (
+        workspace.spots,
+        workspace.rows,
+        workspace.targets,
+        workspace.rules,
+    )
+    bends, turning, x, u = workspace.bends, workspace.turning, workspace.x, workspace.u
     for i in range(n):
-        c, k, b, a = room.active[i], LINES * i, room.ends[i, 0], room.ends[i, 1]
+        c, k, b, a = workspace.active[i], LINES * i, workspace.ends[i, 0], workspace.ends[i, 1]
         slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
         gap = spots[c, GAP]
         write_rules(
@@ -330,30 +340,39 @@ def begin_with_rules(tables, memory, room, y, n, h, ratio):
 
 
 @inline
-def gather_joints(tables, room, h):
+def gather_joints(tables, workspace, h):
     """Lines of the joints, and their impulses of the step before."""
-    ratio = h / room.notes[LENGTH] if room.notes[LENGTH] > 0.0 else 0.0
+    ratio = h / workspace.notes[LENGTH] if workspace.notes[LENGTH] > 0.0 else 0.0
     for k in range(tables.joints.shape[0]):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
         for j in range(12):
-            room.joint_rows[k, j] = tables.joint_rows[k, j]
+            workspace.joint_rows[k, j] = tables.joint_rows[k, j]
         turn = symmetric_times(six(tables.bodies, b, INVERSE), triple(tables.joint_rows, k, 3))
-        put(room.joint_rows, k, TURN_B, turn)
-        room.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
+        put(workspace.joint_rows, k, TURN_B, turn)
+        workspace.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
         if a >= 0:
             turn = symmetric_times(six(tables.bodies, a, INVERSE), triple(tables.joint_rows, k, 9))
-            put(room.joint_rows, k, TURN_A, turn)
-            room.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
+            put(workspace.joint_rows, k, TURN_A, turn)
+            workspace.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
         # as of contacts, see `bends`: the step before has ended on the joints
-        bend = rate_of(room.joint_rows, k, room.turning, b, a) - tables.joint_rows[k, RATE]
-        room.joint_targets[k] = tables.joint_rows[k, RATE] - bend
-        room.joint_x[k] *= ratio
+        bend = (
+            rate_of(workspace.joint_rows, k, workspace.turning, b, a) - tables.joint_rows[k, RATE]
+        )
+        workspace.joint_targets[k] = tables.joint_rows[k, RATE] - bend
+        workspace.joint_x[k] *= ratio
 
 
 @inline
-def graph_of(tables, room, n):
+def graph_of(tables, workspace, n):
     return Graph(
-        room.ends[:n], room.rows[: LINES * n], room.targets[: LINES * n], room.rules[:n],
-        room.blocks[:n], tables.joints, room.joint_rows, room.joint_targets, room.joint_factor,
-        room.joint_spare,
-    )  # fmt: skip
+        workspace.ends[:n],
+        workspace.rows[: LINES * n],
+        workspace.targets[: LINES * n],
+        workspace.rules[:n],
+        workspace.blocks[:n],
+        tables.joints,
+        workspace.joint_rows,
+        workspace.joint_targets,
+        workspace.joint_factor,
+        workspace.joint_spare,
+    )

@@ -170,12 +170,12 @@ def put_spot(spots, c, A, driven, gap, n, p):
 
 
 @inline
-def place_points(tables, memory, spots, room, e, count, n, B, A, driven, forget):
+def place_points(tables, memory, spots, workspace, e, count, n, B, A, driven, forget):
     """Give the points of two boxes to the slots that had them before, or to free ones; forget what
     was in slots that have none any more."""
     first = tables.entries[e, FIRST]
     near = SAME_PLACE * min(tables.sizes[e, 3], min(tables.sizes[e, 4], tables.sizes[e, 5]))
-    points, taken = room[2], room[3]
+    points, taken = workspace[2], workspace[3]
     for k in range(8):
         spots[first + k, GAP] = FAR
         taken[k, 0] = 0.0
@@ -217,7 +217,7 @@ def pushed(memory, c):
 
 
 @inline
-def find_spots(tables, memory, spots, room, t, y, reach, again):
+def find_spots(tables, memory, spots, workspace, t, y, reach, again):
     """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
 
     again: they have been found in this step; what was farther apart then is left as it was.
@@ -235,9 +235,9 @@ def find_spots(tables, memory, spots, room, t, y, reach, again):
             c_B = add(B.p_WC, rotate(B.q_WB, triple(s, e, 0)))
             c_A = add(A.p_WC, rotate(A.q_WB, triple(s, e, 6)))
             count, n = boxes_touching(
-                room[2], room, A.q_WB, c_A, half_A, B.q_WB, c_B, half_B, reach
+                workspace[2], workspace, A.q_WB, c_A, half_A, B.q_WB, c_B, half_B, reach
             )
-            place_points(tables, memory, spots, room, e, count, n, B, A, driven, not again)
+            place_points(tables, memory, spots, workspace, e, count, n, B, A, driven, not again)
             continue
         if kind <= RIM_PLANE:
             gap, n, p = on_flat(kind, s, e, B, A)

@@ -27,7 +27,7 @@ from rb_sim.contact.stepping.scene_tables import (
     padded,
     write_law,
 )
-from rb_sim.contact.stepping.step_workspace import Room, memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.vectors import add, rotate
@@ -144,11 +144,11 @@ class Neighbours:
         return out
 
 
-def resized(room: Room, bodies: int, points: int, joints: int) -> Room:
-    """Work space for another number of points, with what the room has to tell."""
-    made = room_for(bodies, points, joints)
+def resized(workspace: Workspace, bodies: int, points: int, joints: int) -> Workspace:
+    """Work space for another number of points, with what the workspace has to tell."""
+    made = workspace_for(bodies, points, joints)
     for name in ("notes", "joint_x", "joint_back", "joint_summed"):
-        getattr(made, name)[:] = getattr(room, name)
+        getattr(made, name)[:] = getattr(workspace, name)
     return made
 
 
@@ -165,8 +165,7 @@ def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:
         gap = least_gap(made, state_of(y, body), state_of(y, parent))
         if not made.law.compliant and gap < -MISFIT * length:
             names = " and ".join(between.names[i] for i in pair)
-            what = f"the overlap of {names} at the start"
-            refuse_initial(between.scene, group, what, -gap / length)
+            refuse_initial(between.scene, group, f"{names} overlap by {-gap:.2g} m at the start")
 
 
 def least_gap(made: PairRows, B: Any, A: Any) -> float:

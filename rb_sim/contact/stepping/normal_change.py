@@ -45,7 +45,7 @@ may be from it; farther apart they are those of a point that has jumped."""
 FREEDOMS, CROWD = 6.0, 1e300
 """Of a body; mark of the bodies of a crowd."""
 CROWDED = 3
-"""Column of Room.bends: 1 of contacts between bodies of a crowd."""
+"""Column of Workspace.bends: 1 of contacts between bodies of a crowd."""
 
 
 @inline
@@ -137,15 +137,15 @@ def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
 
 
 @inline
-def note_ends(tables, memory, room, y):
+def note_ends(tables, memory, workspace, y):
     """Keep the relative velocities at the end of the step, of what bears."""
     for c in range(memory.shape[0]):
-        if memory[c, CLOSED] == 0.0 or not room.spots[c, GAP] < 1e299:
+        if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
             continue
         B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
-        n, p = triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
+        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
         v = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
         v = sub(v, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), sub(p, A.p_WC))))
-        v = sub(v, triple(room.spots, c, MOVES))
+        v = sub(v, triple(workspace.spots, c, MOVES))
         memory[c, ENDS] = dot(n, v)
         put(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

@@ -90,9 +90,9 @@ without a rebound, and Newton's speed; 0 of others."""
 
 
 @inline
-def still_of(room, i, c):
+def still_of(workspace, i, c):
     """Speed along the normal of contact i, point c, at which its surfaces stay together."""
-    return dot(triple(room.spots, c, NORMAL), triple(room.spots, c, MOVES))
+    return dot(triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, MOVES))
 
 
 @inline
@@ -102,20 +102,22 @@ def bounces(tables, c):
 
 
 @inline
-def made_in(room, y, i, c):
+def made_in(workspace, y, i, c):
     """(energy that friction makes at contact i, which is point c [J], that which its push makes
     [J], what its rebound takes [J]) in an impact; zeros where it does not rebound. y: before it."""
-    b, a, k, across = room.ends[i, 0], room.ends[i, 1], LINES * i, 0.0
-    rebound = room.targets[k] - still_of(room, i, c)
-    if not rebound > 0.0 or not room.x[k] > 0.0:
+    b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], LINES * i, 0.0
+    rebound = workspace.targets[k] - still_of(workspace, i, c)
+    if not rebound > 0.0 or not workspace.x[k] > 0.0:
         return 0.0, 0.0, 0.0
     for j in range(1, LINES):
-        if room.x[k + j] != 0.0:
-            mean = speed_at(room.rows, k + j, y, b, a) + rate_of(room.rows, k + j, room.u, b, a)
-            across += room.x[k + j] * (0.5 * mean - room.targets[k + j])
-    mean = speed_at(room.rows, k, y, b, a) + rate_of(room.rows, k, room.u, b, a)
-    along = room.x[k] * (0.5 * mean - still_of(room, i, c))
-    return across, along, room.x[k] * rebound
+        if workspace.x[k + j] != 0.0:
+            mean = speed_at(workspace.rows, k + j, y, b, a) + rate_of(
+                workspace.rows, k + j, workspace.u, b, a
+            )
+            across += workspace.x[k + j] * (0.5 * mean - workspace.targets[k + j])
+    mean = speed_at(workspace.rows, k, y, b, a) + rate_of(workspace.rows, k, workspace.u, b, a)
+    along = workspace.x[k] * (0.5 * mean - still_of(workspace, i, c))
+    return across, along, workspace.x[k] * rebound
 
 
 @inline
@@ -133,62 +135,62 @@ def add_to(total, body, made, taken):
 
 
 @inline
-def gains(total, room, i):
+def gains(total, workspace, i):
     """Whether the impact of a body of contact i creates energy, over all points that it has."""
-    b, a = room.ends[i, 0], room.ends[i, 1]
+    b, a = workspace.ends[i, 0], workspace.ends[i, 1]
     return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
 
 
 @inline
-def some_rebound(tables, room, n):
+def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
-        c = room.active[i]
-        if bounces(tables, c) and room.targets[LINES * i] > still_of(room, i, c):
+        c = workspace.active[i]
+        if bounces(tables, c) and workspace.targets[LINES * i] > still_of(workspace, i, c):
             return True
     return False
 
 
 @inline
-def note_gains(tables, room, y, n, found):
+def note_gains(tables, workspace, y, n, found):
     """Note the rebounds that create energy, and take them away; how many there are."""
     count, total = 0, np.zeros((tables.bodies.shape[0], 2))
     for i in range(n):
-        if bounces(tables, room.active[i]):
-            across, along, taken = made_in(room, y, i, room.active[i])
-            add_to(total, room.ends[i, 0], across + along, taken)
-            add_to(total, room.ends[i, 1], across + along, taken)
+        if bounces(tables, workspace.active[i]):
+            across, along, taken = made_in(workspace, y, i, workspace.active[i])
+            add_to(total, workspace.ends[i, 0], across + along, taken)
+            add_to(total, workspace.ends[i, 1], across + along, taken)
     for i in range(n):
-        c, k = room.active[i], LINES * i
+        c, k = workspace.active[i], LINES * i
         found[i, WHOLE] = 0.0
-        across, along, taken = made_in(room, y, i, c)
-        if bounces(tables, c) and creates(across, along, taken) and gains(total, room, i):
-            whole = room.targets[k] - still_of(room, i, c)
-            found[i, PUSH], found[i, SPEED], found[i, WHOLE] = room.x[k], whole, whole
-            room.targets[k] -= whole
+        across, along, taken = made_in(workspace, y, i, c)
+        if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
+            whole = workspace.targets[k] - still_of(workspace, i, c)
+            found[i, PUSH], found[i, SPEED], found[i, WHOLE] = workspace.x[k], whole, whole
+            workspace.targets[k] -= whole
             count += 1
     return count
 
 
 @inline
-def note_pushes(room, n, found, at):
+def note_pushes(workspace, n, found, at):
     """Note the pushes: those WITHOUT a rebound, or as PUSH those of the last try."""
     for i in range(n):
-        found[i, at] = room.x[LINES * i]
+        found[i, at] = workspace.x[LINES * i]
 
 
 @inline
-def aim_at_poisson(tables, room, n, found):
+def aim_at_poisson(tables, workspace, n, found):
     """Rebounds at which pushes would be 1 + e times those without, by the last try."""
     for i in range(n):
-        c, k = room.active[i], LINES * i
+        c, k = workspace.active[i], LINES * i
         if found[i, WHOLE] == 0.0:
             continue
         more = found[i, PUSH] - found[i, WITHOUT]
         wanted = tables.laws[c, RESTITUTION] * found[i, WITHOUT]
         speed = found[i, SPEED] * wanted / more if more > 0.0 else 0.0
         found[i, SPEED] = min(speed, found[i, WHOLE])
-        room.targets[k] = still_of(room, i, c) + found[i, SPEED]
+        workspace.targets[k] = still_of(workspace, i, c) + found[i, SPEED]
 
 
 @inline
@@ -257,10 +259,10 @@ def load_gravity(tables):
 
 
 @inline
-def free_velocities(tables, room, y, h):
-    """Velocities with the loads of h, without any reaction, into room.u, as in the middle of a
+def free_velocities(tables, workspace, y, h):
+    """Velocities with the loads of h, without any reaction, into workspace.u, as in the middle of a
     step: half of the gyroscopic torque acts before constraints do, and half after."""
-    b, u = tables.bodies, room.u
+    b, u = tables.bodies, workspace.u
     for i in range(b.shape[0]):
         k = STATE * i
         w = (y[k + 10], y[k + 11], y[k + 12])
@@ -268,7 +270,7 @@ def free_velocities(tables, room, y, h):
         w = spin_after(six(b, i, INERTIA), inverse, w, 0.5 * h)
         gained = symmetric_times(inverse, triple(b, i, LOAD + 3))
         for j in range(3):
-            room.turning[i, j], room.turning[i, 3 + j] = y[k + 7 + j], w[j]
+            workspace.turning[i, j], workspace.turning[i, 3 + j] = y[k + 7 + j], w[j]
             u[i, j] = y[k + 7 + j] + h * b[i, LOAD + j] / b[i, MASS]
             u[i, 3 + j] = w[j] + h * gained[j]
 
@@ -285,14 +287,14 @@ def is_quiet(tables, y):
 
 
 @inline
-def solve_impulses(tables, room, graph, x, y):
+def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
     A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
     their cube, so that after it some steps go without, more where it did not get there.  One that
     moves is left to sweeps and, where they do not do, to Newton's method on its bodies.
     """
-    u, joints, length, notes = room.u, room.joint_x, tables.scales[0], room.notes
+    u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
     if not rest > SETTLED:
         return rest, made
@@ -321,58 +323,67 @@ def solve_impulses(tables, room, graph, x, y):
 
 
 @inline
-def solve_without_gain(tables, room, graph, x, y):
+def solve_without_gain(tables, workspace, graph, x, y):
     """As `solve_impulses`, with rebounds that create no energy."""
-    rest, made = solve_impulses(tables, room, graph, x, y)
+    rest, made = solve_impulses(tables, workspace, graph, x, y)
     n = graph.ends.shape[0]
-    if not some_rebound(tables, room, n):
+    if not some_rebound(tables, workspace, n):
         return rest, made
     found = np.empty((n, REBOUND_WIDTH))
-    if note_gains(tables, room, y, n, found) == 0:
+    if note_gains(tables, workspace, y, n, found) == 0:
         return rest, made
-    rest, more = solve_impulses(tables, room, graph, x, y)
-    note_pushes(room, n, found, WITHOUT)
+    rest, more = solve_impulses(tables, workspace, graph, x, y)
+    note_pushes(workspace, n, found, WITHOUT)
     for _ in range(SECANTS):
         made += more
-        aim_at_poisson(tables, room, n, found)
-        rest, more = solve_impulses(tables, room, graph, x, y)
-        note_pushes(room, n, found, PUSH)
-    if note_gains(tables, room, y, n, found) > 0:
+        aim_at_poisson(tables, workspace, n, found)
+        rest, more = solve_impulses(tables, workspace, graph, x, y)
+        note_pushes(workspace, n, found, PUSH)
+    if note_gains(tables, workspace, y, n, found) > 0:
         made += more
-        rest, more = solve_impulses(tables, room, graph, x, y)
+        rest, more = solve_impulses(tables, workspace, graph, x, y)
     return rest, made + more
 
 
 @inline
-def solve_step(tables, memory, room, y, h):
+def solve_step(tables, memory, workspace, y, h):
     """New velocities of all bodies, from the spots at the middle of the step; y in place."""
-    free_velocities(tables, room, y, h)
-    for c in range(room.x.shape[0]):
-        room.x[c] = 0.0
-    n = gather(tables, memory, room, y, h)
-    gather_joints(tables, room, h)
-    graph, u = graph_of(tables, room, n), room.u
+    free_velocities(tables, workspace, y, h)
+    for c in range(workspace.x.shape[0]):
+        workspace.x[c] = 0.0
+    n = gather(tables, memory, workspace, y, h)
+    gather_joints(tables, workspace, h)
+    graph, u = graph_of(tables, workspace, n), workspace.u
     for i in range(n):
         fill_block(graph, i)
         for k in range(LINES * i, LINES * i + LINES):
-            if room.x[k] != 0.0:
-                push(room.rows, k, u, room.ends[i, 0], room.ends[i, 1], room.x[k])
+            if workspace.x[k] != 0.0:
+                push(
+                    workspace.rows, k, u, workspace.ends[i, 0], workspace.ends[i, 1], workspace.x[k]
+                )
     for k in range(tables.joints.shape[0]):
-        push(room.joint_rows, k, u, tables.joints[k, 0], tables.joints[k, 1], room.joint_x[k])
-    if room.joint_factor.shape[0] > 0:
+        push(
+            workspace.joint_rows,
+            k,
+            u,
+            tables.joints[k, 0],
+            tables.joints[k, 1],
+            workspace.joint_x[k],
+        )
+    if workspace.joint_factor.shape[0] > 0:
         factor_joints(graph, u.shape[0])
-    x = room.x[: LINES * n]
-    rest, made = solve_without_gain(tables, room, graph, x, y)
-    quieten(tables, room, n, h)
-    notes = room.notes
-    notes[WORK], notes[ACTIVE] = work_done(room, n), n
-    notes[MADE] += made_by(tables.laws, room, n)
+    x = workspace.x[: LINES * n]
+    rest, made = solve_without_gain(tables, workspace, graph, x, y)
+    quieten(tables, workspace, n, h)
+    notes = workspace.notes
+    notes[WORK], notes[ACTIVE] = work_done(workspace, n), n
+    notes[MADE] += made_by(tables.laws, workspace, n)
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)
     notes[UNSOLVED] += 1.0 if rest > TOLD else 0.0
     notes[LENGTH], notes[FRESH] = h, 0.0
-    keep_impulses(tables, memory, room, y, n, h)
+    keep_impulses(tables, memory, workspace, y, n, h)
     for i in range(u.shape[0]):
         b = tables.bodies
         w = spin_after(six(b, i, INERTIA), six(b, i, INVERSE), triple(u, i, 3), 0.5 * h)

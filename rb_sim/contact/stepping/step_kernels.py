@@ -83,45 +83,45 @@ SETTLED = 1e-9
 
 
 @inline
-def deepest_overlap(tables, room):
+def deepest_overlap(tables, workspace):
     """(least gap of the rigid contacts or 0, which point it is)."""
     deepest, found = 0.0, -1
     for c in range(tables.owners.shape[0]):
-        if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < deepest:
-            deepest, found = room.spots[c, GAP], c
+        if tables.laws[c, COMPLIANT] == 0.0 and workspace.spots[c, GAP] < deepest:
+            deepest, found = workspace.spots[c, GAP], c
     return deepest, found
 
 
 @inline
-def near_normals(tables, room, y, margin):
+def near_normals(tables, workspace, y, margin):
     """Write the normal lines of the rigid contacts with a gap below the margin; how many."""
     found, none = 0, (0.0, 0.0, 0.0)
     for c in range(tables.owners.shape[0]):
-        if tables.laws[c, COMPLIANT] == 1.0 or not room.spots[c, GAP] <= margin:
+        if tables.laws[c, COMPLIANT] == 1.0 or not workspace.spots[c, GAP] <= margin:
             continue
         b, a = tables.owners[c, 0], tables.owners[c, 1]
         B, A = state_of(y, b), state_of(y, a)
-        n, p = triple(room.spots, c, NORMAL), triple(room.spots, c, POINT)
+        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
         k = LINES * found
         r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
-        write_line(room.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
-        room.ends[found, 0], room.ends[found, 1] = b, a
-        room.targets[k], room.x[k] = -room.spots[c, GAP], 0.0
-        room.blocks[found, 0] = coupled(room.rows, k, k, a)
+        write_line(workspace.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
+        workspace.ends[found, 0], workspace.ends[found, 1] = b, a
+        workspace.targets[k], workspace.x[k] = -workspace.spots[c, GAP], 0.0
+        workspace.blocks[found, 0] = coupled(workspace.rows, k, k, a)
         found += 1
     return found
 
 
 @inline
-def push_apart(tables, room, y):
+def push_apart(tables, workspace, y):
     """One round: the least displacements (by mass) after which no gap is negative, to first order.
 
     After the spots at y have been found.  True once nothing overlaps.
     """
-    deepest, _ = deepest_overlap(tables, room)
+    deepest, _ = deepest_overlap(tables, workspace)
     if deepest >= -EXACT * tables.scales[0]:
         return True
-    n, shift = near_normals(tables, room, y, -MARGIN * deepest), room.turning
+    n, shift = near_normals(tables, workspace, y, -MARGIN * deepest), workspace.turning
     for i in range(shift.shape[0]):
         for j in range(6):
             shift[i, j] = 0.0
@@ -129,12 +129,12 @@ def push_apart(tables, room, y):
         change, largest = 0.0, 0.0
         for turn in range(n):
             i = turn if made % 2 == 0 else n - 1 - turn
-            k, b, a = LINES * i, room.ends[i, 0], room.ends[i, 1]
-            missing = room.targets[k] - rate_of(room.rows, k, shift, b, a)
-            value = max(0.0, room.x[k] + missing / room.blocks[i, 0])
-            push(room.rows, k, shift, b, a, value - room.x[k])
-            change, largest = max(change, abs(value - room.x[k])), max(largest, value)
-            room.x[k] = value
+            k, b, a = LINES * i, workspace.ends[i, 0], workspace.ends[i, 1]
+            missing = workspace.targets[k] - rate_of(workspace.rows, k, shift, b, a)
+            value = max(0.0, workspace.x[k] + missing / workspace.blocks[i, 0])
+            push(workspace.rows, k, shift, b, a, value - workspace.x[k])
+            change, largest = max(change, abs(value - workspace.x[k])), max(largest, value)
+            workspace.x[k] = value
         if change <= SETTLED * largest:
             break
     for i in range(shift.shape[0]):
@@ -143,17 +143,17 @@ def push_apart(tables, room, y):
 
 
 @inline
-def shift_deepest(tables, room, y):
+def shift_deepest(tables, workspace, y):
     """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
     for the rounds of `push_apart` to converge.  True once nothing overlaps."""
-    deepest, c = deepest_overlap(tables, room)
+    deepest, c = deepest_overlap(tables, workspace)
     if deepest >= -EXACT * tables.scales[0]:
         return True
     b, a = tables.owners[c, 0], tables.owners[c, 1]
     light_B = 1.0 / tables.bodies[b, MASS]
     light_A = 1.0 / tables.bodies[a, MASS] if a >= 0 else 0.0
     for j in range(3):
-        way = -deepest * room.spots[c, NORMAL + j] / (light_A + light_B)
+        way = -deepest * workspace.spots[c, NORMAL + j] / (light_A + light_B)
         y[STATE * b + j] += light_B * way
         if a >= 0:
             y[STATE * a + j] -= light_A * way
@@ -161,24 +161,24 @@ def shift_deepest(tables, room, y):
 
 
 @inline
-def find_carried(tables, memory, room, carried):
+def find_carried(tables, memory, workspace, carried):
     """Write 1 for each body that bears on a driven support, whose work is what lifts it."""
     for c in range(tables.owners.shape[0]):
         if memory[c, CLOSED] != 1.0:
             continue
-        moves, turns = triple(room.spots, c, MOVES), triple(room.spots, c, TURNS_AT)
+        moves, turns = triple(workspace.spots, c, MOVES), triple(workspace.spots, c, TURNS_AT)
         if dot(moves, moves) + dot(turns, turns) > 0.0:
             carried[tables.owners[c, 0]] = 1.0
 
 
 @inline
-def pay_for_lift(tables, memory, room, y, before):
+def pay_for_lift(tables, memory, workspace, y, before):
     """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
     long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
     last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
     was."""
     unpaid, carried = 0.0, np.zeros(tables.bodies.shape[0])
-    find_carried(tables, memory, room, carried)
+    find_carried(tables, memory, workspace, carried)
     for i in range(tables.bodies.shape[0]):
         B, k = state_of(y, i), STATE * i
         lifted = 0.0
@@ -207,7 +207,7 @@ def pay_for_lift(tables, memory, room, y, before):
 # by little of their radii in a step, take whole steps.
 
 
-TURN = 0.05
+RELATIVE_SPIN = 0.05
 """Part of its radius by which a body may pass a round surface in a step that is not split."""
 SHARP = 0.05
 """Of the scene's length: radius that corners and edges count as."""
@@ -301,16 +301,16 @@ def ahead(tables, y, i, h):
 
 
 @inline
-def find_meetings(tables, room, y, h, number):
-    """Write the instants at which fast pairs meet into the room; returns the first, or NEVER.
+def find_meetings(tables, workspace, y, h, number):
+    """Write the instants at which fast pairs meet into the workspace; returns the first, or NEVER.
 
     Where one of them has split the step already, all count as fast."""
     s, entries, laws, length = tables.sizes, tables.entries, tables.laws, tables.scales[0]
     first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
     for e in range(entries.shape[0]):
         kind, c = entries[e, KIND], entries[e, FIRST]
-        room.meets[c] = NEVER
-        if far < room.spots[c, GAP] < FAR:
+        workspace.meets[c] = NEVER
+        if far < workspace.spots[c, GAP] < FAR:
             continue
         if kind < BALL_SPHERE or kind >= BOX_BOX or entries[e, CARRIER] != RESTS:
             continue
@@ -319,18 +319,18 @@ def find_meetings(tables, room, y, h, number):
         B, A = ahead(tables, y, entries[e, BODY], h), ahead(tables, y, entries[e, PARENT], h)
         speed = closing_speed(s, e, kind, length, B, A)
         radius = radius_of(s, e, kind, length)
-        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > TURN * radius):
-            room.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
-            if room.meets[c] >= 0.0:
-                first = min(first, room.meets[c])
+        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > RELATIVE_SPIN * radius):
+            workspace.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
+            if workspace.meets[c] >= 0.0:
+                first = min(first, workspace.meets[c])
     return first if first < PASSES else NEVER
 
 
 @inline
-def next_part(tables, room, y, left, number):
-    """Length of the next part of a step of which this is left; the room then tells which pairs have
-    no contact in it."""
-    first = find_meetings(tables, room, y, left, number)
+def next_part(tables, workspace, y, left, number):
+    """Length of the next part of a step of which this is left; the workspace then has the pairs
+    without contact in it."""
+    first = find_meetings(tables, workspace, y, left, number)
     part, centred = left, False
     if number + 1 < MOST_PARTS and first >= 0.0:
         half = min(0.5 * LEAST_PART * left, left - first)
@@ -342,48 +342,50 @@ def next_part(tables, room, y, left, number):
             part = first - half
     if left - part <= AT_END * left:
         part = left
-    for c in range(room.meets.shape[0]):
-        within = number + 1 >= MOST_PARTS or (centred and room.meets[c] <= part)
-        if room.meets[c] >= 0.0 and within:
-            room.meets[c] = NEVER
+    for c in range(workspace.meets.shape[0]):
+        within = number + 1 >= MOST_PARTS or (centred and workspace.meets[c] <= part)
+        if workspace.meets[c] >= 0.0 and within:
+            workspace.meets[c] = NEVER
     return part
 
 
 @inline
-def leave_out(room):
+def leave_out(workspace):
     """The pairs that have no contact in the part are far apart."""
-    for c in range(room.meets.shape[0]):
-        if room.meets[c] >= 0.0:
-            room.spots[c, GAP] = FAR
+    for c in range(workspace.meets.shape[0]):
+        if workspace.meets[c] >= 0.0:
+            workspace.spots[c, GAP] = FAR
 
 
 @inline
-def look_again(room):
+def look_again(workspace):
     """The pairs that had no contact in the part are looked at where it ends: something else may
     have sent them at each other."""
-    for c in range(room.meets.shape[0]):
-        if room.meets[c] >= 0.0:
-            room.spots[c, GAP] = 0.0
+    for c in range(workspace.meets.shape[0]):
+        if workspace.meets[c] >= 0.0:
+            workspace.spots[c, GAP] = 0.0
 
 
 @inline
-def add_up(memory, room, number, last, h):
+def add_up(memory, workspace, number, last, h):
     """Impulses of all parts so far; after the last one they are those of the step of length h."""
     for c in range(memory.shape[0]):
         for j in range(3):
-            before = room.summed[c, j] if number > 0 else 0.0
-            turned = room.summed[c, 3 + j] if number > 0 else 0.0
-            room.summed[c, j] = before + memory[c, IMPULSE + j]
-            room.summed[c, 3 + j] = turned + memory[c, TWIST + j]
+            before = workspace.summed[c, j] if number > 0 else 0.0
+            turned = workspace.summed[c, 3 + j] if number > 0 else 0.0
+            workspace.summed[c, j] = before + memory[c, IMPULSE + j]
+            workspace.summed[c, 3 + j] = turned + memory[c, TWIST + j]
             if last:
-                memory[c, IMPULSE + j] = room.summed[c, j]
-                memory[c, TWIST + j] = room.summed[c, 3 + j]
-    for k in range(room.joint_x.shape[0]):
-        room.joint_summed[k] = room.joint_x[k] + (room.joint_summed[k] if number > 0 else 0.0)
+                memory[c, IMPULSE + j] = workspace.summed[c, j]
+                memory[c, TWIST + j] = workspace.summed[c, 3 + j]
+    for k in range(workspace.joint_x.shape[0]):
+        workspace.joint_summed[k] = workspace.joint_x[k] + (
+            workspace.joint_summed[k] if number > 0 else 0.0
+        )
         if last:
-            room.joint_x[k] = room.joint_summed[k]
+            workspace.joint_x[k] = workspace.joint_summed[k]
     if last:
-        room.notes[LENGTH] = h
+        workspace.notes[LENGTH] = h
 
 
 # The kernels that Python calls: many steps at once, the parts of one step, the row of a sample.
@@ -405,15 +407,15 @@ def reach_of(tables, y, h):
 
 
 @inline
-def note_anchors(memory, room):
+def note_anchors(memory, workspace):
     """Places of the points at the end of the step, where they are still there."""
     for c in range(memory.shape[0]):
-        if room.spots[c, GAP] < 1e299:
-            put(memory, c, ANCHOR, triple(room.spots, c, POINT))
+        if workspace.spots[c, GAP] < 1e299:
+            put(memory, c, ANCHOR, triple(workspace.spots, c, POINT))
 
 
 @inline
-def note_aims(memory, room, t):
+def note_aims(memory, workspace, t):
     """How far the normals along which points have pushed in the step, up to t, have turned since
     its middle: what passes a round surface fast is sent off in a direction that is none.
 
@@ -421,38 +423,42 @@ def note_aims(memory, room, t):
     """
     for c in range(memory.shape[0]):
         given = triple(memory, c, AIM)
-        if pushed(memory, c) and room.spots[c, GAP] < 1e299:
+        if pushed(memory, c) and workspace.spots[c, GAP] < 1e299:
             size = norm(given)
-            wrong = norm(sub(scale(size, triple(room.spots, c, NORMAL)), given))
-            if wrong > room.notes[ASTRAY]:
-                room.notes[ASTRAY], room.notes[ASTRAY_AT], room.notes[ASTRAY_OF] = wrong, t, c
+            wrong = norm(sub(scale(size, triple(workspace.spots, c, NORMAL)), given))
+            if wrong > workspace.notes[ASTRAY]:
+                workspace.notes[ASTRAY], workspace.notes[ASTRAY_AT], workspace.notes[ASTRAY_OF] = (
+                    wrong,
+                    t,
+                    c,
+                )
         put(memory, c, AIM, (0.0, 0.0, 0.0))
 
 
 @inline
-def to_middle(tables, memory, room, t, y, h):
+def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the spots there."""
     drift(tables, y, 0.5 * h)
     reach = reach_of(tables, y, h)
-    find_spots(tables, memory, room.spots, room.polygons, t + 0.5 * h, y, reach, False)
-    leave_out(room)
+    find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
+    leave_out(workspace)
 
 
 @inline
-def to_end(tables, memory, room, y, h):
+def to_end(tables, memory, workspace, y, h):
     """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
-    solve_step(tables, memory, room, y, h)
-    look_again(room)
+    solve_step(tables, memory, workspace, y, h)
+    look_again(workspace)
     drift(tables, y, 0.5 * h)
-    y[y.shape[0] - 1] += room.notes[WORK]
+    y[y.shape[0] - 1] += workspace.notes[WORK]
     for i in range(y.shape[0]):
-        room.before[i] = y[i]
+        workspace.before[i] = y[i]
 
 
 @inline
-def find_at_end(tables, memory, room, t, y, h):
+def find_at_end(tables, memory, workspace, t, y, h):
     reach = reach_of(tables, y, h)
-    find_spots(tables, memory, room.spots, room.polygons, t, y, reach, True)
+    find_spots(tables, memory, workspace.spots, workspace.polygons, t, y, reach, True)
 
 
 @inline
@@ -481,44 +487,44 @@ def is_finite(y):
 
 
 @inline
-def one_step(tables, memory, room, t, y, h):
+def one_step(tables, memory, workspace, t, y, h):
     """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
     left, at, number = h, t, 0
     while left > 0.0:
-        part = next_part(tables, room, y, left, number)
-        one_part(tables, memory, room, at, y, part)
+        part = next_part(tables, workspace, y, left, number)
+        one_part(tables, memory, workspace, at, y, part)
         if number > 0 or part < left:
-            add_up(memory, room, number, part == left, h)
+            add_up(memory, workspace, number, part == left, h)
         left, at, number = left - part, at + part, number + 1
 
 
 @inline
-def one_part(tables, memory, room, t, y, h):
+def one_part(tables, memory, workspace, t, y, h):
     """A part of length h of a step, as it is a step; y in place."""
     load_gravity(tables)
-    to_middle(tables, memory, room, t, y, h)
-    to_end(tables, memory, room, y, h)
+    to_middle(tables, memory, workspace, t, y, h)
+    to_end(tables, memory, workspace, y, h)
     apart = False
     for _ in range(PUSH_ROUNDS):
-        find_at_end(tables, memory, room, t + h, y, h)
-        apart = push_apart(tables, room, y)
+        find_at_end(tables, memory, workspace, t + h, y, h)
+        apart = push_apart(tables, workspace, y)
         if apart:
             break
     for _ in range(SHIFT_ROUNDS):
         if apart:
             break
-        find_at_end(tables, memory, room, t + h, y, h)
-        apart = shift_deepest(tables, room, y)
+        find_at_end(tables, memory, workspace, t + h, y, h)
+        apart = shift_deepest(tables, workspace, y)
     if not apart:
-        find_at_end(tables, memory, room, t + h, y, h)
-    note_aims(memory, room, t + h)
-    note_anchors(memory, room)
-    room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
-    note_ends(tables, memory, room, y)
+        find_at_end(tables, memory, workspace, t + h, y, h)
+    note_aims(memory, workspace, t + h)
+    note_anchors(memory, workspace)
+    workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
+    note_ends(tables, memory, workspace, y)
 
 
 @inline
-def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_before):
+def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memory_before):
     """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
 
     y_before and memory_before: as they were before the last of them.  Returns how many were taken;
@@ -532,7 +538,7 @@ def steps(tables, memory, room, origin, first, count, h, y, y_before, memory_bef
         for c in range(memory.shape[0]):
             for j in range(memory.shape[1]):
                 memory_before[c, j] = memory[c, j]
-        one_step(tables, memory, room, origin + k * h, y, h)
+        one_step(tables, memory, workspace, origin + k * h, y, h)
         if not is_finite(y):
             return k - first
     return count
@@ -548,7 +554,7 @@ looked for before the step."""
 
 
 @entry
-def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_before):
+def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory_before):
     """Do a task at (t, y), with a step of length h; y and memory in place.  Of NEXT_PART h is what
     is left of the step, and first the number of the part; of ADD_UP count is 1 after the last.
 
@@ -556,29 +562,29 @@ def run(task, tables, memory, room, t, h, y, first, count, y_before, memory_befo
     memory_before: of `steps`, where t is the origin; else of no use.
     """
     if task == STEPS:
-        return steps(tables, memory, room, t, first, count, h, y, y_before, memory_before)
+        return steps(tables, memory, workspace, t, first, count, h, y, y_before, memory_before)
     if task == BEGIN:
         load_gravity(tables)
-        to_middle(tables, memory, room, t, y, h)
+        to_middle(tables, memory, workspace, t, y, h)
     elif task == FINISH:
-        to_end(tables, memory, room, y, h)
+        to_end(tables, memory, workspace, y, h)
     elif task == FIND:
-        find_at_end(tables, memory, room, t, y, h)
+        find_at_end(tables, memory, workspace, t, y, h)
     elif task == PUSH:
-        return 1 if push_apart(tables, room, y) else 0
+        return 1 if push_apart(tables, workspace, y) else 0
     elif task == STRAYED:
         return 1 if has_strayed(tables, y, h) else 0
     elif task == SHIFT:
-        return 1 if shift_deepest(tables, room, y) else 0
+        return 1 if shift_deepest(tables, workspace, y) else 0
     elif task == PAY:
-        note_aims(memory, room, t)
-        note_anchors(memory, room)
-        room.notes[MADE] += pay_for_lift(tables, memory, room, y, room.before)
-        note_ends(tables, memory, room, y)
+        note_aims(memory, workspace, t)
+        note_anchors(memory, workspace)
+        workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
+        note_ends(tables, memory, workspace, y)
     elif task == NEXT_PART:
-        room.notes[PART] = next_part(tables, room, y, h, first)
+        workspace.notes[PART] = next_part(tables, workspace, y, h, first)
     else:
-        add_up(memory, room, first, count == 1, h)
+        add_up(memory, workspace, first, count == 1, h)
     return 0
 
 
@@ -649,7 +655,7 @@ def put_shares(tables, memory, y, c, h, out, at):
 
 
 @entry
-def report(tables, memory, room, members, joints, y, h, out):
+def report(tables, memory, workspace, members, joints, y, h, out):
     """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
 
     Reactions are impulses over the step, those of contacts that are open after it among them.
@@ -674,8 +680,8 @@ def report(tables, memory, room, members, joints, y, h, out):
         force = scale(1.0 / h, triple(memory, c, IMPULSE))
         torque = scale(1.0 / h, triple(memory, c, TWIST))
         out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
-        if tables.laws[c, COMPLIANT] == 0.0 and room.spots[c, GAP] < 1e299:
-            overlap = max(overlap, -room.spots[c, GAP])
+        if tables.laws[c, COMPLIANT] == 0.0 and workspace.spots[c, GAP] < 1e299:
+            overlap = max(overlap, -workspace.spots[c, GAP])
         state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0
         state = 2.0 if state == 1.0 and memory[c, SLIDE] == STUCK else state
         if c < fixed:

@@ -70,8 +70,8 @@ GYROSCOPIC_ROUNDS = 12
     ROUGH_SLIPS,
     NOTES,
 ) = range(22)
-"""Fields of Room.notes: work of the contacts in the step [J]; change of the last sweep, sweeps;
-steps told as unconverged and the worst residual, steps and sweeps of the run; length of the last
+"""Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
+steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
 called again; steps in which a point has turned too far,
 and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
@@ -82,7 +82,7 @@ length of the next part of a step [s]; energy that rigid contacts have made [J];
 steps in which a perfectly rough contact slipped."""
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Work space of a step, and what it tells."""
 
     spots: np.ndarray
@@ -127,12 +127,12 @@ class Room(NamedTuple):
     """impulses of the joints in them."""
 
 
-def room_for(bodies: int, points: int, joints: int) -> Room:
+def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
     """Work space for so many bodies, points of contact and lines of joints."""
     together = joints if joints <= MOST_TOGETHER else 0
     notes = np.zeros(NOTES)
     notes[FRESH] = 1.0
-    return Room(
+    return Workspace(
         np.zeros((points, SPOT)),
         np.zeros((4, 12, 5)),
         np.zeros(points, np.int64),

@@ -40,7 +40,7 @@ from rb_sim.contact.stepping.step_workspace import (
     UNSOLVED,
     WORST,
     memory_of,
-    room_for,
+    workspace_for,
 )
 from rb_sim.contact.tunnelling import run_looking
 from rb_sim.graph.machine import evaluate_rows
@@ -146,7 +146,7 @@ def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
 
 
 def joint_system(system: Any, rows: int) -> MultiBody:
-    """The system of the joints alone, with room of its own."""
+    """The system of the joints alone, with a workspace of its own."""
     joints = len(system.constraints)
     return MultiBody(
         bodies=system.bodies.copy(),
@@ -196,59 +196,59 @@ class SteppedContacts(GridMotion):
     @property
     def unsolved_steps(self) -> int:
         """Steps in which the solver's bound of work ended it before it had converged."""
-        return int(self._room.notes[UNSOLVED])
+        return int(self._workspace.notes[UNSOLVED])
 
     @property
     def circling_steps(self) -> int:
         """Steps too long for a contact whose only point ran around its body while it bore."""
-        return int(self._room.notes[TURNED])
+        return int(self._workspace.notes[TURNED])
 
     @property
     def restruck_energy(self) -> float:
         """What went where a point of a rigid contact that bore already was struck anew [J]."""
-        return float(self._room.notes[STRUCK])
+        return float(self._workspace.notes[STRUCK])
 
     @property
     def made_energy(self) -> float:
         """What rigid contacts have made, which by their laws take some or none [J]."""
-        return float(self._room.notes[MADE])
+        return float(self._workspace.notes[MADE])
 
     @property
     def astray(self) -> tuple[float, float, int]:
         """The largest velocity that an impulse gave in a direction which the normal had left by the
         end of its step, over the scene's speed; the time [s] and the number of the contact."""
         self._name_astray()
-        speed, t, c = self._room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
+        speed, t, c = self._workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
         return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
 
     def _name_astray(self) -> None:
         """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
-        c, near = int(self._room.notes[ASTRAY_OF]), self._near is not None
-        if near and self._room.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
-            self._room.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
+        c, near = int(self._workspace.notes[ASTRAY_OF]), self._near is not None
+        if near and self._workspace.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
+            self._workspace.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
 
     @property
     def paradox_steps(self) -> int:
         """Steps in which a contact that slips has Painleve's paradox."""
-        return int(self._room.notes[SEVERAL])
+        return int(self._workspace.notes[SEVERAL])
 
     @property
     def slipping_steps(self) -> int:
         """Steps in which a perfectly rough contact slipped."""
-        return int(self._room.notes[ROUGH_SLIPS])
+        return int(self._workspace.notes[ROUGH_SLIPS])
 
     @property
     def solver_residual(self) -> float:
         """The worst residual of a step's friction problem, relative to its largest impulse: change
         of an impulse in the last sweep, or the natural map after Newton's method; 0 of a heap that
         moves where its laws are kept as well as they have to be, which `solver_give` tells."""
-        return float(self._room.notes[WORST])
+        return float(self._workspace.notes[WORST])
 
     @property
     def solver_give(self) -> float:
         """How far the law of a contact of a moving heap was left at most: natural map relative to
         the largest impulse of its step, beyond what `solver_residual` tells."""
-        return float(self._room.notes[GAVE])
+        return float(self._workspace.notes[GAVE])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
@@ -256,7 +256,7 @@ class SteppedContacts(GridMotion):
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
         bodies = len(self._tables.bodies)
-        self._room = room_for(bodies, points, len(self._tables.joints))
+        self._workspace = workspace_for(bodies, points, len(self._tables.joints))
         self._memory, self._memory_before = memory_of(points), memory_of(points)
 
     def _look(self, y: Array) -> None:
@@ -279,7 +279,7 @@ class SteppedContacts(GridMotion):
         self._memory = near.moved(before, self._memory, points)
         self._memory_before = near.moved(before, self._memory_before, points)
         sizes = len(self._tables.bodies), points, len(self._tables.joints)
-        self._room = resized(self._room, *sizes)
+        self._workspace = resized(self._workspace, *sizes)
 
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """Also which contacts bear and how they move: struck anew, they would lose energy first."""
@@ -289,9 +289,9 @@ class SteppedContacts(GridMotion):
             self._memory = self._near.moved(run._near.first, run._memory, len(self._memory))
         else:
             self._memory[:] = run._memory
-        self._room.joint_x[:] = run._room.joint_x
+        self._workspace.joint_x[:] = run._workspace.joint_x
         for note in (LENGTH, FRESH):
-            self._room.notes[note] = run._room.notes[note]
+            self._workspace.notes[note] = run._workspace.notes[note]
 
     def change_law(self, system: Any) -> None:
         super().change_law(system)
@@ -306,13 +306,13 @@ class SteppedContacts(GridMotion):
         self.sample()
         if self.plain:
             grid, y = self._grid, self._grid.y1.copy()
-            kept = [a.copy() for a in self._room], self._memory.copy()
+            kept = [a.copy() for a in self._workspace], self._memory.copy()
             h, none = self.method.step, memory_of(len(self._memory))
             step_kernels.run(
                 step_kernels.STEPS,
                 self._tables,
                 self._memory,
-                self._room,
+                self._workspace,
                 grid.t1,
                 h,
                 y,
@@ -345,7 +345,8 @@ class SteppedContacts(GridMotion):
             while grid.origin + (first + count) * step > stop * (1 - ULPS):
                 count -= 1
             done = step_kernels.run(
-                step_kernels.STEPS, self._tables, self._memory, self._room, grid.origin, step, y,
+                step_kernels.STEPS, self._tables, self._memory, self._workspace, grid.origin, step,
+                y,
                 first, count, before, self._memory_before,
             )  # fmt: skip
             if np.isfinite(y).all():
@@ -367,9 +368,9 @@ class SteppedContacts(GridMotion):
     def _stand_at(self, t: float, out: Array | None) -> None:
         """The state at t, between t0 and t1, and its sample."""
         grid, slack = self._grid, ULPS * abs(t)
-        fresh = self._room.notes[LENGTH] == 0.0
+        fresh = self._workspace.notes[LENGTH] == 0.0
         if t >= grid.t1 - slack and not fresh:
-            y, h = grid.y1.copy(), self._room.notes[LENGTH]
+            y, h = grid.y1.copy(), self._workspace.notes[LENGTH]
             if out is not None:
                 self._sample(self._memory, t, y, h, out)
         elif t <= grid.t0 + slack or fresh:
@@ -382,7 +383,7 @@ class SteppedContacts(GridMotion):
 
     def _between(self, t: float, out: Array | None) -> Array:
         """A step from t0 to t that leaves no trace."""
-        grid, kept = self._grid, ([a.copy() for a in self._room], self._memory.copy())
+        grid, kept = self._grid, ([a.copy() for a in self._workspace], self._memory.copy())
         y, memory = np.array(grid.y0), self._memory_before.copy()
         self._one_step(memory, grid.t0, y, t - grid.t0)
         if out is not None:
@@ -392,14 +393,14 @@ class SteppedContacts(GridMotion):
 
     def _tried(self, t: float, y: Array, out: Array) -> None:
         """A sample before the first step: forces of a step that is tried and forgotten."""
-        kept = [a.copy() for a in self._room], self._memory.copy()
+        kept = [a.copy() for a in self._workspace], self._memory.copy()
         moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
         self._one_step(memory, t, moved, h)
         self._sample(memory, t, y, h, out)
         self._restore(*kept)
 
-    def _restore(self, room: list[Array], memory: Array) -> None:
-        for a, b in zip(self._room, room, strict=True):
+    def _restore(self, workspace: list[Array], memory: Array) -> None:
+        for a, b in zip(self._workspace, workspace, strict=True):
             a[...] = b
         self._memory[...] = memory
 
@@ -408,10 +409,10 @@ class SteppedContacts(GridMotion):
     def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A step of length h in its parts; y and memory in place."""
         left, at, number = h, t, 0
-        self._room.joint_back[:] = 0.0
+        self._workspace.joint_back[:] = 0.0
         while left > 0.0:
             self._do(step_kernels.NEXT_PART, memory, at, y, left, number)
-            part = float(self._room.notes[PART])
+            part = float(self._workspace.notes[PART])
             self._one_part(memory, at, y, part)
             if number > 0 or part < left:
                 self._do(step_kernels.ADD_UP, memory, at, y, h, number, int(part == left))
@@ -428,7 +429,7 @@ class SteppedContacts(GridMotion):
         self._do(step_kernels.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
             if self._joints is not None:
-                self._room.joint_back[:] += self._joints.settle(t + h, y)
+                self._workspace.joint_back[:] += self._joints.settle(t + h, y)
             self._do(step_kernels.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(
@@ -443,7 +444,7 @@ class SteppedContacts(GridMotion):
         """A task of the kernel that is a part of a step."""
         none = self._memory_before
         return step_kernels.run(
-            task, self._tables, memory, self._room, t, h, y, first, count, y, none
+            task, self._tables, memory, self._workspace, t, h, y, first, count, y, none
         )
 
     def _find_others(self, t: float, y: Array) -> None:
@@ -457,7 +458,7 @@ class SteppedContacts(GridMotion):
             B = state_of(y, int(kind[BODY]))
             A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
             try:
-                at, spots, c = touching(pair, B, A), self._room.spots, int(kind[FIRST])
+                at, spots, c = touching(pair, B, A), self._workspace.spots, int(kind[FIRST])
             except ArithmeticError:  # Python divides by no number; see _add_loads
                 y[:] = np.nan
                 return
@@ -485,7 +486,7 @@ class SteppedContacts(GridMotion):
     def _sample(self, memory: Array, t: float, y: Array, h: float, out: Array) -> None:
         """The row of a sample at (t, y), with the impulses in `memory` over h."""
         members, joints = self.system.members, len(self.system.constraints)
-        step_kernels.report(self._tables, memory, self._room, members, joints, y, h, out)
+        step_kernels.report(self._tables, memory, self._workspace, members, joints, y, h, out)
         at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
         if self._others:
             system = self._carrying()
@@ -501,8 +502,8 @@ class SteppedContacts(GridMotion):
         system = self._joints.system
         system.rows[...] = self._joints.rows(t, y)
         anchor_all(system.constraints, system, y, 0)
-        room = self._room
-        x = system.vectors[MULTIPLIERS] = (room.joint_x + room.joint_back) / h
+        workspace = self._workspace
+        x = system.vectors[MULTIPLIERS] = (workspace.joint_x + workspace.joint_back) / h
         first, row = system.first_row, 13 * len(self.layout.bodies)
         for members in self.system.members:
             main = int(members[0])

@@ -30,7 +30,7 @@ from rb_sim.mechanics.contact.contact_table import (
     COMPLIANT,
     DIRECT,
     DIRECT_TORQUE,
-    FORCE,
+    NORMAL_FORCE,
     PIVOT,
     POINT,
     SLIDE,
@@ -174,7 +174,7 @@ def pivots(system, holding):
         touch[c, PIVOT] = 1.0
         if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
             continue
-        touch[c, FORCE] = system.vectors[MULTIPLIERS, k]
+        touch[c, NORMAL_FORCE] = system.vectors[MULTIPLIERS, k]
         if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
             continue
         while at < holding and system.lines[at, HOLDS] < k:
@@ -257,7 +257,7 @@ def least_reactions(system, rank, holding):
 
 @unconstrained.register(PackedSystem)
 def unconstrained_by_address(system, t, y):
-    call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.room))
+    call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.workspace))
 
 
 @dispatch
@@ -286,7 +286,7 @@ def moving(system, t, y, everywhere):
 
 @moving.register(PackedSystem)
 def moving_by_address(system, t, y, everywhere):
-    found = pointer(system.room)
+    found = pointer(system.workspace)
     found[0] = 1.0 if everywhere else 0.0
     call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
     return found[0], found[1]

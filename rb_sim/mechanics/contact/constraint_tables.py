@@ -12,26 +12,26 @@ from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies, keep, least_slip, line_of
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AROUND,
     CLOSED,
     DIRECT,
     DIRECT_TORQUE,
     FASTEST,
-    FORCE,
     FORCES_WIDTH,
     GAP,
     GEOMETRY_WIDTH,
     LEAN_BEFORE,
     LEAN_WIDTH,
     LOW,
+    NORMAL_FORCE,
+    NORMAL_SIGN,
     RIM,
     ROLL,
-    ROLL_AHEAD,
-    SIDE,
+    ROLL_DIRECTION,
     SLIDE,
+    SLIP_DIRECTION,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     SPRING,
 )
 from rb_sim.mechanics.systems.many_bodies import (
@@ -65,7 +65,7 @@ FORCES = GEOMETRY + FORCES_WIDTH
 each line, then 12 of each push."""
 MOST_LINES = 6
 OUTPUTS = FORCES + 28 * MOST_LINES
-ROOM = ARGUMENTS + OUTPUTS
+WORKSPACE = ARGUMENTS + OUTPUTS
 
 OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER, CONTACT_COLUMNS = range(6)
 """Columns of `contacts`: addresses of the laws of the contact, its bodies, where its constants
@@ -92,7 +92,7 @@ LAYOUT = Layout(
         "contacts": (INTEGER, 2),
         "parameters": (REAL, 1),
         "inputs": (REAL, 1),
-        "room": (REAL, 1),
+        "workspace": (REAL, 1),
         "loads_law": INTEGER,
         "lines_law": INTEGER,
         "anchors_law": INTEGER,
@@ -102,7 +102,7 @@ LAYOUT = Layout(
         "settle_by_address": INTEGER,
     }
 )
-"""Fields as those of ContactBodies; `inputs` of the laws of the scene, `room` for what laws give;
+"""Fields as of ContactBodies; `inputs` of the laws of the scene, `workspace` for their results;
 laws of the scene; functions compiled once (see compiled)."""
 
 
@@ -116,7 +116,7 @@ def clear_contact(G, W, k, last, touch, c):
             W[i, j] = 0.0
     keep(touch, c, DIRECT, (0.0, 0.0, 0.0))
     keep(touch, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
-    touch[c, FORCE] = 0.0
+    touch[c, NORMAL_FORCE] = 0.0
 
 
 @inline
@@ -162,10 +162,10 @@ def write_contact(placed, t, system, y, c):
         touch[c, SLIDE],
         touch[c, ROLL],
         touch[c, SPIN],
-        touch[c, SIDE],
-        vec(touch, c, AHEAD),
-        vec(touch, c, ROLL_AHEAD),
-        touch[c, SPIN_AHEAD],
+        touch[c, NORMAL_SIGN],
+        vec(touch, c, SLIP_DIRECTION),
+        vec(touch, c, ROLL_DIRECTION),
+        touch[c, SPIN_SIGN],
         least_slip(system, c),
         system.still / system.length,
     )
@@ -187,14 +187,14 @@ def put_arguments(system, y, c, out):
     for j in range(3):
         out[KEPT + 7 + j] = touch[c, SLIDE + j]
     for j in range(8):
-        out[KEPT + 10 + j] = touch[c, SIDE + j]
+        out[KEPT + 10 + j] = touch[c, NORMAL_SIGN + j]
     out[ARGUMENTS - 2], out[ARGUMENTS - 1] = least_slip(system, c), system.still / system.length
 
 
 @inline
 def write_contact_by_law(system, t, y, c):
     """As write_contact, in loops."""
-    arguments = pointer(system.room)
+    arguments = pointer(system.workspace)
     out = part(arguments, ARGUMENTS)
     put_arguments(system, y, c, arguments)
     constants = part(pointer(system.parameters), system.contacts[c, FIRST_PARAMETER])
@@ -285,7 +285,7 @@ def load_effects_plainly(system, t, y):
 
 @load_effects.register(PackedSystem)
 def load_effects_by_law(system, t, y):
-    loads = part(pointer(system.room), ROOM)
+    loads = part(pointer(system.workspace), WORKSPACE)
     call_law(system.loads_law, t, pointer(y), pointer(system.inputs), loads)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
@@ -321,6 +321,6 @@ def energies_plainly(system, t, y):
 
 @energies.register(PackedSystem)
 def energies_by_law(system, t, y):
-    found = pointer(system.room)
+    found = pointer(system.workspace)
     call_law(system.energy_law, t, pointer(y), pointer(system.inputs), found)
     return found[0], found[1]

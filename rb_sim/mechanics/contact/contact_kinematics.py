@@ -53,9 +53,9 @@ class Kept(NamedTuple):
     """sign of N where it may pull."""
     ahead: Vec3
     """direction of slip."""
-    roll_ahead: Vec3
+    roll_direction: Vec3
     """direction of turning across the normal."""
-    spin_ahead: float
+    spin_sign: float
     """sign of turning about the normal."""
     still: float
     """slip that is but rounding [m/s]."""
@@ -176,7 +176,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
     modes = (kept.roll, kept.spin)
     torque = resisting(
-        row.resistance, g.turn, n, modes, kept.roll_ahead, kept.spin_ahead, kept.still_turn
+        row.resistance, g.turn, n, modes, kept.roll_direction, kept.spin_sign, kept.still_turn
     )
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
     pushes = [values[:12] for values in lines]

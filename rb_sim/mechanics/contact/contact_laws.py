@@ -25,7 +25,7 @@ from rb_sim.mechanics.contact.constraint_tables import (
     CONTACT_COLUMNS,
     KEPT,
     LAYOUT,
-    ROOM,
+    WORKSPACE,
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
@@ -201,7 +201,7 @@ class ContactLaws:
         """(the system for loops, what must live as long); inputs: of the laws, in place."""
 
         table, constants = self.contacts
-        room = np.zeros(ROOM + 6 * len(system.bodies))
+        workspace = np.zeros(WORKSPACE + 6 * len(system.bodies))
         laws = (self.loads, self.lines, self.anchors, self.energy)
         names = ("loads_law", "lines_law", "anchors_law", "energy_law")
         values: dict[str, Any] = {
@@ -210,7 +210,7 @@ class ContactLaws:
             "contacts": table,
             "parameters": constants,
             "inputs": inputs,
-            "room": room,
+            "workspace": workspace,
             **{name: law.address if law else 0 for name, law in zip(names, laws, strict=True)},
             "free_by_address": free.address,
             "accelerate_by_address": accelerate.address,

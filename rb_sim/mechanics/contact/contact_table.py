@@ -21,7 +21,7 @@ class Column(NamedTuple):
     meaning: str
 
 
-LEVEL_KINDS = 5
+EVENT_FUNCTION_KINDS = 5
 """Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
 may pass through zero and come back within a step."""
 AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
@@ -49,10 +49,10 @@ STATE = (
     Column("slide", 1, "mode", "traction: NONE, SLIDING or STUCK"),
     Column("roll", 1, "mode", "rolling torque: NONE, SLIDING or STUCK"),
     Column("spin", 1, "mode", "spinning torque: NONE, SLIDING or STUCK"),
-    Column("side", 1, "sign", "of N, where it may pull"),
-    Column("ahead", 3, "1", "direction of slip at the start of the step"),
-    Column("roll_ahead", 3, "1", "direction of rolling at the start of the step"),
-    Column("spin_ahead", 1, "sign", "of spinning at the start of the step"),
+    Column("normal_sign", 1, "sign", "of N, where it may pull"),
+    Column("slip_direction", 3, "1", "direction of slip at the start of the step"),
+    Column("roll_direction", 3, "1", "direction of rolling at the start of the step"),
+    Column("spin_sign", 1, "sign", "of spinning at the start of the step"),
     Column("creeps", 1, "m/s", "slip below which what creeps may rest; 0: it does not creep"),
     Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
 )
@@ -62,8 +62,13 @@ START = (
     Column("gap_rate_before", 1, "m/s", "its rate there"),
     Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
     Column("normal_before", 3, "1", "n there"),
-    Column("levels_before", LEVEL_KINDS, "1", "event functions at the start of the step"),
-    Column("slopes_before", LEVEL_KINDS, "1/s", "their rates there"),
+    Column(
+        "event_functions_before",
+        EVENT_FUNCTION_KINDS,
+        "1",
+        "event functions at the start of the step",
+    ),
+    Column("event_rates_before", EVENT_FUNCTION_KINDS, "1/s", "their rates there"),
     Column(
         "stiff", 1, "1/s", "rate at which friction turns a slip that goes on; 0: none, or it ends"
     ),
@@ -79,17 +84,19 @@ SCRATCH = (
     Column("normal", 3, "1", "n, from the parent to the body"),
     Column("point", 3, "m", "P, where they touch or are nearest"),
     Column("slip", 3, "m/s", "velocity of the body's surface over the parent's, across n"),
-    Column("turn", 3, "rad/s", "angular velocity of the body over the parent's"),
+    Column("relative_spin", 3, "rad/s", "angular velocity of the body over the parent's"),
     Column("direct", 3, "N", "force that does not wait for N: viscous, or of a compliance"),
     Column("direct_torque", 3, "N m", "torque that does not wait for N, about P"),
-    Column("force", 1, "N", "N itself"),
+    Column("normal_force", 1, "N", "N itself"),
     Column("pivot", 1, "1", "effective over ideal pivot of N; 0 where friction jams"),
     Column("spring", 1, "N", "force of a compliant support without regard to its sign"),
     Column("fastest", 1, "m/s", "speed that no point of body or support exceeds here"),
-    Column("levels", LEVEL_KINDS, "1", "event functions in the mode of the contact"),
+    Column(
+        "event_functions", EVENT_FUNCTION_KINDS, "1", "event functions in the mode of the contact"
+    ),
     Column("low", 3, "1", "direction of the low point of a rim (rims.Lean)"),
     Column("axis", 3, "1", "that of the rim, upwards, across the normal (rims.Lean)"),
-    Column("sense", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
+    Column("lean_sign", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
     Column("around", 1, "rad", "0: low point of a rim; else its place round the rim"),
 )
 
@@ -109,24 +116,35 @@ STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spin
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
 RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
 PER_SLIP, ROUNDED = _AT["per_slip"], _AT["rounded"]
-CLOSED, SLIDE, ROLL, SPIN, SIDE = (_AT[n] for n in ("closed", "slide", "roll", "spin", "side"))
-AHEAD, ROLL_AHEAD, SPIN_AHEAD = _AT["ahead"], _AT["roll_ahead"], _AT["spin_ahead"]
+CLOSED, SLIDE, ROLL, SPIN, NORMAL_SIGN = (
+    _AT[n] for n in ("closed", "slide", "roll", "spin", "normal_sign")
+)
+SLIP_DIRECTION, ROLL_DIRECTION, SPIN_SIGN = (
+    _AT["slip_direction"],
+    _AT["roll_direction"],
+    _AT["spin_sign"],
+)
 LEAN_BEFORE, CREEPS = _AT["lean_before"], _AT["creeps"]
 STIFF = _AT["stiff"]
 GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
 FASTEST_BEFORE, NORMAL_BEFORE = _AT["fastest_before"], _AT["normal_before"]
-LEVELS_BEFORE, SLOPES_BEFORE = _AT["levels_before"], _AT["slopes_before"]
+EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE = (
+    _AT["event_functions_before"],
+    _AT["event_rates_before"],
+)
 SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
 SWING, NEARS = _AT["swing"], _AT["nears"]
 GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))
-SLIP, TURN = _AT["slip"], _AT["turn"]
-DIRECT, DIRECT_TORQUE, FORCE = _AT["direct"], _AT["direct_torque"], _AT["force"]
-PIVOT, SPRING, FASTEST, LEVELS = (_AT[n] for n in ("pivot", "spring", "fastest", "levels"))
-LOW, AXIS, SENSE, AROUND = (_AT[n] for n in ("low", "axis", "sense", "around"))
+SLIP, RELATIVE_SPIN = _AT["slip"], _AT["relative_spin"]
+DIRECT, DIRECT_TORQUE, NORMAL_FORCE = _AT["direct"], _AT["direct_torque"], _AT["normal_force"]
+PIVOT, SPRING, FASTEST, EVENT_FUNCTIONS = (
+    _AT[n] for n in ("pivot", "spring", "fastest", "event_functions")
+)
+LOW, AXIS, LEAN_SIGN, AROUND = (_AT[n] for n in ("low", "axis", "lean_sign", "around"))
 
-GEOMETRY_WIDTH = TURN + 3 - GAP
+GEOMETRY_WIDTH = RELATIVE_SPIN + 3 - GAP
 """Columns from GAP on that a law gives in this order."""
-FORCES_WIDTH = FORCE + 1 - DIRECT
+FORCES_WIDTH = NORMAL_FORCE + 1 - DIRECT
 """Columns from DIRECT on that the law of a closed contact gives in this order."""
 
 FIRST_OF_SCRATCH = GAP

@@ -12,15 +12,15 @@ from __future__ import annotations
 from rb_sim.mechanics.contact.contact_bodies import FREE, keep
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_SLIP,
     CLOSED,
     COMPLIANT,
     CREEPS,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
+    SLIP_DIRECTION,
     STATIC,
 )
 from rb_sim.mechanics.systems.many_bodies import vec
@@ -64,8 +64,8 @@ def note_creep(system, c):
         touch[c, CREEPS] = RESTS * creep
     elif touch[c, CREEPS] == 0.0:
         touch[c, CREEPS] = SOON * creep if slip > BEGUN * creep else NEVER
-    keep(touch, c, AHEAD, (0.0, 0.0, 0.0))
-    touch[c, LEVELS_BEFORE + AT_SLIP], touch[c, SLOPES_BEFORE + AT_SLIP] = FREE, 0.0
+    keep(touch, c, SLIP_DIRECTION, (0.0, 0.0, 0.0))
+    touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP], touch[c, EVENT_RATES_BEFORE + AT_SLIP] = FREE, 0.0
 
 
 @inline

@@ -1,9 +1,9 @@
 """Event functions of bodies in contact: positive while the modes hold, in natural units.
 
-A contact has LEVEL_KINDS of them, one of each kind: its gap while it is open and its push while it
-is closed; of slip, rolling and spinning the distance of the force to its bound at rest, the speed
-along the direction of before while it moves; and the pivot of a slipping contact.  What a contact
-does not have is FREE.
+A contact has one of each kind, EVENT_FUNCTION_KINDS together: its gap while it is open and its
+normal force while it is closed; of slip, rolling and spinning the distance of the force to its
+bound at rest, the speed along the direction of before while it moves; and the pivot of a slipping
+contact.  One that a contact does not have is FREE.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_JAM,
     AT_ROLL,
     AT_SLIP,
@@ -44,28 +43,29 @@ from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
     COMPLIANT,
     CREEPS,
-    FORCE,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
     GAP,
     GAP_RATE,
-    LEVEL_KINDS,
-    LEVELS,
+    LEAN_SIGN,
     NORMAL,
+    NORMAL_FORCE,
+    NORMAL_SIGN,
     PIVOT,
+    RELATIVE_SPIN,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLL_RATE,
     ROLLING_ARM,
-    SENSE,
-    SIDE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SLIP_RATE,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     SPINNING_ARM,
     SPRING,
     STATIC,
-    TURN,
 )
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.mechanics.systems.multibody import put_rates
@@ -88,7 +88,7 @@ def approach(system, c):
     """Event function of an open contact: positive while it does not touch, and as large as the gap,
     by which a look inside a step tells how far it may be off."""
     touch, level = system.touch, system.touch[c, GAP] / system.length
-    if touch[c, SENSE] == ABSENT:
+    if touch[c, LEAN_SIGN] == ABSENT:
         return FREE
     if touch[c, COMPLIANT] == 1.0 and level < 0.0:
         level = max(level, -touch[c, SPRING] / natural_force(system))
@@ -97,20 +97,20 @@ def approach(system, c):
 
 @inline
 def slip_level(system, c, slip):
-    return SHARP * dot(slip, vec(system.touch, c, AHEAD)) / system.speed
+    return SHARP * dot(slip, vec(system.touch, c, SLIP_DIRECTION)) / system.speed
 
 
 @inline
 def rolling(touch, c):
     """Relative angular velocity across the normal: that about it, which the normal takes along as
     it turns, is no rolling."""
-    turn, n = vec(touch, c, TURN), vec(touch, c, NORMAL)
+    turn, n = vec(touch, c, RELATIVE_SPIN), vec(touch, c, NORMAL)
     return sub(turn, scale(dot(turn, n), n))
 
 
 @inline
 def roll_level(system, c, roll):
-    return dot(roll, vec(system.touch, c, ROLL_AHEAD)) / natural_turning(system)
+    return dot(roll, vec(system.touch, c, ROLL_DIRECTION)) / natural_turning(system)
 
 
 @inline
@@ -121,35 +121,37 @@ def tail(system, k):
 
 
 @inline
-def push_levels(system, c):
+def push_events(system, c):
     """Event functions of the push and of the friction of a closed contact."""
     touch, k, force = system.touch, line_of(system, c), natural_force(system)
-    normal = touch[c, FORCE]
+    normal = touch[c, NORMAL_FORCE]
     if touch[c, BILATERAL] == 0.0:
-        touch[c, LEVELS] = normal / force
+        touch[c, EVENT_FUNCTIONS] = normal / force
     else:
         if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-            touch[c, LEVELS] = touch[c, SIDE] * normal / force
+            touch[c, EVENT_FUNCTIONS] = touch[c, NORMAL_SIGN] * normal / force
         normal = abs(normal)
     if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
-        touch[c, LEVELS + AT_SLIP] = (touch[c, STATIC] * normal - tail(system, k + 1)) / force
+        touch[c, EVENT_FUNCTIONS + AT_SLIP] = (
+            touch[c, STATIC] * normal - tail(system, k + 1)
+        ) / force
     elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
         if touch[c, CREEPS] == 0.0:
-            touch[c, LEVELS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
+            touch[c, EVENT_FUNCTIONS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
         if touch[c, COMPLIANT] == 0.0:
-            touch[c, LEVELS + AT_JAM] = touch[c, PIVOT] - JAMMED
-    turn, torque = vec(touch, c, TURN), force * system.length
+            touch[c, EVENT_FUNCTIONS + AT_JAM] = touch[c, PIVOT] - JAMMED
+    turn, torque = vec(touch, c, RELATIVE_SPIN), force * system.length
     if touch[c, ROLL] == STUCK:
         level = touch[c, ROLLING_ARM] * normal - tail(system, k + 3)
-        touch[c, LEVELS + AT_ROLL] = level / torque
+        touch[c, EVENT_FUNCTIONS + AT_ROLL] = level / torque
     elif touch[c, ROLL] == SLIDING:
-        touch[c, LEVELS + AT_ROLL] = roll_level(system, c, rolling(touch, c))
+        touch[c, EVENT_FUNCTIONS + AT_ROLL] = roll_level(system, c, rolling(touch, c))
     if touch[c, SPIN] == STUCK:
         level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
-        touch[c, LEVELS + AT_SPIN] = level / torque
+        touch[c, EVENT_FUNCTIONS + AT_SPIN] = level / torque
     elif touch[c, SPIN] == SLIDING:
-        about = touch[c, SPIN_AHEAD] * dot(turn, vec(touch, c, NORMAL))
-        touch[c, LEVELS + AT_SPIN] = about / natural_turning(system)
+        about = touch[c, SPIN_SIGN] * dot(turn, vec(touch, c, NORMAL))
+        touch[c, EVENT_FUNCTIONS + AT_SPIN] = about / natural_turning(system)
 
 
 @inline
@@ -174,17 +176,20 @@ def lowest_level(system):
     """
     touch, lowest, code = system.touch, FREE, -1
     for c in range(touch.shape[0]):
-        for i in range(LEVEL_KINDS):
-            touch[c, LEVELS + i] = FREE
+        for i in range(EVENT_FUNCTION_KINDS):
+            touch[c, EVENT_FUNCTIONS + i] = FREE
         if touch[c, CLOSED] == 1.0:
-            push_levels(system, c)
-            if abs(touch[c, SENSE]) - 0.5 < lowest:
-                lowest, code = abs(touch[c, SENSE]) - 0.5, EVENT_KINDS * c + LIES_FLAT
+            push_events(system, c)
+            if abs(touch[c, LEAN_SIGN]) - 0.5 < lowest:
+                lowest, code = abs(touch[c, LEAN_SIGN]) - 0.5, EVENT_KINDS * c + LIES_FLAT
         else:
-            touch[c, LEVELS] = approach(system, c)
-        for i in range(LEVEL_KINDS):
-            if touch[c, LEVELS + i] < lowest:
-                lowest, code = touch[c, LEVELS + i], EVENT_KINDS * c + event_of(touch, c, i)
+            touch[c, EVENT_FUNCTIONS] = approach(system, c)
+        for i in range(EVENT_FUNCTION_KINDS):
+            if touch[c, EVENT_FUNCTIONS + i] < lowest:
+                lowest, code = (
+                    touch[c, EVENT_FUNCTIONS + i],
+                    EVENT_KINDS * c + event_of(touch, c, i),
+                )
     return lowest, code
 
 
@@ -195,19 +200,19 @@ def in_rigid_flight(touch, c):
 
 @inline
 def level_rates(system, t, y):
-    """Rates of the event functions at (t, y), shape (contacts, LEVEL_KINDS).
+    """Rates of the event functions at (t, y), shape (contacts, EVENT_FUNCTION_KINDS).
 
     After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
     left as it was, with rates of slip and rolling in it.
     """
     touch = system.touch
-    rates, least = np.zeros((touch.shape[0], LEVEL_KINDS)), FREE
+    rates, least = np.zeros((touch.shape[0], EVENT_FUNCTION_KINDS)), FREE
     for c in range(touch.shape[0]):
         if in_rigid_flight(touch, c):
             rates[c, 0] = touch[c, GAP_RATE] / system.length
         else:
-            for i in range(LEVEL_KINDS):
-                least = min(least, touch[c, LEVELS + i])
+            for i in range(EVENT_FUNCTION_KINDS):
+                least = min(least, touch[c, EVENT_FUNCTIONS + i])
     if least == FREE:
         return rates
     kept, nudge = touch.copy(), NUDGE * system.length / system.speed
@@ -222,9 +227,9 @@ def level_rates(system, t, y):
     lines[0, MOST_RANK] = most
     lowest_level(system)
     for c in range(touch.shape[0]):
-        for i in range(LEVEL_KINDS):
+        for i in range(EVENT_FUNCTION_KINDS):
             if not (i == 0 and in_rigid_flight(kept, c)):
-                rates[c, i] = (touch[c, LEVELS + i] - kept[c, LEVELS + i]) / nudge
+                rates[c, i] = (touch[c, EVENT_FUNCTIONS + i] - kept[c, EVENT_FUNCTIONS + i]) / nudge
         slip = scale(1.0 / nudge, sub(vec(touch, c, SLIP), vec(kept, c, SLIP)))
         roll = scale(1.0 / nudge, sub(rolling(touch, c), rolling(kept, c)))
         for j in range(touch.shape[1]):

@@ -39,7 +39,7 @@ def contact_settle(system, t, y):
 
 @settle.register(PackedSystem)
 def settle_by_address(system, t, y):
-    call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.room))
+    call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.workspace))
     return y
 
 

@@ -16,14 +16,14 @@ from rb_sim.mechanics.contact.contact_table import (
     AXIS,
     CLOSED,
     LEAN_BEFORE,
+    LEAN_SIGN,
     LEAN_WIDTH,
     LOW,
     NEARS,
     NORMAL,
+    RELATIVE_SPIN,
     RIM,
-    SENSE,
     SWING,
-    TURN,
 )
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.numerics.kernels import inline
@@ -69,7 +69,7 @@ def note_lean(touch, c):
     if not is_held(touch, c):
         touch[c, LEAN_BEFORE + 6] = IN_FLIGHT
         return
-    side, size = 1.0 if touch[c, SENSE] > 0.0 else -1.0, abs(touch[c, SENSE])
+    side, size = 1.0 if touch[c, LEAN_SIGN] > 0.0 else -1.0, abs(touch[c, LEAN_SIGN])
     if size == IN_FLIGHT or size == SLAMS:
         touch[c, LEAN_BEFORE + 6] = side
     lean, rate = vec(touch, c, AXIS), lean_rate(touch, c)
@@ -87,7 +87,7 @@ def lean_rate(touch, c):
     """Rate [rad/s] of the axis of a rim across the normal, as its support sees it."""
     lean, n = vec(touch, c, AXIS), vec(touch, c, NORMAL)
     upright = max(0.0, 1.0 - dot(lean, lean)) ** 0.5
-    rate = cross(vec(touch, c, TURN), add(lean, scale(upright, n)))
+    rate = cross(vec(touch, c, RELATIVE_SPIN), add(lean, scale(upright, n)))
     return sub(rate, scale(dot(rate, n), n))
 
 

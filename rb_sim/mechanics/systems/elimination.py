@@ -186,7 +186,7 @@ def largest_pivots(n, rank, matrix, chosen, left, factors):
 
     Pivots of A = G M^-1 G^T scaled to a diagonal of ones, as L L^T with rows of L as they are
     found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: becomes 1 for these lines,
-    0 for the others. left (n) and factors (rank n) are room.
+    0 for the others. left (n) and factors (rank n) are workspace.
     """
     for i in range(n):
         chosen[i], left[i] = 0.0, 1.0
@@ -223,8 +223,8 @@ def next_row(n, k, line, matrix, left, factors):
 def choice_routine(arguments, results):
     """arguments: n, rank, A (n n); results: the choice (n), least pivot, its line."""
     n, rank = int(arguments[0]), int(arguments[1])
-    room = np.empty(n * (rank + 1))
-    left, factors = pointer(room), part(pointer(room), n)
+    workspace = np.empty(n * (rank + 1))
+    left, factors = pointer(workspace), part(pointer(workspace), n)
     least, line = largest_pivots(n, rank, part(arguments, 2), results, left, factors)
     results[n], results[n + 1] = least, float(line)
 
@@ -273,11 +273,11 @@ def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
 def least_norm_routine(arguments, results):
     """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
     n, rank = int(arguments[0]), int(arguments[1])
-    x, room = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
-    vectors, values = pointer(room), part(pointer(room), n * n)
+    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
+    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
     for i in range(n * n):
         vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(room), n * (n + 1)))
+    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 1)))
     for i in range(n):
         results[i] = 0.0
     for k in range(n - rank, n):
@@ -308,14 +308,14 @@ def changed(
 def changed_routine(arguments, results):
     """As `changed`; arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers."""
     n, rank = int(arguments[0]), int(arguments[1])
-    x, room = part(arguments, 2 + n * n), np.empty(n * (n + 5 + WORK))
+    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 5 + WORK))
     d_matrix, d_x = part(arguments, 2 + n * n + n), part(arguments, 2 + 2 * n * n + n)
-    vectors, values = pointer(room), part(pointer(room), n * n)
-    solved, rest = part(pointer(room), n * (n + 1)), part(pointer(room), n * (n + 2))
-    outward, inward = part(pointer(room), n * (n + 3)), part(pointer(room), n * (n + 4))
+    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
+    solved, rest = part(pointer(workspace), n * (n + 1)), part(pointer(workspace), n * (n + 2))
+    outward, inward = part(pointer(workspace), n * (n + 3)), part(pointer(workspace), n * (n + 4))
     for i in range(n * n):
         vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(room), n * (n + 5)))
+    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 5)))
     for i in range(n):
         solved[i], rest[i] = 0.0, x[i]
     for k in range(n - rank, n):

@@ -69,9 +69,11 @@ def without_work_space(system):
     bodies, lines = system.bodies.copy(), system.lines.copy()
     bodies[:, PUSH:] = 0.0
     lines[:, ORDER] = 0
-    room = {name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")}
+    workspace = {
+        name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")
+    }
     square = np.zeros_like(system.square)
-    return system._replace(bodies=bodies, lines=lines, square=square, **room)
+    return system._replace(bodies=bodies, lines=lines, square=square, **workspace)
 
 
 CLEARED[MultiBody] = without_work_space

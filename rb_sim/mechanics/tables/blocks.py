@@ -293,17 +293,19 @@ class Elimination:
     def __init__(self, plan: Plan, program: Program) -> None:
         self.plan, self.program = plan, program
         sizes = self.sizes = [node.size for node in plan.nodes]
-        self.diagonal = [program.room(packed(n)) for n in sizes]
-        self.inverse = [program.room(packed(n)) for n in sizes]
-        self.right = [program.room(2 * n) for n in sizes]
-        self.found = [program.room(n) for n in sizes]
+        self.diagonal = [program.workspace(packed(n)) for n in sizes]
+        self.inverse = [program.workspace(packed(n)) for n in sizes]
+        self.right = [program.workspace(2 * n) for n in sizes]
+        self.found = [program.workspace(n) for n in sizes]
         self.between = {
-            (i, k): program.room(sizes[i] * sizes[k])
+            (i, k): program.workspace(sizes[i] * sizes[k])
             for k, later in enumerate(plan.later)
             for i in later
         }
-        self.factor = {pair: program.room(sizes[pair[0]] * sizes[pair[1]]) for pair in self.between}
-        self.rank = program.room(1)
+        self.factor = {
+            pair: program.workspace(sizes[pair[0]] * sizes[pair[1]]) for pair in self.between
+        }
+        self.rank = program.workspace(1)
 
     def clear(self, filled: set[tuple[int, int]]) -> None:
         """Zeros in the blocks that are only filled in."""

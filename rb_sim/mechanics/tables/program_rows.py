@@ -163,7 +163,7 @@ class Lines:
         self.program, self.plan, self.bodies = program, plan, bodies
         self.constraints, self.barred = constraints, barred
         self.blocks = Elimination(plan, program)
-        self.push = program.room(6 * len(bodies))
+        self.push = program.workspace(6 * len(bodies))
         self.load = -1
         """place of the loads on the bodies; -1 where there are none."""
         self.gradient: dict[tuple[int, int], int] = {}
@@ -171,9 +171,9 @@ class Lines:
         self.rates: dict[int, int] = {}
         for k, node in enumerate(plan.nodes):
             for body in self._on(node):
-                self.gradient[k, body] = program.room(6 * node.size)
+                self.gradient[k, body] = program.workspace(6 * node.size)
                 if body not in plan.hubs:
-                    self.responses[k, body] = program.room(6 * node.size)
+                    self.responses[k, body] = program.workspace(6 * node.size)
 
     def _on(self, node: Node) -> list[int]:
         """Bodies of a constraint node."""
@@ -216,7 +216,7 @@ class Lines:
                 inputs += [("frame", self.push + 6 * b, 6) for b in own]
             outputs = self._outputs(k, node)
             if kind == "sampled":
-                self.rates[k] = self.program.room(node.size)
+                self.rates[k] = self.program.workspace(node.size)
                 inputs += [extra["worst"], scales]
                 outputs += [("frame", self.rates[k]), extra["worst"][:2]]
             elif "worst" in extra:
@@ -389,7 +389,7 @@ class Lines:
         sizes = self.blocks.sizes
         n = sum(sizes)
         first = [sum(sizes[:k]) for k in range(len(sizes))]
-        start = self.program.room(2 + n * n + n)
+        start = self.program.workspace(2 + n * n + n)
         matrix = start + 2
         clear(self.program, n, [matrix + n * i for i in range(n)])
         to = [("frame", [start])]
@@ -411,7 +411,7 @@ class Lines:
         sizes = self.blocks.sizes
         n = sum(sizes)
         self._copy(1, [self.blocks.rank], [start + 1])
-        at_x, results = start + 2 + n * n, self.program.room(n)
+        at_x, results = start + 2 + n * n, self.program.workspace(n)
         for k, size in enumerate(sizes):
             self._copy(size, [self.blocks.found[k]], [at_x + sum(sizes[:k])])
         self.program.call(least_norm_external(n), start, results)

@@ -95,7 +95,7 @@ class TableLaws(MultiBodyLaws):
     def _free_accelerations(self, program: Program, lines: Lines) -> None:
         """Loads, and the accelerations that they alone would give, in lines.push."""
         bodies = range(len(self._bodies))
-        load = program.room(6 * len(bodies))
+        load = program.workspace(6 * len(bodies))
         clear(program, 6, [load + 6 * i for i in bodies])
         effects = []
         for placed in self._symbolic.effects:
@@ -179,7 +179,7 @@ class TableLaws(MultiBodyLaws):
         if not self.lines:
             return None
         program, lines = self._new(self._position_parts, self.dependent.positions)
-        worst = program.room(1)
+        worst = program.workspace(1)
         clear(program, 1, [worst])
         length = float(self.system.length)
         lines.write("y", 0, "displaced", {"worst": ("frame", worst, 1), "length": length})
@@ -206,7 +206,7 @@ class TableLaws(MultiBodyLaws):
         if not self.lines or not all(self.holonomic):
             return None
         program, lines = self._new(self._parts, self.dependent.lines)
-        first, then = program.room(self.n), program.room(self.n)
+        first, then = program.workspace(self.n), program.workspace(self.n)
         self._settle_into(program, "frame", first)
         clear_out(program, self.n, 1)
         length = float(self.system.length)

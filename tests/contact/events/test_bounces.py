@@ -32,7 +32,7 @@ def falls(data: dict[str, Any]) -> list[float]:
     at = Instant(motion.laws, call, 0.0, np.array(motion.compiled.y))
     choose_modes(at)
     contacts = range(len(motion.laws))
-    return [-free_normal_acceleration(at.system, at.room, at.t, at.y, c) for c in contacts]
+    return [-free_normal_acceleration(at.system, at.workspace, at.t, at.y, c) for c in contacts]
 
 
 @pytest.mark.parametrize("bodies", [1, 2])
@@ -62,17 +62,17 @@ def test_events_are_told_in_the_order_of_their_times() -> None:
 
 def test_the_end_of_a_series_is_taken_from_the_bounces_that_agree_best() -> None:
     """Of two that follow each other; until there are two, nothing is known."""
-    room: Any = SimpleNamespace(rests=np.full((2, 3), np.inf), bounces=np.zeros(3, dtype=int))
+    workspace: Any = SimpleNamespace(rests=np.full((2, 3), np.inf), bounces=np.zeros(3, dtype=int))
     for t in (5.0, 4.2, 4.0, 4.0625, 3.0):
-        see_rest(room, 1, t)
-    assert room.rests[1, BEST] == 4.0625 and room.rests[1, LAST] == 3.0
-    assert room.rests[1, CHANGE] == 0.0625
-    assert np.isinf(room.rests[0]).all()
-    room.rebounding = np.array([1, 0])
-    room.bounces[:] = 4
-    room.rests[0] = 1.0
-    count_bounces(room)
-    assert room.bounces.tolist() == [5, 0, 4]
-    assert np.isinf(room.rests[1]).all() and (room.rests[0] == 1.0).all()
-    forget_bounces(room)
-    assert not room.bounces.any() and np.isinf(room.rests).all()
+        see_rest(workspace, 1, t)
+    assert workspace.rests[1, BEST] == 4.0625 and workspace.rests[1, LAST] == 3.0
+    assert workspace.rests[1, CHANGE] == 0.0625
+    assert np.isinf(workspace.rests[0]).all()
+    workspace.rebounding = np.array([1, 0])
+    workspace.bounces[:] = 4
+    workspace.rests[0] = 1.0
+    count_bounces(workspace)
+    assert workspace.bounces.tolist() == [5, 0, 4]
+    assert np.isinf(workspace.rests[1]).all() and (workspace.rests[0] == 1.0).all()
+    forget_bounces(workspace)
+    assert not workspace.bounces.any() and np.isinf(workspace.rests).all()

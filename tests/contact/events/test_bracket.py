@@ -17,17 +17,17 @@ from rb_sim.contact.events.search import (
     begin_bracket,
     crossing,
     first_crossing,
-    note_levels,
+    note_event_functions,
 )
 from rb_sim.mechanics.contact.contact_bodies import FREE
 from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    LEVEL_KINDS,
-    LEVELS,
-    LEVELS_BEFORE,
-    SLOPES_BEFORE,
     TOUCH_WIDTH,
 )
 from tests.contact.scenes import box, scene, touch
@@ -150,9 +150,12 @@ def test_a_straight_line_where_no_rates_are_known() -> None:
 
 def bracket_of(*rows: tuple[float, float]) -> tuple[SimpleNamespace, np.ndarray]:
     """Of contacts whose last event function has these values."""
-    bracket = np.full((len(rows), LEVEL_KINDS + 1, 8), FREE)
+    bracket = np.full((len(rows), EVENT_FUNCTION_KINDS + 1, 8), FREE)
     for c, (a, b) in enumerate(rows):
-        bracket[c, LEVEL_KINDS - 1, EARLY], bracket[c, LEVEL_KINDS - 1, LATE] = a, b
+        bracket[c, EVENT_FUNCTION_KINDS - 1, EARLY], bracket[c, EVENT_FUNCTION_KINDS - 1, LATE] = (
+            a,
+            b,
+        )
     touch = np.zeros((len(rows), TOUCH_WIDTH))
     touch[:, CLOSED] = 1.0
     return SimpleNamespace(touch=touch, length=2.0), bracket
@@ -175,16 +178,16 @@ def test_the_first_of_several_is_looked_for_just_behind_its_zero() -> None:
 
 def test_what_a_bracket_takes_from_the_table_of_contacts() -> None:
     system, _ = bracket_of((0.0, 0.0), (0.0, 0.0))
-    numbers = np.random.default_rng(3).normal(size=(6, 2, LEVEL_KINDS))
+    numbers = np.random.default_rng(3).normal(size=(6, 2, EVENT_FUNCTION_KINDS))
     before, slopes, levels, rates, early, _ = numbers
     touch = system.touch
-    touch[:, LEVELS_BEFORE : LEVELS_BEFORE + LEVEL_KINDS] = before
-    touch[:, SLOPES_BEFORE : SLOPES_BEFORE + LEVEL_KINDS] = slopes
-    touch[:, LEVELS : LEVELS + LEVEL_KINDS] = levels
+    touch[:, EVENT_FUNCTIONS_BEFORE : EVENT_FUNCTIONS_BEFORE + EVENT_FUNCTION_KINDS] = before
+    touch[:, EVENT_RATES_BEFORE : EVENT_RATES_BEFORE + EVENT_FUNCTION_KINDS] = slopes
+    touch[:, EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS] = levels
     touch[:, GAP_RATE_BEFORE], touch[:, GAP_RATE] = (0.4, 0.6), (0.8, 1.0)
     for late in (3.0, 2.0):
         bracket = begin_bracket(system, SimpleNamespace(t0=1.0, t1=3.0), rates, late)
-        found = bracket[:, :LEVEL_KINDS]
+        found = bracket[:, :EVENT_FUNCTION_KINDS]
         for column, wanted in (
             (EARLY, before),
             (BEGIN, before),
@@ -196,11 +199,14 @@ def test_what_a_bracket_takes_from_the_table_of_contacts() -> None:
             np.testing.assert_array_equal(
                 found[:, :, column], wanted if late == 3.0 else np.full_like(wanted, FREE)
             )
-        assert (bracket[:, LEVEL_KINDS, [BEGIN, END]] == [1.0, 3.0]).all()
+        assert (bracket[:, EVENT_FUNCTION_KINDS, [BEGIN, END]] == [1.0, 3.0]).all()
         assert found[:, 0, EARLY + 1].tolist() == [0.2, 0.3]
         assert found[:, 0, LATE + 1].tolist() == [0.4, 0.5]
-    touch[:, LEVELS : LEVELS + LEVEL_KINDS], touch[:, GAP_RATE] = early, (1.2, 1.4)
-    note_levels(system, bracket, False)
-    np.testing.assert_array_equal(bracket[:, :LEVEL_KINDS, EARLY], early)
-    np.testing.assert_array_equal(bracket[:, :LEVEL_KINDS, LATE], levels)
+    touch[:, EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS], touch[:, GAP_RATE] = (
+        early,
+        (1.2, 1.4),
+    )
+    note_event_functions(system, bracket, False)
+    np.testing.assert_array_equal(bracket[:, :EVENT_FUNCTION_KINDS, EARLY], early)
+    np.testing.assert_array_equal(bracket[:, :EVENT_FUNCTION_KINDS, LATE], levels)
     assert bracket[:, 0, EARLY + 1].tolist() == [0.6, 0.7]

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim.contact.problem import delassus
 from rb_sim.contact.problem.delassus import set_velocities, spread, velocities
-from rb_sim.contact.problem.event_workspace import Room, room_for
+from rb_sim.contact.problem.event_workspace import Workspace, workspace_for
 from rb_sim.contact.problem.modes import find_held, may_share
 from rb_sim.mechanics.contact.contact_bodies import SHARES
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
@@ -24,7 +24,7 @@ from tests.contact.scenes import ball, box, scene, touch
 INERTIA = [[0.05, 0.002, -0.003], [0.002, 0.04, 0.001], [-0.003, 0.001, 0.06]]
 
 
-def two_boxes(seed: int) -> tuple[Any, Room]:
+def two_boxes(seed: int) -> tuple[Any, Workspace]:
     """A system of two boxes that touch each other and the floor, with random lines in the room."""
     from rb_sim import load_scene
 
@@ -37,12 +37,12 @@ def two_boxes(seed: int) -> tuple[Any, Room]:
         "type": "contact", "body": "upper", "parent": "body", "surface": {"type": "shape"},
     }  # fmt: skip
     system = compile_scene(load_scene(mapping)).system
-    rng, room = np.random.default_rng(seed), room_for(system)
+    rng, workspace = np.random.default_rng(seed), workspace_for(system)
     for k, line in enumerate(system.lines):
         for i in {int(line[BODY]), int(line[PARENT])} - {-1}:
-            room.J[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
-            room.W[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
-    return system, room
+            workspace.J[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
+            workspace.W[k, 6 * i : 6 * i + 6] = rng.normal(size=6)
+    return system, workspace
 
 
 def test_the_inverse_mass_is_that_of_masses_and_inertias() -> None:
@@ -58,32 +58,32 @@ def test_the_inverse_mass_is_that_of_masses_and_inertias() -> None:
 
 
 def test_the_matrix_of_some_lines() -> None:
-    system, room = two_boxes(1)
-    n = len(room.J) // 2
-    room.used[:n] = np.random.default_rng(2).permutation(len(room.J))[:n]
-    some = room.used[:n]
-    expected = room.J[some] @ delassus.inverse_mass(system) @ room.W[some].T
+    system, workspace = two_boxes(1)
+    n = len(workspace.J) // 2
+    workspace.used[:n] = np.random.default_rng(2).permutation(len(workspace.J))[:n]
+    some = workspace.used[:n]
+    expected = workspace.J[some] @ delassus.inverse_mass(system) @ workspace.W[some].T
     assert set(system.lines[:, PARENT]) == {-1, 1}
     for fill in (delassus.fill_delassus, delassus.fill_in_loops):
         A = np.full((n + 1, n + 1), np.nan)
-        fill(system, room.J, room.W, room.used, n, A)
+        fill(system, workspace.J, workspace.W, workspace.used, n, A)
         assert_allclose(A[:n, :n], expected, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
 
 
 def test_products_with_all_lines() -> None:
-    system, room = two_boxes(3)
+    system, workspace = two_boxes(3)
     rng = np.random.default_rng(4)
-    u, x = rng.normal(size=room.J.shape[1]), rng.normal(size=len(room.J))
+    u, x = rng.normal(size=workspace.J.shape[1]), rng.normal(size=len(workspace.J))
     x[0] = 0.0
     p, du = np.empty_like(u), np.empty_like(u)
-    delassus.momentum_of(system, room.J, x, p)
+    delassus.momentum_of(system, workspace.J, x, p)
     delassus.inverse_mass_times(system, p, du)
-    assert_allclose(p, room.J.T @ x, rtol=1e-13, atol=1e-13)
+    assert_allclose(p, workspace.J.T @ x, rtol=1e-13, atol=1e-13)
     assert_allclose(du, delassus.inverse_mass(system) @ p, rtol=1e-13, atol=1e-13)
-    rates = [delassus.line_times(system, room.J, k, u) for k in range(len(x))]
-    sizes = [delassus.size_of_terms(system, room.J, k, u) for k in range(len(x))]
-    assert_allclose(rates, room.J @ u, rtol=1e-13, atol=1e-13)
-    assert_allclose(sizes, np.abs(room.J) @ np.abs(u), rtol=1e-13)
+    rates = [delassus.line_times(system, workspace.J, k, u) for k in range(len(x))]
+    sizes = [delassus.size_of_terms(system, workspace.J, k, u) for k in range(len(x))]
+    assert_allclose(rates, workspace.J @ u, rtol=1e-13, atol=1e-13)
+    assert_allclose(sizes, np.abs(workspace.J) @ np.abs(u), rtol=1e-13)
 
 
 @pytest.mark.parametrize("smallest", [1.0, 1e-3, 1e-9, 1e-11, 0.0])
@@ -97,7 +97,7 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
     for i in range(2):
         mapping["constraints"][f"c{i}"] = touch(mu=0.5) | {"body": f"b{i}"}
     system = compile_scene(load_scene(mapping)).system
-    room, rng, n = room_for(system), np.random.default_rng(seed), len(system.lines)
+    workspace, rng, n = workspace_for(system), np.random.default_rng(seed), len(system.lines)
     assert n == 9
     system.touch[:, CLOSED], system.touch[:, SLIDE] = 1.0, STUCK
     system.vectors[SHARES] = 1.0
@@ -105,24 +105,24 @@ def test_what_has_one_set_of_reactions_is_never_taken_for_less(seed: int, smalle
         u, _, v = np.linalg.svd(rng.normal(size=(3, 6)))
         size = 1e4 ** (seed % 2)  # all of it relative to the largest
         block = size * (u @ np.diag([1.0, 0.5, smallest if c == 1 else 0.3]) @ v[:3])
-        room.J[3 * c : 3 * c + 3, 6 * c : 6 * c + 6] = room.W[
+        workspace.J[3 * c : 3 * c + 3, 6 * c : 6 * c + 6] = workspace.W[
             3 * c : 3 * c + 3, 6 * c : 6 * c + 6
         ] = block
-    A = room.J @ delassus.inverse_mass(system) @ room.W.T
+    A = workspace.J @ delassus.inverse_mass(system) @ workspace.W.T
     s = np.linalg.svd(A)[1]
-    shares = may_share(system, room)
+    shares = may_share(system, workspace)
     assert shares or s[-1] > JUDGED_BY_CONTACT * s[0]
     if smallest == 1.0:
         assert not shares
     assert (system.vectors[SHARES] == 0.0).all()
     system.touch[:, SLIDE] = SLIDING  # normals alone, each of its own body: what holds is certain
-    assert not may_share(system, room)
+    assert not may_share(system, workspace)
 
 
 def test_lines_spread_over_all_bodies_and_velocities() -> None:
     """12 columns, of the body and of its parent, if it has one."""
-    system, room = two_boxes(5)
-    columns = np.random.default_rng(6).normal(size=(len(room.J), 12))
+    system, workspace = two_boxes(5)
+    columns = np.random.default_rng(6).normal(size=(len(workspace.J), 12))
     found = spread(system, columns)
     assert found.shape == (len(columns), 12)
     for k, line in enumerate(system.lines):
@@ -148,6 +148,6 @@ def test_lines_of_joints_and_of_what_rests_hold() -> None:
     touch[0, SLIDE] = touch[2, ROLL] = SLIDING
     first = np.array([0, 2, 8, 11, 14, 20])
     system: Any = SimpleNamespace(touch=touch, first_row=first, joints=1)
-    room: Any = SimpleNamespace(used=np.full(20, -1))
-    n = find_held(system, room)
-    assert room.used[:n].tolist() == [0, 1, 2, 5, 6, 7, 9, 10, 11]
+    workspace: Any = SimpleNamespace(used=np.full(20, -1))
+    n = find_held(system, workspace)
+    assert workspace.used[:n].tolist() == [0, 1, 2, 5, 6, 7, 9, 10, 11]

@@ -31,7 +31,7 @@ def flights(
     asked: list[Any] = []
     monkeypatch.setattr(bounces, "contact_accelerations", lambda *of: asked.append(of))
     pulls = {3 * c: a for c, (_, _, a) in enumerate(contacts)}
-    monkeypatch.setattr(bounces, "acceleration_along", lambda system, room, k: pulls[k])
+    monkeypatch.setattr(bounces, "acceleration_along", lambda system, workspace, k: pulls[k])
     found = time_of_flights(system, None, 3.0, "y", fixed)
     assert asked == [(system, 3.0, "y")]
     return found

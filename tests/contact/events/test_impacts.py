@@ -37,22 +37,22 @@ def struck(
     for k, speed in enumerate(speeds):
         y[13 * k + 8 : 13 * k + 10] = SLIP, -speed
     at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
-    room, count = at.room, len(speeds)
+    workspace, count = at.workspace, len(speeds)
     at.system.touch[:, CLOSED] = closed
-    for table, c in ((room.plastic, plastic), (room.together, together)):
+    for table, c in ((workspace.plastic, plastic), (workspace.together, together)):
         table[:] = 0
         if c >= 0:
             table[c] = 1
     if in_rounds is None:
-        status, n = impacts.strike(at.system, room, 0.5, y, alone), 0
+        status, n = impacts.strike(at.system, workspace, 0.5, y, alone), 0
     else:
-        status, n = impacts.strike_in_rounds(at.system, room, 0.5, y, *in_rounds)
+        status, n = impacts.strike_in_rounds(at.system, workspace, 0.5, y, *in_rounds)
     return {
-        "status": int(status), "round": int(n), "rebounding": room.rebounding.tolist(),
+        "status": int(status), "round": int(n), "rebounding": workspace.rebounding.tolist(),
         "rises": [float(y[13 * k + 9]) for k in range(count)],
         "slips": [float(y[13 * k + 8]) for k in range(count)],
-        "work": float(y[13 * count]), "notes": room.notes[: room.written[0]].tolist(),
-        "undetermined": room.undetermined.tolist(),
+        "work": float(y[13 * count]), "notes": workspace.notes[: workspace.written[0]].tolist(),
+        "undetermined": workspace.undetermined.tolist(),
     }  # fmt: skip
 
 

@@ -32,10 +32,10 @@ def impulses(rule: str, mu: float) -> tuple[list[float], float, float]:
     compiled = compile_scene(load_scene(scene(body, touch(mu=mu, restitution=E))))
     at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, compiled.y.copy())
     u = velocities(at.system, at.y)
-    before = rules.Velocities(u, at.room.J @ u - at.room.line_rate)
-    find_touching(at.system, at.room)
-    x = np.zeros(len(at.room.J))
-    assert getattr(rules, rule)(at.system, at.room, before, np.array([E]), x) == SOLVED
+    before = rules.Velocities(u, at.workspace.J @ u - at.workspace.line_rate)
+    find_touching(at.system, at.workspace)
+    x = np.zeros(len(at.workspace.J))
+    assert getattr(rules, rule)(at.system, at.workspace, before, np.array([E]), x) == SOLVED
     return [float(value) for value in x], 1.0, 2.0
 
 
@@ -74,12 +74,12 @@ def of_ball(
     y[7:13] = velocity + spin
     at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
     u = velocities(at.system, at.y)
-    before = rules.Velocities(u, at.room.J @ u - at.room.line_rate)
-    find_touching(at.system, at.room)
-    at.room.together[:] = 1
-    x, none = np.zeros(len(at.room.J)), np.zeros(1)
+    before = rules.Velocities(u, at.workspace.J @ u - at.workspace.line_rate)
+    find_touching(at.system, at.workspace)
+    at.workspace.together[:] = 1
+    x, none = np.zeros(len(at.workspace.J)), np.zeros(1)
     asked = rules.Rule(none, none, rule.get("together", False), rule.get("stop", False))
-    assert rules.impulses_with(at.system, at.room, before, asked, x) == SOLVED
+    assert rules.impulses_with(at.system, at.workspace, before, asked, x) == SOLVED
     return [float(value) for value in x]
 
 
@@ -128,7 +128,7 @@ def test_friction_without_a_corner_is_that_of_the_slip_before(slip: tuple[float,
     assert_allclose(np.hypot(*x[1:3]), 2.0 * 0.1 * s / np.hypot(s, 0.5), rtol=1e-12)
 
 
-ROOM = SimpleNamespace(
+WORKSPACE = SimpleNamespace(
     rules=np.array([PUSHES, RUBS, PUSHES, HOLDS, PUSHES]),
     least=np.array([0.0, 0.0, 1.0, 0.0, 0.0]),
     undetermined=np.zeros(7),
@@ -138,14 +138,14 @@ A = np.array([[2.0, 0.5, 0.0, 1.0, 0.0], *np.eye(5)[1:]])
 
 def test_pushes_that_do_not_part_are_let_hold() -> None:
     """w = A x + b of 0, 1e-3, -1 and 1 times what is still, 1e-10 of 3 m/s."""
-    room = SimpleNamespace(rules=ROOM.rules.copy())
+    workspace = SimpleNamespace(rules=WORKSPACE.rules.copy())
     x, pressing = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.full(5, 7.0)
     b = np.array([-7.0, -2.0, -3.0 + 2e-10, 0.0, -5.0 + 5e-10])
     system = SimpleNamespace(speed=3.0)
     assert rules.velocity_after(A, b, 0, x) == 0.0 and rules.velocity_after(A, b, 3, x) == 4.0
-    assert rules.let_press_hold(system, room, A, b, x, pressing) == 2
+    assert rules.let_press_hold(system, workspace, A, b, x, pressing) == 2
     assert pressing.tolist() == [1.0, 0.0, 1.0, 0.0, 0.0]
-    assert room.rules.tolist() == [HOLDS, RUBS, HOLDS, HOLDS, PUSHES]
+    assert workspace.rules.tolist() == [HOLDS, RUBS, HOLDS, HOLDS, PUSHES]
 
 
 def test_what_presses_may_not_have_to_pull() -> None:
@@ -155,20 +155,20 @@ def test_what_presses_may_not_have_to_pull() -> None:
     for push, other, keeps in ((0.0, 1.0, True), (-7e-12, 1.0, True), (-9e-12, 1.0, False),
                                (0.0, 1.0 - 7e-12, True), (0.0, 1.0 - 9e-12, False)):  # fmt: skip
         x = np.array([push, rest[0], other, *rest[2:]])
-        assert rules.keeps_pushing(ROOM, pressing, x) is keeps
+        assert rules.keeps_pushing(WORKSPACE, pressing, x) is keeps
 
 
 def test_how_far_two_impulses_end_apart() -> None:
     """By 3 of terms up to 6, or nothing; the most of all impacts counts."""
-    room = SimpleNamespace(undetermined=np.zeros(7))
+    workspace = SimpleNamespace(undetermined=np.zeros(7))
     x, b, terms = np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.arange(5.0), np.array([1, 6, 2, 3, 0.5])
     other = x + [1.0, 2.0, 0.0, 0.0, -1.0]
-    rules.leave_open(room, A, b, terms, x, x)
-    assert not room.undetermined.any()
-    rules.leave_open(room, A, b, terms, x, other)
-    assert room.undetermined[0] == pytest.approx(0.5)
-    rules.leave_open(room, A, b, terms, x, x + 0.1 * (other - x))
-    assert room.undetermined[0] == pytest.approx(0.5) and not room.undetermined[1:].any()
+    rules.leave_open(workspace, A, b, terms, x, x)
+    assert not workspace.undetermined.any()
+    rules.leave_open(workspace, A, b, terms, x, other)
+    assert workspace.undetermined[0] == pytest.approx(0.5)
+    rules.leave_open(workspace, A, b, terms, x, x + 0.1 * (other - x))
+    assert workspace.undetermined[0] == pytest.approx(0.5) and not workspace.undetermined[1:].any()
 
 
 def test_the_least_push_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,9 @@ def test_the_least_push_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rules, "solve_in", lambda *problem: asked.append(problem) or 3)
     full = np.arange(25.0).reshape(5, 5) + 1.0
     x, b, pressing = np.array([3.0, -9.0, 2.0, 1.0, 4.0]), np.ones(5), np.array([1.0, 0, 1, 0, 1])
-    assert rules.without_least_push(ROOM, 2, full, b, np.ones(5), pressing, x, np.zeros(5)) == 3
+    assert (
+        rules.without_least_push(WORKSPACE, 2, full, b, np.ones(5), pressing, x, np.zeros(5)) == 3
+    )
     _, n, m, alone, rest, *_ = asked[0]
     wanted = full.copy()
     wanted[2], wanted[:, 2] = 0.0, 0.0

@@ -16,10 +16,10 @@ from rb_sim.contact.events.instant import Instant, frame
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
+    EVENT_RATES_BEFORE,
     NORMAL,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
     TOUCH_WIDTH,
 )
 
@@ -39,7 +39,7 @@ def instant(joints: int, slip: float = 2.0, mu: float = MU, seed: int = 1) -> An
     at.laws = [SimpleNamespace(kinetic=9.0), SimpleNamespace(kinetic=mu)]
     at.first = [joints, joints + 3]
     J = rng.normal(size=(joints + 6, 12))
-    at.room = SimpleNamespace(J=J, W=J + 0.3 * rng.normal(size=J.shape))
+    at.workspace = SimpleNamespace(J=J, W=J + 0.3 * rng.normal(size=J.shape))
     at.__dict__["inverse_mass"] = mass @ mass.T + np.eye(12)
     return at
 
@@ -48,15 +48,15 @@ def instant(joints: int, slip: float = 2.0, mu: float = MU, seed: int = 1) -> An
 def test_the_effective_pivot_is_that_of_push_and_friction(joints: int) -> None:
     """Of n M^-1 (n - mu d), over n M^-1 n, of velocities that the joints' lines do not hold."""
     at = instant(joints)
-    held, k = at.room.J[:joints], joints + 3
+    held, k = at.workspace.J[:joints], joints + 3
     inverse = at.inverse_mass
     if joints:
         taken = np.linalg.solve(held @ inverse @ held.T, held @ inverse)
         inverse = inverse - inverse @ held.T @ taken
-    n, t1, t2 = at.room.J[k : k + 3]
+    n, t1, t2 = at.workspace.J[k : k + 3]
     push = n - MU * (0.28 * t1 - 0.96 * t2)
     assert_allclose(at.effective_pivot(1), (n @ inverse @ push) / (n @ inverse @ n), rtol=1e-12)
-    rows, pushes = at.room.J[k : k + 2], at.room.J[k + 1 : k + 3]
+    rows, pushes = at.workspace.J[k : k + 2], at.workspace.J[k + 1 : k + 3]
     assert_allclose(at.pivot_of(rows, pushes), rows @ inverse @ pushes.T, rtol=1e-11, atol=1e-12)
 
 
@@ -71,7 +71,7 @@ def test_a_contact_that_the_joints_hold_has_no_pivot(mass: float, seed: int) -> 
     """Its normal is one of the joints' lines."""
     at = instant(2, seed=seed)
     at.__dict__["inverse_mass"] = at.inverse_mass / mass
-    at.room.J[1] = at.room.J[5]
+    at.workspace.J[1] = at.workspace.J[5]
     assert at.effective_pivot(1) == 1.0
 
 
@@ -82,8 +82,8 @@ def test_the_contact_that_its_push_lifts_least(touching: list[int], seed: int) -
     at = instant(2, seed=seed)
     at.touching = lambda: touching
     shares = [
-        (at.room.J[k] @ at.inverse_mass @ at.room.W[k])
-        / (at.room.J[k] @ at.inverse_mass @ at.room.J[k])
+        (at.workspace.J[k] @ at.inverse_mass @ at.workspace.W[k])
+        / (at.workspace.J[k] @ at.inverse_mass @ at.workspace.J[k])
         for k in at.first
     ]
     wanted = min(touching, key=lambda c: shares[c]) if touching else None
@@ -97,7 +97,7 @@ def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
     """A = J P M^-1 J^T of its three lines and v = J u - b; of the impulses x those of the joints
     keep their lines as they are."""
     at, seen = instant(2), []
-    at.room.line_rate = np.linspace(-1.0, 1.0, 8)
+    at.workspace.line_rate = np.linspace(-1.0, 1.0, 8)
     at.system.bodies, at.y = np.zeros((2, 1)), np.random.default_rng(5).normal(size=26)
     at.laws[c], k = SimpleNamespace(kinetic=MU, restitution=0.3), 2 + 3 * c
     x = np.array([2.0, -0.5, 0.25])
@@ -105,13 +105,15 @@ def test_the_process_of_a_jam_sees_one_contact_and_the_joints_answer(
         impact_handling, "impulse_process", lambda *process: seen.append(process) or x
     )
     found = impact_handling.impulses_of_jam(at, c)
-    (A, v, friction, restitution), own = seen[0], at.room.J[k : k + 3]
+    (A, v, friction, restitution), own = seen[0], at.workspace.J[k : k + 3]
     assert_allclose(A, at.pivot_of(own, own))
     u = np.concatenate([at.y[7:13], at.y[20:26]])
-    assert_allclose(v, own @ u - at.room.line_rate[k : k + 3])
+    assert_allclose(v, own @ u - at.workspace.line_rate[k : k + 3])
     assert (friction, restitution) == (MU, 0.3)
     assert (found[k : k + 3] == x).all() and np.count_nonzero(found) == 5
-    assert_allclose(at.room.J[:2] @ at.inverse_mass @ at.room.J.T @ found, 0.0, atol=1e-10)
+    assert_allclose(
+        at.workspace.J[:2] @ at.inverse_mass @ at.workspace.J.T @ found, 0.0, atol=1e-10
+    )
     monkeypatch.setattr(impact_handling, "impulse_process", lambda *process: None)
     assert impact_handling.impulses_of_jam(at, c) is None
 
@@ -150,7 +152,7 @@ def test_a_drag_that_lifts_what_would_push_again_is_refused(
 ) -> None:
     """Apart, its event function falls by more than 1e-6 in the unit of 1/4 s."""
     touch = np.zeros((1, TOUCH_WIDTH))
-    touch[0, [CLOSED, SLOPES_BEFORE]] = closed, slope
+    touch[0, [CLOSED, EVENT_RATES_BEFORE]] = closed, slope
     system: Any = SimpleNamespace(touch=touch, length=0.5, speed=2.0)
     law: Any = SimpleNamespace(compliant=soft, drags=drags)
     if refused:

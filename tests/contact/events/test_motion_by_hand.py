@@ -28,7 +28,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIP_ENDS,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_table import CLOSED, CREEPS, FORCE, ROLL, SLIDE, STATIC
+from rb_sim.mechanics.contact.contact_table import CLOSED, CREEPS, NORMAL_FORCE, ROLL, SLIDE, STATIC
 from tests.contact.scenes import ball, box, scene, touch
 
 
@@ -46,7 +46,7 @@ def test_nothing_is_left_open_at_the_start() -> None:
     assert motion.left_open == LeftOpen(
         contact=motion.left_open.contact, what=motion.left_open.what
     )
-    motion._call.room.undetermined[:4] = 0.0, 0.25, 1.5, 0.0
+    motion._call.workspace.undetermined[:4] = 0.0, 0.25, 1.5, 0.0
     assert motion.left_open[:4] == (0.25, 1.5, "floor", IMPACT)
     motion.reset()
     assert motion.left_open.figure == 0.0 and motion.left_open.t == 0.0
@@ -120,7 +120,7 @@ def test_the_first_step_after_an_event_ends_no_later_than_a_flight(
     """Steps of fixed length pause there instead."""
     motion = flying(mu=0.3)
     motion.method = SimpleNamespace(step=0.2, tolerance=0.0 if fixed else 1e-6)
-    call = SimpleNamespace(room=motion._call.room, found=flight)
+    call = SimpleNamespace(workspace=motion._call.workspace, found=flight)
     begun: list[Any] = []
     kind = type("Told", (ContactMotion,), {
         "_call": call, "_continue_from": lambda self, *at: begun.append(at)})  # fmt: skip
@@ -148,7 +148,7 @@ def standing(*pushes: float, **columns: Any) -> Any:
         for given in bodies.values():
             given["position"][2] = 0.1
     motion: Any = Simulation(load_scene(mapping))._motion
-    motion.system.touch[:, FORCE] = pushes
+    motion.system.touch[:, NORMAL_FORCE] = pushes
     for name, values in columns.items():
         motion.system.touch[:, {"creeps": CREEPS, "closed": CLOSED}[name]] = values
     return motion
@@ -266,7 +266,7 @@ def leaving(patch: pytest.MonkeyPatch, dragged: int) -> Any:
     patch.setattr(ContactMotion, "_call", call)
     patch.setattr(ContactMotion, "_begin_flights", lambda self, *at: asked.append(at))
     motion._journal = SimpleNamespace(
-        take=lambda room: asked.append("taken"), note=lambda *told: asked.append(told)
+        take=lambda workspace: asked.append("taken"), note=lambda *told: asked.append(told)
     )
     return motion, asked
 
@@ -275,10 +275,10 @@ def test_what_drags_its_body_off_is_named(monkeypatch: pytest.MonkeyPatch) -> No
     for dragged, name in ((1, "on_b0"), (2, "on_b1")):
         motion, _ = leaving(monkeypatch, dragged)
         with pytest.raises(SimulationError, match=f"viscous contact {name} neither"):
-            motion._leave(At(t=4.0, y=None, room=None))
+            motion._leave(At(t=4.0, y=None, workspace=None))
         monkeypatch.undo()
     motion, asked = leaving(monkeypatch, 0)
-    motion._leave(At(t=4.0, y=5, room=None))
+    motion._leave(At(t=4.0, y=5, workspace=None))
     assert asked == [(LEAVE, 4.0, (0, 0, 0)), (4.0, 5)]
 
 
@@ -324,7 +324,7 @@ def test_a_touch_down_is_put_together_from_where_laws_alone_do_not_decide(
 ) -> None:
     """Impacts are struck only where they are not done with."""
     motion, asked = leaving(monkeypatch, done)
-    monkeypatch.setattr(events, "Instant", lambda laws, call, t, y: At(t=t, y=y, room=None))
+    monkeypatch.setattr(events, "Instant", lambda laws, call, t, y: At(t=t, y=y, workspace=None))
     names = {"_strike": None, "_go_on": None}
     told = answering(monkeypatch, **names)
     motion._touch_down(4.0, 5, (1, TOUCH_DOWN))

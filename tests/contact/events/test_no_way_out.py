@@ -89,7 +89,7 @@ def slip_after_one_impact() -> float:
     motion.system.touch[0, CLOSED] = 1.0
     instant = Instant(motion.laws, motion._call, 0.0, y)
     assert instant.slip_speed(0) > 0.05
-    assert strike(instant.system, instant.room, 0.0, y, False) == STRUCK
+    assert strike(instant.system, instant.workspace, 0.0, y, False) == STRUCK
     return instant.slip_speed(0)
 
 

@@ -23,22 +23,22 @@ from rb_sim.contact.problem.event_workspace import (
     Journal,
     note_changes,
     note_impulses,
-    room_left,
     take_before,
+    workspace_left,
 )
 from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     BILATERAL,
     CLOSED,
     COMPLIANT,
-    FORCE,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
     NORMAL,
+    NORMAL_FORCE,
     ROLL,
     ROLLING_ARM,
     SLIDE,
+    SLIP_DIRECTION,
     SPIN,
     SPINNING_ARM,
     STATIC,
@@ -54,15 +54,15 @@ def tables(contacts: int = 1) -> tuple[Any, Any]:
     lines[1:, BODY] = 1
     first = np.array([0, *range(1, 2 + 3 * contacts, 3)])
     system = SimpleNamespace(touch=touch, lines=lines, first_row=first, joints=1)
-    room = SimpleNamespace(
+    workspace = SimpleNamespace(
         notes=np.zeros((20, 6)), written=np.zeros(1, dtype=int), J=np.zeros((len(lines), 12)),
         before=np.zeros((contacts, MODES_WIDTH)), impulses=np.zeros(len(lines)),
     )  # fmt: skip
-    return system, room
+    return system, workspace
 
 
-def told(room: Any) -> list[str]:
-    return [KINDS[int(kind)] for kind in room.notes[: room.written[0], 2]]
+def told(workspace: Any) -> list[str]:
+    return [KINDS[int(kind)] for kind in workspace.notes[: workspace.written[0], 2]]
 
 
 @pytest.mark.parametrize(
@@ -86,37 +86,41 @@ def told(room: Any) -> list[str]:
 )
 def test_changes_of_modes_are_noted_by_their_names(before: Any, after: Any, kinds: Any) -> None:
     """A slip that goes on backwards reverses; what has no bound has no mode to tell."""
-    system, room = tables()
+    system, workspace = tables()
     touch = system.touch
     touch[0, [STATIC, ROLLING_ARM, SPINNING_ARM]] = 0.5, 0.1, 0.2
     touch[0, [CLOSED, SLIDE, ROLL, SPIN]] = before
-    touch[0, AHEAD : AHEAD + 3] = 0.6, 0.8, 0.0
-    take_before(system, room)
+    touch[0, SLIP_DIRECTION : SLIP_DIRECTION + 3] = 0.6, 0.8, 0.0
+    take_before(system, workspace)
     touch[0, [CLOSED, SLIDE, ROLL, SPIN]] = after
-    touch[0, AHEAD : AHEAD + 3] = -0.8, 0.59, 0.0
-    note_changes(system, room, 4.0)
-    assert told(room) == kinds and (room.notes[: len(kinds), 0] == 4.0).all()
-    assert not room.notes[:, 3:].any()
-    assert room_left(room) == 20 - len(kinds)
-    touch[0, AHEAD : AHEAD + 3] = -0.8, 0.61, 0.0  # turned by less than a right angle
-    touch[0, [ROLLING_ARM, SPINNING_ARM]], room.written[0] = 0.0, 0
-    note_changes(system, room, 4.0)
+    touch[0, SLIP_DIRECTION : SLIP_DIRECTION + 3] = -0.8, 0.59, 0.0
+    note_changes(system, workspace, 4.0)
+    assert told(workspace) == kinds and (workspace.notes[: len(kinds), 0] == 4.0).all()
+    assert not workspace.notes[:, 3:].any()
+    assert workspace_left(workspace) == 20 - len(kinds)
+    touch[0, SLIP_DIRECTION : SLIP_DIRECTION + 3] = (
+        -0.8,
+        0.61,
+        0.0,
+    )  # turned by less than a right angle
+    touch[0, [ROLLING_ARM, SPINNING_ARM]], workspace.written[0] = 0.0, 0
+    note_changes(system, workspace, 4.0)
     alone = {"closes", "opens", "slips", "sticks"}
-    assert told(room) == [kind for kind in kinds if kind in alone]
+    assert told(workspace) == [kind for kind in kinds if kind in alone]
 
 
 def test_impulses_are_noted_in_axes_of_the_world() -> None:
     """Of lines that push the body along them; of contacts whose impulses are none, nothing."""
-    system, room = tables(3)
+    system, workspace = tables(3)
     axes = Rotation.from_rotvec([0.3, -0.7, 1.1]).as_matrix()
     for k in (1, 4, 7):
-        room.J[k : k + 3, 6:9] = axes
-    room.impulses[:] = 50.0, 2.0, -0.5, 0.3, 4e-8, 3e-8, -2e-8, 0.0, 0.0, 6e-8
-    note_impulses(system, room, 7.0, 0)
-    assert told(room) == ["impact", "impact"] and room.notes[:2, 1].tolist() == [0.0, 2.0]
-    np.testing.assert_allclose(room.notes[0, 3:], np.array([2.0, -0.5, 0.3]) @ axes)
-    np.testing.assert_allclose(room.notes[1, 3:], 6e-8 * axes[2])
-    assert (room.notes[:2, 0] == 7.0).all()
+        workspace.J[k : k + 3, 6:9] = axes
+    workspace.impulses[:] = 50.0, 2.0, -0.5, 0.3, 4e-8, 3e-8, -2e-8, 0.0, 0.0, 6e-8
+    note_impulses(system, workspace, 7.0, 0)
+    assert told(workspace) == ["impact", "impact"] and workspace.notes[:2, 1].tolist() == [0.0, 2.0]
+    np.testing.assert_allclose(workspace.notes[0, 3:], np.array([2.0, -0.5, 0.3]) @ axes)
+    np.testing.assert_allclose(workspace.notes[1, 3:], 6e-8 * axes[2])
+    assert (workspace.notes[:2, 0] == 7.0).all()
 
 
 def test_a_journal_calls_events_as_laws_do_and_forgets_the_earliest(
@@ -128,11 +132,11 @@ def test_a_journal_calls_events_as_laws_do_and_forgets_the_earliest(
         SimpleNamespace(closes="taut", opens="slack"),
     ]
     journal = Journal(("floor", "rope"), laws)
-    _, room = tables()
-    room.notes[:3] = [[0.1, 1, 2, 0, 0, 0], [0.2, 1, 3, 0, 0, 0], [0.3, 0, 0, 1.0, 2.0, 3.0]]
-    room.written[0] = 3
-    journal.take(room)
-    assert room.written[0] == 0
+    _, workspace = tables()
+    workspace.notes[:3] = [[0.1, 1, 2, 0, 0, 0], [0.2, 1, 3, 0, 0, 0], [0.3, 0, 0, 1.0, 2.0, 3.0]]
+    workspace.written[0] = 3
+    journal.take(workspace)
+    assert workspace.written[0] == 0
     assert [(e.t, e.contact, e.kind) for e in journal.events] == [
         (0.1, "rope", "taut"), (0.2, "rope", "slack"), (0.3, "floor", "impact"),
     ]  # fmt: skip
@@ -251,8 +255,8 @@ def test_who_lifts_off_at_one_instant() -> None:
     system, _ = tables(6)
     touch = system.touch
     system.mass, system.speed, system.length = 2.0, 5.0, 1.0
-    touch[:, CLOSED], touch[:, LEVELS_BEFORE] = 1.0, 1.0
-    touch[:, FORCE] = 50.0 * np.array([1e-12, 3e-12, 1e-12, 1e-12, -1.0, 2.0])
+    touch[:, CLOSED], touch[:, EVENT_FUNCTIONS_BEFORE] = 1.0, 1.0
+    touch[:, NORMAL_FORCE] = 50.0 * np.array([1e-12, 3e-12, 1e-12, 1e-12, -1.0, 2.0])
     touch[2, BILATERAL] = touch[3, COMPLIANT] = 1.0
     assert lifting(system, 2.0, 4.0) == {0, 4}
     touch[4, CLOSED] = 0.0

@@ -16,7 +16,7 @@ HALF, HIGH = 0.4, 0.1
 """Half length and half height of the table [m]."""
 START, SPEED = -0.1, 1.5
 """Place on the table [m] and speed of the point along it [m/s]."""
-TILT, TURN = 0.2, 0.7
+TILT, RELATIVE_SPIN = 0.2, 0.7
 """Of the table [rad], [rad/s], about y."""
 
 
@@ -24,7 +24,7 @@ def scene(shape: dict[str, Any], held: bool, **simulation: Any) -> dict[str, Any
     """A point slides on a table that floats freely, or is welded to the world."""
     e1, e3 = axes(TILT)
     place = START * e1 + HIGH * e3
-    spin = np.array([0.0, TURN, 0.0]) * (not held)
+    spin = np.array([0.0, RELATIVE_SPIN, 0.0]) * (not held)
     velocity = SPEED * e1 + np.cross(spin, place)
     table = {
         "mass": M,
@@ -85,7 +85,7 @@ def at_the_edge() -> tuple[float, np.ndarray]:
         return state[3] - HALF
 
     edge.terminal = True  # type: ignore[attr-defined]
-    start = [0.0, 0.0, TILT, START, 0.0, 0.0, TURN, SPEED]
+    start = [0.0, 0.0, TILT, START, 0.0, 0.0, RELATIVE_SPIN, SPEED]
     options: dict[str, Any] = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14, "events": edge}
     found = solve_ivp(lagrange, (0.0, 1.0), start, **options)
     return float(found.t[-1]), found.y[:, -1]

@@ -15,15 +15,15 @@ from rb_sim.mechanics.contact.contact_bodies import LIES_FLAT
 from rb_sim.mechanics.contact.contact_table import (
     AXIS,
     CLOSED,
-    FORCE,
     LEAN_BEFORE,
     LOW,
     NORMAL,
+    NORMAL_FORCE,
     POINT,
+    RELATIVE_SPIN,
     SLIDE,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     TOUCH_WIDTH,
-    TURN,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY
 
@@ -62,9 +62,13 @@ def test_a_point_is_aimed_where_the_rim_goes_down() -> None:
     """By turn x n, in axes of the body; what hardly turns, or has its point there, is left."""
     at = by_hand(FLATLY, [0, 1, 2])
     touch_of = at.system.touch
-    touch_of[0, TURN : TURN + 3] = 0.0, 0.3, 0.0  # down along x
-    touch_of[1, TURN : TURN + 3] = 0.0, 1.9e-6, 0.0
-    touch_of[2, TURN : TURN + 3] = -0.3 * np.sin(1.0), 0.3 * np.cos(1.0), 5.0  # where it looks
+    touch_of[0, RELATIVE_SPIN : RELATIVE_SPIN + 3] = 0.0, 0.3, 0.0  # down along x
+    touch_of[1, RELATIVE_SPIN : RELATIVE_SPIN + 3] = 0.0, 1.9e-6, 0.0
+    touch_of[2, RELATIVE_SPIN : RELATIVE_SPIN + 3] = (
+        -0.3 * np.sin(1.0),
+        0.3 * np.cos(1.0),
+        5.0,
+    )  # where it looks
     assert rims_that_lie.falling(at, 0) == pytest.approx([0.3, 0.0, 0.0])
     before = touch_of.copy()
     assert rims_that_lie.aim_where_it_turns(at, RIMS) and at.refreshed == 1
@@ -74,7 +78,7 @@ def test_a_point_is_aimed_where_the_rim_goes_down() -> None:
     assert (touch_of == before).all()
     touch_of[0, LOW : LOW + 3] = np.cos(1.0 + 0.9e-8), -np.sin(1.0 + 0.9e-8), 0.0
     assert not rims_that_lie.aim_where_it_turns(at, RIMS) and at.refreshed == 1
-    touch_of[1, TURN + 1] = 2.1e-6  # above 1e-6 m/s over 0.5 m
+    touch_of[1, RELATIVE_SPIN + 1] = 2.1e-6  # above 1e-6 m/s over 0.5 m
     assert rims_that_lie.aim_where_it_turns(at, RIMS)
 
 
@@ -103,27 +107,31 @@ def test_a_point_is_aimed_under_the_load() -> None:
     modes are those of before, and what turns is left."""
     at = by_hand([0.0] * 7, [0, 1, 2, 3, 4])
     touch_of = at.system.touch
-    touch_of[:4, FORCE] = 3.0, 1.0, 1.0, 1.0
+    touch_of[:4, NORMAL_FORCE] = 3.0, 1.0, 1.0, 1.0
     touch_of[:4, POINT : POINT + 3] = [[6, 5, 2], [5, 6, 2], [4, 5, 2], [5, 4, 2]]
     touch_of[:4, POINT + 3] = 7.0, 0.0, 0.0, -9.0  # of another quantity
-    touch_of[:4, CLOSED], touch_of[1, SLIDE], touch_of[4, TURN] = (0.0, 1.0, 0.0, 1.0), 2.0, 9.0
-    modes = touch_of[:, CLOSED : SPIN_AHEAD + 1].copy()
+    touch_of[:4, CLOSED], touch_of[1, SLIDE], touch_of[4, RELATIVE_SPIN] = (
+        (0.0, 1.0, 0.0, 1.0),
+        2.0,
+        9.0,
+    )
+    modes = touch_of[:, CLOSED : SPIN_SIGN + 1].copy()
     asked: list[np.ndarray] = []
     at.call = lambda task, t, y: asked.append(touch_of[:, [CLOSED, SLIDE]].copy())
     assert rims_that_lie.aim_under_the_load(at, RIMS)
     assert asked[0][:4].tolist() == [[1.0, 2.0]] * 4 and asked[0][4].tolist() == [1.0, 0.0]
-    assert (touch_of[:, CLOSED : SPIN_AHEAD + 1] == modes).all()
+    assert (touch_of[:, CLOSED : SPIN_SIGN + 1] == modes).all()
     for c in range(4):
         np.testing.assert_allclose(
             touch_of[c, LEAN_BEFORE : LEAN_BEFORE + 3], [np.cos(1.0), -np.sin(1.0), 0.0], atol=1e-14
         )
     assert not touch_of[4:, LEAN_BEFORE : LEAN_BEFORE + 3].any()
-    touch_of[:4, LEAN_BEFORE : LEAN_BEFORE + 3], touch_of[:4, FORCE] = 0.0, 1.0
+    touch_of[:4, LEAN_BEFORE : LEAN_BEFORE + 3], touch_of[:4, NORMAL_FORCE] = 0.0, 1.0
     assert not rims_that_lie.aim_under_the_load(at, RIMS)  # it bears in the middle
-    touch_of[0, FORCE] = 3.0
-    touch_of[:4, TURN] = 4.1e-7  # above 1e-7 of 2 m/s over 0.5 m
+    touch_of[0, NORMAL_FORCE] = 3.0
+    touch_of[:4, RELATIVE_SPIN] = 4.1e-7  # above 1e-7 of 2 m/s over 0.5 m
     assert not rims_that_lie.aim_under_the_load(at, RIMS)
-    touch_of[:4, TURN], touch_of[:4, CLOSED] = 3.9e-7, 0.0
+    touch_of[:4, RELATIVE_SPIN], touch_of[:4, CLOSED] = 3.9e-7, 0.0
     assert not rims_that_lie.aim_under_the_load(at, RIMS)
     touch_of[2, CLOSED] = 1.0
     assert rims_that_lie.aim_under_the_load(at, RIMS)
@@ -135,7 +143,7 @@ def test_what_it_bears_is_in_its_middle_within_a_millionth_of_its_radius(
 ) -> None:
     """A push that is larger by so much moves the middle of four by a quarter of that."""
     at = by_hand([0.0] * 7, [0, 1, 2, 3])
-    at.system.touch[:4, FORCE] = 1.0 + more, 1.0, 1.0, 1.0
+    at.system.touch[:4, NORMAL_FORCE] = 1.0 + more, 1.0, 1.0, 1.0
     at.system.touch[:4, POINT : POINT + 2] = 0.01 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
     assert rims_that_lie.aim_under_the_load(at, RIMS) is aims
 

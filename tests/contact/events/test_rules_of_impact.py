@@ -29,15 +29,15 @@ def rules_asked(
         asked.append(name)
         return {NONE_: UNSOLVED, LOST: NOT_FINITE}.get(comes_to[name], SOLVED)
 
-    def newton(system: Any, room: Any, before: Any, rebound: Any, x: Any) -> int:
+    def newton(system: Any, workspace: Any, before: Any, rebound: Any, x: Any) -> int:
         rebounds.append(rebound.tolist())
         return answer(NEWTON if rebound.any() else PLASTIC)
 
-    def poisson(system: Any, room: Any, before: Any, rebound: Any, x: Any) -> int:
+    def poisson(system: Any, workspace: Any, before: Any, rebound: Any, x: Any) -> int:
         rebounds.append(rebound.tolist())
         return answer(POISSON)
 
-    def other(system: Any, room: Any, before: Any, rule: Any, x: Any) -> int:
+    def other(system: Any, workspace: Any, before: Any, rule: Any, x: Any) -> int:
         assert not rule.rebound.any() and not rule.least.any()
         assert rule.together is not rule.stop
         return answer(TOGETHER if rule.together else STOP)
@@ -48,7 +48,7 @@ def rules_asked(
     monkeypatch.setattr(impacts, "gains_energy", lambda *of: comes_to[asked[-1]] == GAINS)
     touch = np.zeros((4, TOUCH_WIDTH))
     touch[:, RESTITUTION], touch[1, GAP_RATE] = (0.4, 0.5, 0.6, 0.7), approach
-    room = SimpleNamespace(
+    workspace = SimpleNamespace(
         taking_part=np.array([1, 1, 1, 0]), plastic=np.array([1, 0, 0, 0]),
         together=np.array([0, 0, int(together), 0]), undetermined=np.ones(7),
     )  # fmt: skip
@@ -57,8 +57,8 @@ def rules_asked(
     v = np.zeros(12)
     v[[0, 3, 6, 9]] = -1.0, -1.0, 1.0, -1.0
     before = SimpleNamespace(v=v, u=np.zeros(6))
-    status = impacts.impulses_of_strike(system, room, before, 1, np.zeros(12))
-    assert room.undetermined[0] == 0.0
+    status = impacts.impulses_of_strike(system, workspace, before, 1, np.zeros(12))
+    assert workspace.undetermined[0] == 0.0
     return asked, status, rebounds
 
 

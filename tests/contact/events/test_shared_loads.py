@@ -15,8 +15,8 @@ from rb_sim.contact.events.shares import Reactions, cones_of
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
+    NORMAL_SIGN,
     ROLL,
-    SIDE,
     SLIDE,
     SPIN,
     SPRING,
@@ -134,7 +134,7 @@ def test_the_bounds_of_contacts_by_hand() -> None:
     touch_of[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
     touch_of[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
     touch_of[0, [ROLL, SPIN]] = STUCK
-    touch_of[1, [SIDE, SPIN]] = -1.0, STUCK
+    touch_of[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
     touch_of[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
     laws = [
         SimpleNamespace(
@@ -189,7 +189,7 @@ def test_the_widest_choice_of_a_run_is_kept(
     touch_of[:, CLOSED], touch_of[:, SLIDE], touch_of[:, STATIC] = 1.0, SLIDING, (0.0, 0.5, 0.5)
     found = np.array([9.0, 8.0, 7.0, 2.0, before, 5.0, 0.0])
     at: Any = SimpleNamespace(
-        system=SimpleNamespace(touch=touch_of), room=SimpleNamespace(undetermined=found), t=6.0
+        system=SimpleNamespace(touch=touch_of), workspace=SimpleNamespace(undetermined=found), t=6.0
     )
     start = found.tolist()
     shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
@@ -197,8 +197,8 @@ def test_the_widest_choice_of_a_run_is_kept(
     found[4], touch_of[:, SLIDE] = 0.1, STUCK
     shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
     assert found[4] == 0.1
-    room: Any = SimpleNamespace(undetermined=np.array([0.0, 0.25, 1.0, 1.0, 0.5, 2.0, 0.0]))
-    widest = shares.widest_of(room, ("a", "b"))
+    workspace: Any = SimpleNamespace(undetermined=np.array([0.0, 0.25, 1.0, 1.0, 0.5, 2.0, 0.0]))
+    widest = shares.widest_of(workspace, ("a", "b"))
     assert widest[:3] == (0.5, 2.0, "a") and widest.what == shares.OPEN_SHARES
-    room.undetermined[1] = 0.75
-    assert shares.widest_of(room, ("a", "b"))[:4] == (0.75, 1.0, "b", shares.IMPACT)
+    workspace.undetermined[1] = 0.75
+    assert shares.widest_of(workspace, ("a", "b"))[:4] == (0.75, 1.0, "b", shares.IMPACT)

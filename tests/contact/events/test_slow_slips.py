@@ -28,12 +28,12 @@ from rb_sim.contact.events.shares import LAGGED
 from rb_sim.mechanics.contact.contact_bodies import STOPPED
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     CLOSED,
-    FORCE,
     KINETIC,
+    NORMAL_FORCE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     STATIC,
     TOUCH_WIDTH,
 )
@@ -107,7 +107,7 @@ def test_a_pad_close_to_the_hinge(tolerance: float, arm: float, bound: float, sa
 
 
 STILL, MASSES = 1e-2, (3.0, 2.0)
-COLUMNS = {"closed": CLOSED, "static": STATIC, "slide": SLIDE, "force": FORCE}
+COLUMNS = {"closed": CLOSED, "static": STATIC, "slide": SLIDE, "force": NORMAL_FORCE}
 
 
 def noted(
@@ -116,8 +116,8 @@ def noted(
     """What is noted of a contact of body 0 with its parent, or with body 1 of it, over steps of
     0.5 s from 2 s on at whose ends the slip has turned by so much; friction is 4 N."""
     touch = np.zeros((1, TOUCH_WIDTH))
-    touch[0, [CLOSED, SLIDE, STATIC, KINETIC, FORCE]] = 1.0, SLIDING, 0.5, 0.4, 10.0
-    touch[0, AHEAD] = 1.0
+    touch[0, [CLOSED, SLIDE, STATIC, KINETIC, NORMAL_FORCE]] = 1.0, SLIDING, 0.5, 0.4, 10.0
+    touch[0, SLIP_DIRECTION] = 1.0
     touch[0, [COLUMNS[name] for name in at]] = list(at.values())
     lines = np.zeros((4, max(BODY, PARENT) + 1))
     lines[3, BODY], lines[3, PARENT] = 0, parent

@@ -35,16 +35,16 @@ from rb_sim.mechanics.contact.contact_table import (
     AT_JAM,
     AT_SLIP,
     CLOSED,
-    LEVELS,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
     STATIC,
     TOUCH_WIDTH,
 )
 
-LEVEL, SLOPE = LEVELS_BEFORE + AT_JAM, SLOPES_BEFORE + AT_JAM
+LEVEL, SLOPE = EVENT_FUNCTIONS_BEFORE + AT_JAM, EVENT_RATES_BEFORE + AT_JAM
 
 
 def slipping(*pivots: tuple[float, float]) -> Any:
@@ -137,8 +137,8 @@ def test_a_slip_that_was_to_fall_and_did_not_is_lost() -> None:
         system = slipping((FREE, 0.0), (FREE, 0.0))
         system.still, system.creep, touch = 1e-3, 0.0, system.touch
         touch[:, SLIDE], touch[:, STATIC], touch[0, SLIP] = SLIDING, 0.5, 1.0
-        touch[1, SLIP + 2], touch[1, LEVELS_BEFORE + AT_SLIP] = slip, 0.3
-        touch[1, LEVELS + AT_SLIP], touch[1, SLOPES_BEFORE + AT_SLIP] = level, rate
+        touch[1, SLIP + 2], touch[1, EVENT_FUNCTIONS_BEFORE + AT_SLIP] = slip, 0.3
+        touch[1, EVENT_FUNCTIONS + AT_SLIP], touch[1, EVENT_RATES_BEFORE + AT_SLIP] = level, rate
         for name, value in columns.items():
             touch[1, {"closed": CLOSED, "slide": SLIDE, "static": STATIC}[name]] = value
         return slip_that_is_lost(system, 0.5)

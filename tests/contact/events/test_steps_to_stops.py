@@ -12,22 +12,22 @@ from rb_sim.contact.events import stick_transition
 from rb_sim.mechanics.contact.contact_bodies import EVENT_KINDS, FREE, ROLL_ENDS, SLIP_ENDS
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_ROLL,
     AT_SLIP,
     CLOSED,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     NORMAL,
     POINT,
+    RELATIVE_SPIN,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLLING_ARM,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
+    SLIP_DIRECTION,
     STATIC,
     TOUCH_WIDTH,
-    TURN,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT
 
@@ -41,21 +41,31 @@ def slowing(level: float, rate: float, turned: float, **more: float) -> SimpleNa
     are those, and which the last step has turned by so much; it bears 1/4 of a unit, 6 N."""
     touch = np.zeros((2, TOUCH_WIDTH))
     touch[:, [CLOSED, SLIDE, ROLL]] = 1.0, SLIDING, SLIDING
-    touch[:, LEVELS_BEFORE : LEVELS_BEFORE + 5] = FREE
-    touch[1, [LEVELS_BEFORE, LEVELS_BEFORE + AT_SLIP, LEVELS_BEFORE + AT_ROLL]] = (
+    touch[:, EVENT_FUNCTIONS_BEFORE : EVENT_FUNCTIONS_BEFORE + 5] = FREE
+    touch[
+        1,
+        [
+            EVENT_FUNCTIONS_BEFORE,
+            EVENT_FUNCTIONS_BEFORE + AT_SLIP,
+            EVENT_FUNCTIONS_BEFORE + AT_ROLL,
+        ],
+    ] = (
         -0.25,
         level,
         level,
     )
-    touch[1, [SLOPES_BEFORE + AT_SLIP, SLOPES_BEFORE + AT_ROLL]] = rate
+    touch[1, [EVENT_RATES_BEFORE + AT_SLIP, EVENT_RATES_BEFORE + AT_ROLL]] = rate
     touch[1, STATIC], touch[1, ROLLING_ARM] = more.get("mu", 0.4), more.get("arm", 0.4)
     c, s = np.cos(turned), np.sin(turned)
-    touch[1, SLIP : SLIP + 3], touch[1, AHEAD : AHEAD + 3] = (
+    touch[1, SLIP : SLIP + 3], touch[1, SLIP_DIRECTION : SLIP_DIRECTION + 3] = (
         (7.0 * c, 7.0 * s, 0.0),
         (1.0, 0.0, 0.0),
     )
     touch[1, NORMAL + 2] = 1.0
-    touch[1, TURN : TURN + 3], touch[1, ROLL_AHEAD + 1] = (-5.0 * s, 5.0 * c, 9.0), 1.0
+    touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3], touch[1, ROLL_DIRECTION + 1] = (
+        (-5.0 * s, 5.0 * c, 9.0),
+        1.0,
+    )
     touch[1, POINT : POINT + 3] = 1.0, 2.0, 2.0
     bodies = np.zeros((2, max(INVERSE + 6, MASS + 1)))
     bodies[:, MASS] = MASSES
@@ -98,7 +108,7 @@ def test_when_a_slip_or_a_rolling_would_be_over(i: int, mode: int) -> None:
     assert stick_transition.time_to_stop(slowing(0.1, 0.4, 0.0).touch, 1, i, mode) == FREE
     assert stick_transition.time_to_stop(slowing(0.1, -0.9e-3, 0.0).touch, 1, i, mode) == FREE
     assert stick_transition.time_to_stop(slowing(0.1, -1.1e-3, 0.0).touch, 1, i, mode) < 100.0
-    for column, value in ((CLOSED, 0.0), (mode, STUCK), (LEVELS_BEFORE + i, FREE)):
+    for column, value in ((CLOSED, 0.0), (mode, STUCK), (EVENT_FUNCTIONS_BEFORE + i, FREE)):
         system = slowing(0.1, -0.4, 0.0)
         system.touch[1, column] = value
         assert stick_transition.time_to_stop(system.touch, 1, i, mode) == FREE

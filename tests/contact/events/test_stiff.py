@@ -16,10 +16,10 @@ from rb_sim.mechanics.contact.contact_table import (
     CLOSED,
     COMPLIANT,
     CREEPS,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
     STIFF,
     TOUCH_WIDTH,
 )
@@ -37,7 +37,7 @@ def stiffness(slip: float, rate: float, creep: float = CREEP, **has: float) -> f
     touch[1, SLIP : SLIP + 3], touch[:, STIFF] = (0.0, 0.6 * slip, 0.8 * slip), 9.0
     touch[1, [COMPLIANT, CREEPS]] = 1.0, has.get("creeps", 0.0)
     touch[1, SLIDE] = has.get("mode", SLIDING)
-    touch[1, LEVELS_BEFORE + AT_SLIP] = has.get("level", slip / UNIT_SLIP)
+    touch[1, EVENT_FUNCTIONS_BEFORE + AT_SLIP] = has.get("level", slip / UNIT_SLIP)
     note_stiffness(system, Y)
     assert touch[0, STIFF] == 0.0
     return float(touch[1, STIFF])
@@ -91,9 +91,9 @@ def test_steps_that_stiff_slips_turn_too_often_are_implicit(
     touch: Any = np.zeros((3, TOUCH_WIDTH))
     touch[:, [CLOSED, SLIDE]] = 1.0, SLIDING
     touch[:, STIFF] = np.array([10.0, 3.0, 0.0])[order] / unit
-    touch[:, LEVELS_BEFORE + AT_SLIP] = 2.0
+    touch[:, EVENT_FUNCTIONS_BEFORE + AT_SLIP] = 2.0
     rates = np.array([2.0, -2.0 / left, -2.0 / min(1.5 * left, 1e9)])
-    touch[:, SLOPES_BEFORE + AT_SLIP] = rates[order] / unit
+    touch[:, EVENT_RATES_BEFORE + AT_SLIP] = rates[order] / unit
     found = shortened(SimpleNamespace(touch=touch), unit * tried)
     assert bool(found[0]) is due
     assert found[1] == pytest.approx(unit * length)

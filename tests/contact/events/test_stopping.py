@@ -11,7 +11,14 @@ import pytest
 from rb_sim.contact.events.event_motion import stop
 from rb_sim.contact.events.tasks import SETTLE
 from rb_sim.mechanics.contact.contact_kinematics import STUCK
-from rb_sim.mechanics.contact.contact_table import CREEPS, ROLL, SLIDE, SLIP, TOUCH_WIDTH, TURN
+from rb_sim.mechanics.contact.contact_table import (
+    CREEPS,
+    RELATIVE_SPIN,
+    ROLL,
+    SLIDE,
+    SLIP,
+    TOUCH_WIDTH,
+)
 from tests.contact.scenes import box, scene, touch
 from tests.runs import trajectory
 
@@ -69,7 +76,7 @@ def stopped(mode: int, dv: list[float], dw: list[float], still: float = 1e-6) ->
     z. What is not taken away stays as it was."""
     touch, y = np.full((2, TOUCH_WIDTH), 0.7), np.arange(26.0)
     touch[:, CREEPS] = 0.0
-    touch[1, SLIP : SLIP + 3] = touch[1, TURN : TURN + 3] = 1e-3, 2e-3, 2e-3
+    touch[1, SLIP : SLIP + 3] = touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3] = 1e-3, 2e-3, 2e-3
     system = SimpleNamespace(touch=touch, length=2.0, still=still, bodies=np.zeros((2, 1)))
     at: Any = SimpleNamespace(system=system, t=4.0, y=y, refreshed=0)
     before, table = y.copy(), touch.copy()

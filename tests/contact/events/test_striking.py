@@ -56,7 +56,7 @@ class Motion(StrikingMotion):
         touch[:, CLOSED] = more.get("closed", (0.0, 1.0, 1.0))
         self.system: Any = SimpleNamespace(touch=touch, still=1e-4)
         self._journal: Any = SimpleNamespace(
-            take=lambda room: self.journal.append("taken"),
+            take=lambda workspace: self.journal.append("taken"),
             note=lambda *what: self.journal.append(what),
         )
 
@@ -69,7 +69,7 @@ class At:
 
     def __init__(self, **more: Any) -> None:
         self.t, self.y = T, np.array([5.0])
-        self.room = SimpleNamespace(plastic=np.zeros(3), together=np.ones(3))
+        self.workspace = SimpleNamespace(plastic=np.zeros(3), together=np.ones(3))
         self.pivots = more.get("pivots", (0.0, 0.0, 0.0))
         self._touching, self.slip = more.get("touching", [1, 2]), more.get("slip", 1.0)
         self.applied: list[Any] = []
@@ -133,7 +133,11 @@ def test_an_impact_without_rebound_stops_at_once() -> None:
         motion, at = Motion((status, 0.0)), At()
         motion._stop_at_once(at)  # type: ignore[arg-type]
         assert motion._call.asked == [(tasks.STRIKE, (0, 0, 0))] and motion.journal == ["taken"]
-        assert at.room.plastic.tolist() == [1, 1, 1] and at.room.together.tolist() == [0, 0, 0]
+        assert at.workspace.plastic.tolist() == [1, 1, 1] and at.workspace.together.tolist() == [
+            0,
+            0,
+            0,
+        ]
     with pytest.raises(SimulationError, match="no impulses"):
         Motion((NO_IMPULSES, 0.0))._stop_at_once(At())  # type: ignore[arg-type]
 

@@ -17,12 +17,12 @@ FUNCTIONS = (
     "write_rows", "write_lines", "contact_accelerations", "settle", "begin_step", "take_before",
     "strike_in_rounds", "strike", "note_impulses", "apply_impulses", "choose", "may_share",
     "note_changes", "time_of_flights", "pass_through", "read_velocities",
-    "answer_over", "room_left",
+    "answer_over", "workspace_left",
 )  # fmt: skip
 SYSTEM = SimpleNamespace()
 
 
-def room(parted: tuple[int, ...] = (0, 0)) -> Any:
+def workspace(parted: tuple[int, ...] = (0, 0)) -> Any:
     return SimpleNamespace(
         parted=np.array(parted), impulses="impulses", free_accelerations=np.zeros(12)
     )
@@ -47,26 +47,30 @@ def answering(patch: pytest.MonkeyPatch, **answers: Any) -> list[Any]:
 
 def done(task: int, *numbers: int, before: tuple[float, float] = (0.0, 0.0)) -> Any:
     """(status, what is found, whether the laws leave something open) of a task."""
-    call = tasks.Tasks(SYSTEM, None, ROOM)  # type: ignore[arg-type]
+    call = tasks.Tasks(SYSTEM, None, WORKSPACE)  # type: ignore[arg-type]
     call._numbers[1:] = before
     given: Any = (*numbers, *[0] * (3 - len(numbers)))
     return call(task, T, Y, given, C), call.found, call.undecided
 
 
-ROOM = room()
+WORKSPACE = workspace()
 
 
 @pytest.mark.parametrize(
     ("task", "numbers", "calls"),
     [
         (tasks.WRITE, (), [("write_rows", SYSTEM, T)]),
-        (tasks.LINES, (), [("write_lines", SYSTEM, T, ROOM)]),
+        (tasks.LINES, (), [("write_lines", SYSTEM, T, WORKSPACE)]),
         (tasks.ACCELERATE, (), [("contact_accelerations", SYSTEM, T)]),
         (tasks.SETTLE, (), [("write_rows", SYSTEM, T), ("settle", SYSTEM, T)]),
         (tasks.BEGIN, (), [("begin_step", SYSTEM, T)]),
-        (tasks.ARRIVE, (), [("take_before", SYSTEM, ROOM), ("write_lines", SYSTEM, T, ROOM)]),
-        (tasks.APPLY, (), [("apply_impulses", SYSTEM, ROOM, T, "impulses")]),
-        (tasks.NOTE, (7,), [("note_impulses", SYSTEM, ROOM, T, 7)]),
+        (
+            tasks.ARRIVE,
+            (),
+            [("take_before", SYSTEM, WORKSPACE), ("write_lines", SYSTEM, T, WORKSPACE)],
+        ),
+        (tasks.APPLY, (), [("apply_impulses", SYSTEM, WORKSPACE, T, "impulses")]),
+        (tasks.NOTE, (7,), [("note_impulses", SYSTEM, WORKSPACE, T, 7)]),
     ],
 )
 def test_tasks_that_give_no_number(
@@ -81,12 +85,12 @@ def test_rounds_of_impacts_and_one_of_them(monkeypatch: pytest.MonkeyPatch) -> N
     """Impulses are noted of one that has struck."""
     asked = answering(monkeypatch, strike_in_rounds=(GOES_ON, 4))
     assert done(tasks.IMPACTS, 1, 9, 3)[:2] == (GOES_ON, 4.0)
-    assert asked == [("strike_in_rounds", SYSTEM, ROOM, T, 1, 9, 3)]
+    assert asked == [("strike_in_rounds", SYSTEM, WORKSPACE, T, 1, 9, 3)]
     for status in (STRUCK, NOTHING):
         asked = answering(monkeypatch, strike=status)
         assert done(tasks.STRIKE)[0] == status
-        noted = [("note_impulses", SYSTEM, ROOM, T, IMPACT)] if status == STRUCK else []
-        assert asked == [("strike", SYSTEM, ROOM, T, False), *noted]
+        noted = [("note_impulses", SYSTEM, WORKSPACE, T, IMPACT)] if status == STRUCK else []
+        assert asked == [("strike", SYSTEM, WORKSPACE, T, False), *noted]
 
 
 @pytest.mark.parametrize(
@@ -97,7 +101,7 @@ def test_the_choice_of_modes(
 ) -> None:
     asked = answering(monkeypatch, choose=status, may_share=shares)
     assert done(tasks.CHOOSE, 1, 3) == (status, 0.0, undecided)
-    assert asked[0] == ("choose", SYSTEM, ROOM, T, (1, 3))
+    assert asked[0] == ("choose", SYSTEM, WORKSPACE, T, (1, 3))
 
 
 @pytest.mark.parametrize("fixed", [0, 1])
@@ -106,9 +110,9 @@ def test_the_end_of_an_event(monkeypatch: pytest.MonkeyPatch, fixed: int) -> Non
     assert done(tasks.LEAVE, fixed)[:2] == (2, 0.25)
     assert done(tasks.PASS, 6, fixed)[:2] == (1, 0.5)
     assert asked == [
-        ("note_changes", SYSTEM, ROOM, T),
-        ("time_of_flights", SYSTEM, ROOM, T, bool(fixed)),
-        ("pass_through", SYSTEM, ROOM, T, 6, bool(fixed)),
+        ("note_changes", SYSTEM, WORKSPACE, T),
+        ("time_of_flights", SYSTEM, WORKSPACE, T, bool(fixed)),
+        ("pass_through", SYSTEM, WORKSPACE, T, 6, bool(fixed)),
     ]
 
 
@@ -116,4 +120,4 @@ def test_a_leap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its time stands where it gives what it finds."""
     asked = answering(monkeypatch, answer_over=3)
     assert done(tasks.OVER, before=(0.2, 0.0))[0] == 3
-    assert asked == [("read_velocities", SYSTEM), ("answer_over", SYSTEM, ROOM, 0.2)]
+    assert asked == [("read_velocities", SYSTEM), ("answer_over", SYSTEM, WORKSPACE, 0.2)]

@@ -69,7 +69,7 @@ def test_tasks_are_the_same_compiled_and_not() -> None:
         at = Instant(motion.laws, call, 0.0, y, ARRIVE)
         statuses = [call(IMPACTS, 0.0, y, (0, 50, 0)), call(CHOOSE, 0.0, y, (-1, -1, 0))]
         statuses.append(call(LEAVE, 0.0, y))
-        notes = at.room.notes[: at.room.written[0]].copy()
+        notes = at.workspace.notes[: at.workspace.written[0]].copy()
         found.append((statuses, y, notes, motion.system.touch.copy(), call.found))
     (*_, one), (*_, other) = found
     assert found[0][0] == found[1][0] == [0, 0, 0]
@@ -105,21 +105,21 @@ def test_a_room_that_is_all_but_full_is_emptied_before_more_is_noted() -> None:
     """Rounds of impacts may leave less room than the changes after them take."""
     thrown = ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0])
     motion: Any = Simulation(load_scene(scene(thrown, touch(mu=0.4, restitution=0.5))))._motion
-    room, y = motion._call.room, np.array(motion.compiled.y)
-    room.written[0] = len(room.notes) - 5
+    workspace, y = motion._call.workspace, np.array(motion.compiled.y)
+    workspace.written[0] = len(workspace.notes) - 5
     assert motion._call(PASS, 0.0, y, (0, 0, 0)) == AT_MODES
-    assert room.written[0] == len(room.notes) - 4
+    assert workspace.written[0] == len(workspace.notes) - 4
 
 
 def test_a_journal_says_what_closes_and_opens_as_its_law_has_it() -> None:
     motion: Any = Simulation(load_scene(scene(ball([0, 0, 0.1]), touch(mu=0.4))))._motion
     law = motion.laws[0]._replace(closes="goes taut", opens="goes slack")
-    room, journal = motion._call.room, Journal(("rope",), (law,))
+    workspace, journal = motion._call.workspace, Journal(("rope",), (law,))
     for kind in range(len(KINDS)):
-        room.notes[kind] = [0.5, 0.0, kind, 1.0, 2.0, 3.0]
-    room.written[0] = len(KINDS)
-    journal.take(room)
-    assert room.written[0] == 0
+        workspace.notes[kind] = [0.5, 0.0, kind, 1.0, 2.0, 3.0]
+    workspace.written[0] = len(KINDS)
+    journal.take(workspace)
+    assert workspace.written[0] == 0
     words = [event.kind for event in journal.events]
     assert [w for w in KINDS if w not in words] == ["closes", "opens"]
     assert words.index("goes taut") == KINDS.index("closes")

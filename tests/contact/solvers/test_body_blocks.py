@@ -39,8 +39,8 @@ def test_elimination_of_bodies(name: str) -> None:
 
 
 def without_mass() -> bool:
-    room = (np.zeros(1, np.int64) for _ in range(3))
-    return eliminate(np.zeros((SIZE, SIZE)), np.ones(SIZE), np.zeros((1, 1), np.int64), *room)
+    workspace = (np.zeros(1, np.int64) for _ in range(3))
+    return eliminate(np.zeros((SIZE, SIZE)), np.ones(SIZE), np.zeros((1, 1), np.int64), *workspace)
 
 
 def test_what_has_no_mass_is_told() -> None:

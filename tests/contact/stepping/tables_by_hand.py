@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.contact.stepping.geometry import GAP, NORMAL, POINT
 from rb_sim.contact.stepping.scene_tables import COMPLIANT, LAWS, Tables
-from rb_sim.contact.stepping.step_workspace import Room, room_for
+from rb_sim.contact.stepping.step_workspace import Workspace, workspace_for
 from rb_sim.mechanics.systems.many_bodies import BODY_WIDTH, INVERSE
 from tests.moving import unit
 
@@ -49,14 +49,14 @@ class Heap:
             joint_rows=np.zeros((0, 16)),
             scales=np.array([LENGTH, SPEED]),
         )
-        self.room: Room = room_for(bodies, points, 0)
+        self.workspace: Workspace = workspace_for(bodies, points, 0)
         for c in range(points):
-            spot = self.room.spots[c]
+            spot = self.workspace.spots[c]
             spot[NORMAL : NORMAL + 3], spot[POINT : POINT + 3] = unit(rng, 3), rng.normal(size=3)
 
     def gaps(self, *gaps: float, soft: tuple[int, ...] = ()) -> None:
         """Of the points; soft: those whose support gives way."""
-        self.room.spots[:, GAP] = gaps
+        self.workspace.spots[:, GAP] = gaps
         for c in soft:
             self.tables.laws[c, COMPLIANT] = 1.0
 
@@ -70,8 +70,8 @@ class Heap:
         """Rates of the gaps by velocities, spins in body axes, (points, 6 N)."""
         out = np.zeros((len(self.tables.owners), 6 * len(self.masses)))
         for c, owners in enumerate(self.tables.owners):
-            n = self.room.spots[c, NORMAL : NORMAL + 3]
-            p = self.room.spots[c, POINT : POINT + 3]
+            n = self.workspace.spots[c, NORMAL : NORMAL + 3]
+            p = self.workspace.spots[c, POINT : POINT + 3]
             for i, sign in zip(owners, (1.0, -1.0), strict=True):
                 if i >= 0:
                     turn = self.turned(i).inv().apply(np.cross(p - self.place(i), n))

@@ -13,7 +13,7 @@ from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.effort import ASTRAY, found_in
 from rb_sim.contact.stepping.geometry import IMPULSE, TWIST
 from rb_sim.contact.stepping.step_kernels import add_up
-from rb_sim.contact.stepping.step_workspace import LENGTH, memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import LENGTH, memory_of, workspace_for
 
 SPEED, RADIUS, POST = 20.0, 0.02, 0.05
 BESIDE = (0.0, 0.02, 0.03, 0.04, 0.05, 0.06, 0.065, 0.069, 0.0699, 0.0701, 0.075, 0.1, 0.2)
@@ -144,18 +144,18 @@ def test_what_python_adds_to_does_the_same_steps() -> None:
 
 def test_impulses_of_a_step_are_those_of_all_its_parts() -> None:
     """For reports, and for the first guess of the next step."""
-    room, memory = room_for(1, 2, 1), memory_of(2)
+    workspace, memory = workspace_for(1, 2, 1), memory_of(2)
     parts = np.random.default_rng(5).normal(size=(3, 2, 7))
     for number, part in enumerate(parts):
         memory[:, IMPULSE : IMPULSE + 3] = part[:, 0:3]
         memory[:, TWIST : TWIST + 3] = part[:, 3:6]
-        room.joint_x[0], room.notes[LENGTH] = part[0, 6], 1e-4
-        add_up(memory, room, number, number == 2, 1e-2)
+        workspace.joint_x[0], workspace.notes[LENGTH] = part[0, 6], 1e-4
+        add_up(memory, workspace, number, number == 2, 1e-2)
     total = parts.sum(axis=0)
     np.testing.assert_allclose(memory[:, IMPULSE : IMPULSE + 3], total[:, 0:3])
     np.testing.assert_allclose(memory[:, TWIST : TWIST + 3], total[:, 3:6])
-    assert room.joint_x[0] == pytest.approx(total[0, 6])
-    assert room.notes[LENGTH] == 1e-2
+    assert workspace.joint_x[0] == pytest.approx(total[0, 6])
+    assert workspace.notes[LENGTH] == 1e-2
 
 
 @pytest.mark.parametrize("step", [1e-2, 2e-3, 1e-3, 2e-4])

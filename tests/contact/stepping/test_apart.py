@@ -42,11 +42,11 @@ def least_shift(heap: Heap, gaps: np.ndarray, near: list[int]) -> np.ndarray:
 def pushed(gaps: tuple[float, ...], soft: tuple[int, ...], seed: int) -> tuple[object, ...]:
     heap = Heap(3, OWNERS, seed)
     heap.gaps(*gaps, soft=soft)
-    deepest, found = deepest_overlap(heap.tables, heap.room)
+    deepest, found = deepest_overlap(heap.tables, heap.workspace)
     near = [c for c in range(5) if c not in soft and gaps[c] <= -4.0 * deepest]
     expected = heap.moved(least_shift(heap, np.array(gaps), near))
     y = heap.y.copy()
-    done = push_apart(heap.tables, heap.room, y)
+    done = push_apart(heap.tables, heap.workspace, y)
     return done, y, expected, heap.y, (deepest, found)
 
 
@@ -90,8 +90,8 @@ def shifted(gaps: tuple[float, ...], soft: tuple[int, ...]) -> tuple[object, ...
     heap = Heap(3, OWNERS, 7)
     heap.gaps(*gaps, soft=soft)
     y = heap.y.copy()
-    done = shift_deepest(heap.tables, heap.room, y)
-    return done, y - heap.y, heap.masses, heap.room.spots[:, NORMAL : NORMAL + 3]
+    done = shift_deepest(heap.tables, heap.workspace, y)
+    return done, y - heap.y, heap.masses, heap.workspace.spots[:, NORMAL : NORMAL + 3]
 
 
 def test_the_deepest_pair_alone_is_shifted_along_its_normal() -> None:
@@ -115,7 +115,7 @@ def paid(lift: float, driven: tuple[float, ...] = (), closed: float = 1.0) -> tu
     of two bodies that were moved along their loads: 0 against it, 1 with it.  driven: how the
     support of body 0 moves and turns."""
     heap = Heap(2, [(0, -1)], 5)
-    heap.room.spots[0, MOVES : MOVES + len(driven)] = driven
+    heap.workspace.spots[0, MOVES : MOVES + len(driven)] = driven
     memory = memory_of(1)
     memory[0, CLOSED] = closed
     load = np.array([[0.3, -0.5, -2.0], [1.0, 0.4, -1.0]])
@@ -133,7 +133,7 @@ def paid(lift: float, driven: tuple[float, ...] = (), closed: float = 1.0) -> tu
 
     start = [kinetic(y, i) for i in range(2)]
     velocities = y.copy()
-    made = pay_for_lift(heap.tables, memory, heap.room, y, before)
+    made = pay_for_lift(heap.tables, memory, heap.workspace, y, before)
     assert made == pytest.approx(max(0.0, lost[0] - start[0]) if not (driven and closed) else 0.0)
     ways = [y[13 * i + 7 : 13 * i + 13] / velocities[13 * i + 7 : 13 * i + 13] for i in range(2)]
     poses = np.array_equal(y[:7], velocities[:7]) and np.array_equal(y[13:20], velocities[13:20])

@@ -14,7 +14,7 @@ from rb_sim import load_scene
 from rb_sim.contact.stepping import scene_tables as columns
 from rb_sim.contact.stepping.geometry import GAP, MOVES, NORMAL, POINT, TURNS_AT, find_spots
 from rb_sim.contact.stepping.scene_tables import BOX_BOX, FIRST, KIND, OTHER, tables_of
-from rb_sim.contact.stepping.step_workspace import memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import memory_of, workspace_for
 from rb_sim.mechanics.contact import contact_table as events
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.scene.compile import compile_scene
@@ -67,15 +67,22 @@ def spots(shape: str, support: str, motion: str, seed: int) -> Any:
     for i in range(2):
         y[13 * i : 13 * i + 13] = *rng.normal(size=3), *unit(rng, 4), *rng.normal(size=6)
     y[13:16] += [0.5, 0.7, -0.4]
-    room = room_for(2, len(tables.owners), 0)
+    workspace = workspace_for(2, len(tables.owners), 0)
     find_spots(
-        tables, memory_of(len(tables.owners)), room.spots, room.polygons, WHEN, y, FAR, False
+        tables,
+        memory_of(len(tables.owners)),
+        workspace.spots,
+        workspace.polygons,
+        WHEN,
+        y,
+        FAR,
+        False,
     )
     system.touch[:, events.CLOSED] = 0.0
     contact_accelerations(system, WHEN, y)
     over = []
     for c, (b, a) in enumerate(tables.owners):
-        p, rate = room.spots[c, POINT : POINT + 3], np.zeros(3)
+        p, rate = workspace.spots[c, POINT : POINT + 3], np.zeros(3)
         for i, sign in ((b, 1.0), (a, -1.0)):
             if i >= 0:
                 w = Rotation.from_quat(y[13 * i + 3 : 13 * i + 7]).apply(
@@ -84,11 +91,11 @@ def spots(shape: str, support: str, motion: str, seed: int) -> Any:
                 rate += sign * (
                     y[13 * i + 7 : 13 * i + 10] + np.cross(w, p - y[13 * i : 13 * i + 3])
                 )
-        over.append(rate - room.spots[c, MOVES : MOVES + 3])
+        over.append(rate - workspace.spots[c, MOVES : MOVES + 3])
     kinds = np.zeros(len(tables.owners), int)
     for entry in tables.entries:
         kinds[entry[FIRST] :] = entry[KIND]
-    return room.spots, system.touch.copy(), np.array(over), kinds
+    return workspace.spots, system.touch.copy(), np.array(over), kinds
 
 
 @pytest.mark.parametrize("motion", ["", *MOTIONS])

@@ -52,7 +52,7 @@ def reported(modes: tuple[float, ...]) -> tuple[Any, ...]:
         memory[:, at : at + 3] = rng.normal(size=(len(OWNERS), 3))
     memory[:, CLOSED], memory[:, SLIDE] = HELD, modes
     out = np.zeros(13 * 3 + 9 * len(MEMBERS) + 11 + len(OWNERS))
-    report.function(heap.tables, memory, heap.room, MEMBERS, 2, heap.y, H, out)
+    report.function(heap.tables, memory, heap.workspace, MEMBERS, 2, heap.y, H, out)
     turns = [heap.turned(i).as_matrix() for i in range(3)]
     return out, heap.y, heap.masses, heap.tables.gravity, memory, heap.inertias, turns
 
@@ -132,8 +132,8 @@ def anchors() -> tuple[Any, ...]:
     heap = Heap(3, OWNERS, 3)
     heap.gaps(0.0, 1e300, -1.0, 2.0)
     memory = memory_of(len(OWNERS))
-    note_anchors(memory, heap.room)
-    return memory, heap.room.spots
+    note_anchors(memory, heap.workspace)
+    return memory, heap.workspace.spots
 
 
 def test_anchors_are_kept_of_points_that_are_there() -> None:
@@ -153,10 +153,10 @@ def aims() -> tuple[Any, ...]:
     memory = memory_of(len(OWNERS))
     given = np.random.default_rng(7).normal(size=(4, 3)) * np.array([[1.0], [0.1], [0.0], [9.0]])
     memory[:, AIM : AIM + 3] = given
-    heap.room.notes[ASTRAY] = 1e-3
-    note_aims(memory, heap.room, 2.5)
-    found = heap.room.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].copy()
-    return found, memory[:, AIM : AIM + 3], given, heap.room.spots[:, NORMAL : NORMAL + 3]
+    heap.workspace.notes[ASTRAY] = 1e-3
+    note_aims(memory, heap.workspace, 2.5)
+    found = heap.workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].copy()
+    return found, memory[:, AIM : AIM + 3], given, heap.workspace.spots[:, NORMAL : NORMAL + 3]
 
 
 def test_normals_that_have_turned_are_told_of_what_has_pushed() -> None:
@@ -175,7 +175,7 @@ def falling(first: int, count: int, speed: float) -> tuple[Any, ...]:
     heap.y[20:26] = 0.0
     heap.y[7] = speed
     y, before, kept = heap.y.copy(), np.zeros(27), memory_of(0)
-    made = steps(heap.tables, memory_of(0), heap.room, 0.0, first, count, H, y, before, kept)
+    made = steps(heap.tables, memory_of(0), heap.workspace, 0.0, first, count, H, y, before, kept)
     return made, y, before, heap.y, heap.tables.gravity
 
 

@@ -160,7 +160,7 @@ def off_its_pin(shift: float, overlap: float) -> float:
     motion = motion_of(mixed())
     y = np.array(motion.compiled.y)
     y[0] += shift
-    motion._room.spots[0, GAP] = -overlap
+    motion._workspace.spots[0, GAP] = -overlap
     out = np.zeros(motion.width)
     motion._sample(motion._memory, 0.0, y, 1e-6, out)
     at = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions)
@@ -190,7 +190,7 @@ def test_normals_that_turn_are_told_at_the_end_of_their_step() -> None:
     assert when == pytest.approx(0.5 + 1e-6, abs=1e-9) and speed > 0.0
 
 
-FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
+NORMAL_FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
 SHAKE, RATTLE = 1e-3, 12.0
 """A force along x on what is in flight, a support that goes up and down [N, rad/s; m, rad/s]."""
 
@@ -198,7 +198,7 @@ SHAKE, RATTLE = 1e-3, 12.0
 def pushed(start: float, steps: int) -> float:
     """Velocity along x of what flies, after so many steps of 10 ms."""
     push = {
-        "type": "wrench", "body": "body", "sine_force": [FORCE, 0, 0],
+        "type": "wrench", "body": "body", "sine_force": [NORMAL_FORCE, 0, 0],
         "angular_frequency": OMEGA, "phase": PHASE,
     }  # fmt: skip
     mapping = scene(ball([5.0, 0.0, 9.0]), touch(), push=push)
@@ -231,14 +231,14 @@ def carried(shape: str, start: float, steps: int) -> tuple[float, float, float]:
     motion.reset(y, start)
     motion.run_to(np.array([start + 0.01 * steps]))
     height = motion.coordinates[2] - SHAKE * math.sin(end)
-    return float(motion.coordinates[9]), float(height), -float(motion._room.spots[0, GAP])
+    return float(motion.coordinates[9]), float(height), -float(motion._workspace.spots[0, GAP])
 
 
 @pytest.mark.parametrize("start", [0.0, 0.55])
 def test_loads_are_those_of_the_middle_of_a_step(start: float) -> None:
     for steps in (1, 4):
         middles = start + 0.01 * (np.arange(steps) + 0.5)
-        force = FORCE * np.sin(OMEGA * middles + PHASE)
+        force = NORMAL_FORCE * np.sin(OMEGA * middles + PHASE)
         found = interpreted(pushed, start, steps)
         assert found == pytest.approx(0.01 * force.sum(), rel=1e-9)
 
@@ -280,7 +280,7 @@ def sampled(way: str, upto: float, *times: float) -> tuple[Any, ...]:
     out = np.zeros((len(times), motion.width))
     motion.run_to(np.array(times), out)
     motion.run_to(np.array([upto]))
-    kept = motion._room.notes.copy(), motion._memory.copy()
+    kept = motion._workspace.notes.copy(), motion._memory.copy()
     return motion.coordinates.copy(), motion.steps, motion.frontier, out, *kept
 
 
@@ -303,7 +303,7 @@ def one_step(way: str, h: float, start: float, y: Any, memory: Any) -> np.ndarra
     motion.method = motion.method._replace(step=h)
     motion.reset(y, start)
     motion._memory[:] = memory
-    motion._room.notes[step_workspace.FRESH] = 0.0
+    motion._workspace.notes[step_workspace.FRESH] = 0.0
     out = np.zeros((1, motion.width))
     motion.run_to(np.array([start + h]), out)
     return out[0]
@@ -459,7 +459,7 @@ def test_edges_are_looked_at_but_of_two_boxes() -> None:
 
 def test_what_steps_have_counted() -> None:
     motion = motion_of(bouncing())
-    notes = motion._room.notes
+    notes = motion._workspace.notes
     notes[:] = np.arange(len(notes)) + 100.0
     of = SimpleNamespace(**vars(step_workspace))
     assert motion.unsolved_steps == notes[of.UNSOLVED]

@@ -27,33 +27,33 @@ def struck(seed: int, factor: float) -> tuple[Heap, np.ndarray]:
     """Bodies after an impact on moving supports at both contacts, and the energy that each has
     given [J], in a frame in which its support rests; tangential impulses times `factor`."""
     heap, rng = Heap(2, OWNERS, seed), np.random.default_rng(seed)
-    room, n = heap.room, len(ACTIVE)
-    room.active[:n] = ACTIVE
+    workspace, n = heap.workspace, len(ACTIVE)
+    workspace.active[:n] = ACTIVE
     heap.tables.laws[:, RESTITUTION] = E
     columns = rng.normal(size=(LINES * n, 12))
-    room.x[: LINES * n] = rng.uniform(0.5, 1.0, LINES * n)
+    workspace.x[: LINES * n] = rng.uniform(0.5, 1.0, LINES * n)
     lines, push = np.zeros((LINES * n, 12)), np.zeros(12)
     u = np.concatenate([heap.y[13 * i + 7 : 13 * i + 13] for i in range(2)])
     for i, c in enumerate(ACTIVE):
-        b, a = room.ends[i] = OWNERS[c]
+        b, a = workspace.ends[i] = OWNERS[c]
         rows = slice(LINES * i, LINES * i + LINES)
-        lines[rows, 6 * b : 6 * b + 6] = room.rows[rows, :6] = columns[rows, :6]
+        lines[rows, 6 * b : 6 * b + 6] = workspace.rows[rows, :6] = columns[rows, :6]
         if a >= 0:
-            lines[rows, 6 * a : 6 * a + 6] = room.rows[rows, 6:12] = columns[rows, 6:]
-        room.x[LINES * i + 1 : LINES * i + LINES] *= factor
-        spot = room.spots[c]
+            lines[rows, 6 * a : 6 * a + 6] = workspace.rows[rows, 6:12] = columns[rows, 6:]
+        workspace.x[LINES * i + 1 : LINES * i + LINES] *= factor
+        spot = workspace.spots[c]
         spot[MOVES : MOVES + 3] = STILL * spot[NORMAL : NORMAL + 3] + np.cross(
             spot[NORMAL : NORMAL + 3], [3.0, 1.0, 2.0]
         )
-        room.targets[rows] = rng.uniform(0.1, 0.2, LINES)
-        room.targets[LINES * i] = STILL + 0.7
-    push = lines.T @ room.x[: LINES * n]
+        workspace.targets[rows] = rng.uniform(0.1, 0.2, LINES)
+        workspace.targets[LINES * i] = STILL + 0.7
+    push = lines.T @ workspace.x[: LINES * n]
     after = u + heap.inverse_mass() @ push
-    room.u[:] = after.reshape(2, 6)
-    still = room.targets[: LINES * n].copy()
+    workspace.u[:] = after.reshape(2, 6)
+    still = workspace.targets[: LINES * n].copy()
     still[::LINES] = STILL
-    work = room.x[: LINES * n] * (0.5 * lines @ (u + after) - still)
-    moved = still @ room.x[: LINES * n]
+    work = workspace.x[: LINES * n] * (0.5 * lines @ (u + after) - still)
+    moved = still @ workspace.x[: LINES * n]
     mass = np.linalg.inv(heap.inverse_mass())
     gained = 0.5 * (after @ mass @ after - u @ mass @ u) - moved
     assert work.sum() == pytest.approx(gained)  # the work of impulses is what the energy gains
@@ -61,7 +61,7 @@ def struck(seed: int, factor: float) -> tuple[Heap, np.ndarray]:
 
 
 def creates(heap: Heap, i: int) -> bool:
-    return bool(law.creates(*law.made_in(heap.room, heap.y, i, ACTIVE[i])))
+    return bool(law.creates(*law.made_in(heap.workspace, heap.y, i, ACTIVE[i])))
 
 
 def test_an_impact_creates_energy_where_its_work_is_positive() -> None:
@@ -86,16 +86,16 @@ def creating() -> tuple[Heap, np.ndarray]:
 def test_what_neither_rebounds_nor_pushes_creates_none(i: int) -> None:
     for change in ("target", "push", "friction", "still"):
         heap, _ = creating()
-        room, k = heap.room, LINES * i
+        workspace, k = heap.workspace, LINES * i
         assert creates(heap, i)
         if change == "target":
-            room.targets[k] = STILL - 1e-6
+            workspace.targets[k] = STILL - 1e-6
         elif change == "push":
-            room.x[k] = 0.0
+            workspace.x[k] = 0.0
         elif change == "friction":
-            room.x[k + 1 : k + LINES] = 0.0
+            workspace.x[k + 1 : k + LINES] = 0.0
         else:  # a support that comes along faster gives energy of its own
-            spot = room.spots[ACTIVE[i]]
+            spot = workspace.spots[ACTIVE[i]]
             spot[MOVES : MOVES + 3] += 1e3 * spot[NORMAL : NORMAL + 3]
         assert not creates(heap, i)
 
@@ -104,26 +104,26 @@ def test_rounding_creates_none() -> None:
     """Work of less than 1e-5 of the push times the speed of the rebound."""
     for part, told in ((0.5e-5, False), (2e-5, True)):
         heap, work = creating()
-        room = heap.room
-        rebound = room.targets[0] - STILL
-        wanted = part * room.x[0] * rebound - work[0, 0]
-        room.targets[1] += (work[0, 1:].sum() - wanted) / room.x[1]
+        workspace = heap.workspace
+        rebound = workspace.targets[0] - STILL
+        wanted = part * workspace.x[0] * rebound - work[0, 0]
+        workspace.targets[1] += (work[0, 1:].sum() - wanted) / workspace.x[1]
         assert creates(heap, 0) is told
 
 
 def test_what_rebounds() -> None:
     """Points of rigid contacts with restitution, whose target is beyond what stays together."""
     heap, _ = creating()
-    tables, room = heap.tables, heap.room
-    assert law.some_rebound(tables, room, 2) and law.some_rebound(tables, room, 1)
-    assert not law.some_rebound(tables, room, 0)
-    room.targets[0] = STILL - 1e-6
-    assert law.some_rebound(tables, room, 2) and not law.some_rebound(tables, room, 1)
+    tables, workspace = heap.tables, heap.workspace
+    assert law.some_rebound(tables, workspace, 2) and law.some_rebound(tables, workspace, 1)
+    assert not law.some_rebound(tables, workspace, 0)
+    workspace.targets[0] = STILL - 1e-6
+    assert law.some_rebound(tables, workspace, 2) and not law.some_rebound(tables, workspace, 1)
     for column, value in ((RESTITUTION, 0.0), (COMPLIANT, 1.0)):
         before = tables.laws[2, column]
         tables.laws[2, column] = value
         assert not law.bounces(tables, 2) and law.bounces(tables, 1)
-        assert not law.some_rebound(tables, room, 2)
+        assert not law.some_rebound(tables, workspace, 2)
         tables.laws[2, column] = before
     assert law.bounces(tables, 2)
 
@@ -135,26 +135,26 @@ def table(heap: Heap) -> Any:
 def test_rebounds_that_create_energy_are_taken_away_at_first() -> None:
     for first, second in ((True, True), (True, False), (False, True), (False, False)):
         heap, _ = creating()
-        room, found, speeds = heap.room, table(heap), []
+        workspace, found, speeds = heap.workspace, table(heap), []
         for i, does in enumerate((first, second)):
             if not does:
                 heap.tables.laws[ACTIVE[i], RESTITUTION] = 0.0
             speeds.append(0.7 if does else 0.0)
-        before = room.targets.copy()
-        assert law.note_gains(heap.tables, room, heap.y, 2, found) == first + second
+        before = workspace.targets.copy()
+        assert law.note_gains(heap.tables, workspace, heap.y, 2, found) == first + second
         assert_allclose(found[:, law.WHOLE], speeds)
         for i in range(2):
             if speeds[i] > 0.0:
-                assert_allclose(found[i, [law.PUSH, law.SPEED]], [room.x[LINES * i], 0.7])
+                assert_allclose(found[i, [law.PUSH, law.SPEED]], [workspace.x[LINES * i], 0.7])
             before[LINES * i] -= speeds[i]
-        assert_allclose(room.targets, before)
+        assert_allclose(workspace.targets, before)
 
 
 def test_pushes_are_noted_of_each_contact() -> None:
     heap, _ = creating()
     found = table(heap)
-    law.note_pushes(heap.room, 2, found, law.WITHOUT)
-    assert_allclose(found[:, law.WITHOUT], heap.room.x[[0, LINES]])
+    law.note_pushes(heap.workspace, 2, found, law.WITHOUT)
+    assert_allclose(found[:, law.WITHOUT], heap.workspace.x[[0, LINES]])
     found[:, law.WITHOUT] = 7.0
     assert (found == 7.0).all()
 
@@ -162,7 +162,7 @@ def test_pushes_are_noted_of_each_contact() -> None:
 def test_the_next_try_is_poissons_where_pushes_grow_in_proportion() -> None:
     """N = N0 + k s: with N = (1 + e) N0 at s = e N0 / k, but for what Newton's law allows."""
     heap, _ = creating()
-    tables, room = heap.tables, heap.room
+    tables, workspace = heap.tables, heap.workspace
     for slopes, whole in (
         ((2.0, 5.0), 1.0),
         ((0.1, 0.2), 1.0),
@@ -180,12 +180,12 @@ def test_the_next_try_is_poissons_where_pushes_grow_in_proportion() -> None:
             min(e / k, whole) if k > 0.0 else 0.0
             for e, k in zip((E * 0.8, E * 1.2), slopes, strict=True)
         ]
-        before, tried = room.targets.copy(), found[:, law.SPEED].copy()
-        law.aim_at_poisson(tables, room, 2, found)
+        before, tried = workspace.targets.copy(), found[:, law.SPEED].copy()
+        law.aim_at_poisson(tables, workspace, 2, found)
         if whole == 0.0:
-            assert np.array_equal(room.targets, before)
+            assert np.array_equal(workspace.targets, before)
             assert np.array_equal(found[:, law.SPEED], tried)
             continue
         assert_allclose(found[:, law.SPEED], wanted)
         before[[0, LINES]] = STILL + np.array(wanted)
-        assert_allclose(room.targets, before)
+        assert_allclose(workspace.targets, before)

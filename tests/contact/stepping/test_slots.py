@@ -48,16 +48,27 @@ def placed(points: list[np.ndarray], forget: bool, others: bool = False) -> tupl
         memory[FIRST + slot, USED] = 1.0
     if others:
         memory[FIRST + 3, PLACE : PLACE + 3] = points[0]
-    before, room = memory.copy(), heap.room
+    before, workspace = memory.copy(), heap.workspace
     gaps = -0.01 * np.arange(1.0, len(points) + 1.0)
     world = [heap.place(1) + heap.turned(1).apply(p) for p in points]
     for k, p in enumerate(world):
-        room.polygons[2, k, :5] = *p, gaps[k], 7.0
+        workspace.polygons[2, k, :5] = *p, gaps[k], 7.0
     B, A = state_of(heap.y, 1), state_of(heap.y, 0)
-    args = tables, memory, room.spots, room.polygons, 1, len(points), (0.0, 0.6, 0.8), B, A, 0.0
+    args = (
+        tables,
+        memory,
+        workspace.spots,
+        workspace.polygons,
+        1,
+        len(points),
+        (0.0, 0.6, 0.8),
+        B,
+        A,
+        0.0,
+    )
     place_points(*args, forget)
     assert np.array_equal(memory[:FIRST], before[:FIRST])
-    return room.spots[FIRST:].copy(), memory[FIRST:].copy(), before[FIRST:], world, gaps
+    return workspace.spots[FIRST:].copy(), memory[FIRST:].copy(), before[FIRST:], world, gaps
 
 
 def slots_of(spots: np.ndarray, world: list[np.ndarray], gaps: np.ndarray) -> list[int]:
@@ -73,7 +84,7 @@ def slots_of(spots: np.ndarray, world: list[np.ndarray], gaps: np.ndarray) -> li
     return found
 
 
-TURN = Rotation.from_rotvec([0.4, 0.5, -0.6]).as_matrix()
+RELATIVE_SPIN = Rotation.from_rotvec([0.4, 0.5, -0.6]).as_matrix()
 NEW = np.array([0.1, 0.45, -0.2])
 
 
@@ -82,7 +93,7 @@ NEW = np.array([0.1, 0.45, -0.2])
 def test_a_point_keeps_its_slot_while_it_stays(away: float, stays: bool, forget: bool) -> None:
     """Within a tenth of the body's smallest half edge, in whatever order points are found; what is
     new takes the first slot that is free and remembers nothing."""
-    points = [NEW, OLD[2] + away * TURN[0], OLD[5] + away * TURN[1]]
+    points = [NEW, OLD[2] + away * RELATIVE_SPIN[0], OLD[5] + away * RELATIVE_SPIN[1]]
     spots, memory, before, world, gaps = interpreted(placed, points, forget)
     assert slots_of(spots, world, gaps) == ([0, 2, 5] if stays else [0, 1, 2])
     for k, slot in enumerate([0, 2, 5] if stays else [0, 1, 2]):
@@ -97,7 +108,7 @@ def test_a_point_keeps_its_slot_while_it_stays(away: float, stays: bool, forget:
 
 def test_two_points_near_one_place_share_no_slot() -> None:
     """The first that is found stays."""
-    points = [OLD[2] + 0.5 * NEAR * TURN[0], OLD[2] + 0.1 * NEAR * TURN[1]]
+    points = [OLD[2] + 0.5 * NEAR * RELATIVE_SPIN[0], OLD[2] + 0.1 * NEAR * RELATIVE_SPIN[1]]
     spots, memory, before, world, gaps = interpreted(placed, points, True)
     assert slots_of(spots, world, gaps) == [2, 0]
     assert np.array_equal(memory[2, :PLACE], before[2, :PLACE])

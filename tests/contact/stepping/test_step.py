@@ -77,7 +77,7 @@ def free(h: float, scale: float) -> tuple[object, ...]:
     assert not heap.tables.bodies[:, LOAD + 3 : LOAD + 6].any()
     loads = rng.normal(size=(2, 6))
     heap.tables.bodies[:, LOAD : LOAD + 6] = loads
-    free_velocities(heap.tables, heap.room, heap.y, h)
+    free_velocities(heap.tables, heap.workspace, heap.y, h)
     expected, alone = np.zeros((2, 6)), np.zeros((2, 6))
     for i in range(2):
         v, w = heap.y[13 * i + 7 : 13 * i + 10], heap.y[13 * i + 10 : 13 * i + 13]
@@ -91,7 +91,7 @@ def free(h: float, scale: float) -> tuple[object, ...]:
         alone[i] = np.concatenate([v, spin])
         expected[i, :3] = v + h * loads[i, :3] / heap.masses[i]
         expected[i, 3:] = spin + h * np.linalg.solve(inertia, loads[i, 3:])
-    return heap.room.u.copy(), heap.room.turning.copy(), expected, alone
+    return heap.workspace.u.copy(), heap.workspace.turning.copy(), expected, alone
 
 
 def test_free_velocities_are_those_of_the_midpoint_rule() -> None:
@@ -143,11 +143,11 @@ def counted(rests: tuple[float, ...], sweeps: int) -> list[float]:
     step.solve_impulses = lambda *tables: (next(left), sweeps)
     try:
         for k in range(len(rests)):
-            step.solve_step(heap.tables, memory, heap.room, heap.y, 0.01 / (k + 1.0))
+            step.solve_step(heap.tables, memory, heap.workspace, heap.y, 0.01 / (k + 1.0))
     finally:
         step.solve_impulses = kept
     told = (STEPS, ALL_SWEEPS, SWEPT, UNSOLVED, WORST, RESIDUAL, FRESH, LENGTH_OF_STEP)
-    return heap.room.notes[list(told)].tolist()
+    return heap.workspace.notes[list(told)].tolist()
 
 
 def test_steps_that_their_solver_leaves_are_counted() -> None:

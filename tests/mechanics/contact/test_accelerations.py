@@ -11,7 +11,15 @@ from numpy.testing import assert_allclose
 from rb_sim import load_scene
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import AHEAD, CLOSED, FORCE, PIVOT, ROLL, SLIDE, SPIN
+from rb_sim.mechanics.contact.contact_table import (
+    CLOSED,
+    NORMAL_FORCE,
+    PIVOT,
+    ROLL,
+    SLIDE,
+    SLIP_DIRECTION,
+    SPIN,
+)
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
@@ -56,7 +64,7 @@ def tables(support: str, slide: float) -> tuple[Any, ...]:
     system, y = compiled.system, np.array(compiled.y)
     system.touch[:, CLOSED] = 1.0
     system.touch[0, [SLIDE, ROLL, SPIN]] = slide, 0.0, 0.0
-    system.touch[0, AHEAD : AHEAD + 3] = 0.6, 0.8, 0.0
+    system.touch[0, SLIP_DIRECTION : SLIP_DIRECTION + 3] = 0.6, 0.8, 0.0
     contact_accelerations(system, 0.0, y)
     first = int(system.first_row[len(system.constraints)])
     multipliers = system.vectors[MULTIPLIERS].copy()
@@ -96,11 +104,11 @@ def test_pivot_of_a_contact_that_slides(support: str) -> None:
     effective, ideal = J[first] @ inverse @ W[first], J[first] @ inverse @ J[first]
     assert abs(effective / ideal - 1.0) > 0.05
     assert_allclose(touch[PIVOT], effective / ideal, rtol=1e-12)
-    assert touch[FORCE] == multipliers[first]
+    assert touch[NORMAL_FORCE] == multipliers[first]
 
 
 @pytest.mark.parametrize("support", SUPPORTS)
 def test_what_sticks_has_no_pivot_to_look_at(support: str) -> None:
     *_, multipliers, touch, first, _ = interpreted(tables, support, STUCK)
     assert touch[PIVOT] == 1.0
-    assert touch[FORCE] == multipliers[first]
+    assert touch[NORMAL_FORCE] == multipliers[first]

@@ -11,15 +11,15 @@ import pytest
 from rb_sim.mechanics.contact.contact_bodies import FREE
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_SLIP,
     CLOSED,
     COMPLIANT,
     CREEPS,
-    LEVELS_BEFORE,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     SLIDE,
     SLIP,
-    SLOPES_BEFORE,
+    SLIP_DIRECTION,
     STATIC,
     TOUCH_WIDTH,
 )
@@ -49,7 +49,11 @@ def noted(slip: float, creeps: float = 0.0, **other: Any) -> tuple[float, list[f
     first = system.touch[0].copy()
     note_creep(system, 1)
     assert np.array_equal(system.touch[0], first)
-    at = [*range(AHEAD, AHEAD + 3), LEVELS_BEFORE + AT_SLIP, SLOPES_BEFORE + AT_SLIP]
+    at = [
+        *range(SLIP_DIRECTION, SLIP_DIRECTION + 3),
+        EVENT_FUNCTIONS_BEFORE + AT_SLIP,
+        EVENT_RATES_BEFORE + AT_SLIP,
+    ]
     return system.touch[1, CREEPS], system.touch[1, at].tolist()
 
 

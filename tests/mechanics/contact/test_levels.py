@@ -16,36 +16,36 @@ from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  #
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_JAM,
     AT_SLIP,
     AT_SPIN,
     BILATERAL,
     CLOSED,
     COMPLIANT,
-    FORCE,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
-    LEVEL_KINDS,
-    LEVELS,
-    LEVELS_BEFORE,
+    LEAN_SIGN,
     NORMAL,
+    NORMAL_FORCE,
+    NORMAL_SIGN,
     PIVOT,
+    RELATIVE_SPIN,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLL_RATE,
-    SENSE,
-    SIDE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SLIP_RATE,
-    SLOPES_BEFORE,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     SPRING,
-    TURN,
 )
 from rb_sim.mechanics.contact.event_functions import level_rates, lowest_level
 from rb_sim.mechanics.system import rate_into
@@ -92,11 +92,11 @@ def filled(system: Any, modes: tuple[float, float, float], seed: int) -> None:
     system.vectors[MULTIPLIERS] = rng.normal(size=len(system.lines))
     for c in range(2):
         touch[c, CLOSED], touch[c, [SLIDE, ROLL, SPIN]] = 1.0, modes
-        touch[c, FORCE], touch[c, PIVOT] = rng.uniform(1.0, 9.0), rng.uniform(0.1, 1.0)
-        touch[c, SENSE], touch[c, SPIN_AHEAD] = 1.0, rng.choice([-1.0, 1.0])
-        for at in (NORMAL, AHEAD, ROLL_AHEAD):
+        touch[c, NORMAL_FORCE], touch[c, PIVOT] = rng.uniform(1.0, 9.0), rng.uniform(0.1, 1.0)
+        touch[c, LEAN_SIGN], touch[c, SPIN_SIGN] = 1.0, rng.choice([-1.0, 1.0])
+        for at in (NORMAL, SLIP_DIRECTION, ROLL_DIRECTION):
             touch[c, at : at + 3] = unit(rng, 3)
-        for at in (SLIP, TURN):
+        for at in (SLIP, RELATIVE_SPIN):
             touch[c, at : at + 3] = rng.normal(size=3)
 
 
@@ -104,21 +104,29 @@ def by_formula(system: Any, c: int) -> list[float]:
     """Event functions of a closed contact, from Coulomb's laws of N, force and torques."""
     touch, k = system.touch[c], int(system.first_row[c])
     force = system.mass * system.speed**2 / system.length
-    x, N, n = system.vectors[MULTIPLIERS], abs(touch[FORCE]), touch[NORMAL : NORMAL + 3]
-    slip, turn = touch[SLIP : SLIP + 3], touch[TURN : TURN + 3]
-    out = [touch[FORCE] / force] + [FREE] * (LEVEL_KINDS - 1)
+    x, N, n = system.vectors[MULTIPLIERS], abs(touch[NORMAL_FORCE]), touch[NORMAL : NORMAL + 3]
+    slip, turn = touch[SLIP : SLIP + 3], touch[RELATIVE_SPIN : RELATIVE_SPIN + 3]
+    out = [touch[NORMAL_FORCE] / force] + [FREE] * (EVENT_FUNCTION_KINDS - 1)
     if touch[BILATERAL]:
-        out[0] = touch[SIDE] * touch[FORCE] / force if touch[SLIDE] == SLIDING else FREE
+        out[0] = (
+            touch[NORMAL_SIGN] * touch[NORMAL_FORCE] / force if touch[SLIDE] == SLIDING else FREE
+        )
     if touch[SLIDE] == STUCK:
         out[AT_SLIP] = (MU * N - np.hypot(x[k + 1], x[k + 2])) / force
     if touch[SLIDE] == SLIDING:
-        out[AT_SLIP] = 100.0 * slip @ touch[AHEAD : AHEAD + 3] / system.speed
+        out[AT_SLIP] = 100.0 * slip @ touch[SLIP_DIRECTION : SLIP_DIRECTION + 3] / system.speed
         if not touch[COMPLIANT]:
             out[AT_JAM] = touch[PIVOT] - 1e-6
     most = 100.0 * system.length / system.speed
     for at, mode, bound, held, about in (
-        (2, ROLL, ROLLING_ARM, np.hypot(x[k + 3], x[k + 4]), touch[ROLL_AHEAD : ROLL_AHEAD + 3]),
-        (AT_SPIN, SPIN, SPINNING_ARM, abs(x[k + 5]), touch[SPIN_AHEAD] * n),
+        (
+            2,
+            ROLL,
+            ROLLING_ARM,
+            np.hypot(x[k + 3], x[k + 4]),
+            touch[ROLL_DIRECTION : ROLL_DIRECTION + 3],
+        ),
+        (AT_SPIN, SPIN, SPINNING_ARM, abs(x[k + 5]), touch[SPIN_SIGN] * n),
     ):
         way = turn - (turn @ n) * n if mode == ROLL else turn
         if touch[mode] == STUCK:
@@ -130,7 +138,7 @@ def by_formula(system: Any, c: int) -> list[float]:
 
 MODES = [(STUCK, STUCK, STUCK), (SLIDING, SLIDING, SLIDING), (STUCK, SLIDING, STUCK),
          (SLIDING, STUCK, SLIDING), (NONE, NONE, NONE)]  # fmt: skip
-SORTS = [{}, {BILATERAL: 1.0, SIDE: -1.0}, {COMPLIANT: 1.0}]
+SORTS = [{}, {BILATERAL: 1.0, NORMAL_SIGN: -1.0}, {COMPLIANT: 1.0}]
 
 
 def levels(modes: tuple[float, float, float], sort: int, seed: int) -> tuple[Any, ...]:
@@ -140,7 +148,7 @@ def levels(modes: tuple[float, float, float], sort: int, seed: int) -> tuple[Any
     for column, value in SORTS[sort].items():
         system.touch[:, column] = value
     lowest, code = lowest_level(system)
-    found = system.touch[:, LEVELS : LEVELS + LEVEL_KINDS].copy()
+    found = system.touch[:, EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS].copy()
     return found, np.array([by_formula(system, c) for c in range(2)]), lowest, code
 
 
@@ -161,7 +169,9 @@ def test_event_functions_are_what_laws_leave_to_their_bounds(modes: Any, sort: i
         if expected.min() == FREE:
             assert code % kinds.EVENT_KINDS == kinds.LIES_FLAT  # there is nothing else
             continue
-        c, i = np.unravel_index(np.argmin(np.append(expected, [[0.5] * LEVEL_KINDS], 0)), (3, 5))
+        c, i = np.unravel_index(
+            np.argmin(np.append(expected, [[0.5] * EVENT_FUNCTION_KINDS], 0)), (3, 5)
+        )
         names = (kinds.LIFT_OFF, *(EVENTS[m][j] for j, m in enumerate(modes) if m != NONE))
         places = (0, *(j + 1 for j, m in enumerate(modes) if m != NONE), AT_JAM)
         name = dict(zip(places, (*names, kinds.JAMS), strict=True))
@@ -178,20 +188,22 @@ def flat_and_open() -> tuple[Any, ...]:
     support, one that is not there, a soft one that touches, with a firm and with a weak spring)."""
     system = compiled_scene().system
     filled(system, (STUCK, STUCK, STUCK), 0)
-    system.touch[1, SENSE] = 0.2
-    system.touch[:, FORCE] = 1e3
+    system.touch[1, LEAN_SIGN] = 0.2
+    system.touch[:, NORMAL_FORCE] = 1e3
     flat = lowest_level(system)
-    system.touch[:, CLOSED], system.touch[:, SENSE] = 0.0, 1.0
+    system.touch[:, CLOSED], system.touch[:, LEAN_SIGN] = 0.0, 1.0
     force = system.mass * system.speed**2 / system.length
     found = []
     for gap, soft, spring, sense in (
         (0.3, 0.0, 0.0, 1.0), (0.3, 0.0, 0.0, ABSENT), (-0.1, 1.0, 1e9, 1.0),
         (-0.1, 1.0, 1e-3 * force, 1.0), (0.2, 1.0, -force, 1.0), (-0.1, 0.0, 0.0, 1.0),
     ):  # fmt: skip
-        system.touch[0, [GAP, COMPLIANT, SPRING, SENSE]] = gap, soft, spring, sense
+        system.touch[0, [GAP, COMPLIANT, SPRING, LEAN_SIGN]] = gap, soft, spring, sense
         system.touch[1, GAP] = 1e9
         lowest, code = lowest_level(system)
-        found.append((system.touch[0, LEVELS] * system.length, lowest * system.length, code))
+        found.append(
+            (system.touch[0, EVENT_FUNCTIONS] * system.length, lowest * system.length, code)
+        )
     return flat, found, system.length
 
 
@@ -214,18 +226,22 @@ def rates(modes: tuple[float, float, float], closed: tuple[float, float]) -> tup
     touch[:, CLOSED], touch[:, [SLIDE, ROLL, SPIN]] = closed, modes
     rng = np.random.default_rng(1)
     for c in range(2):
-        for at in (AHEAD, ROLL_AHEAD):
+        for at in (SLIP_DIRECTION, ROLL_DIRECTION):
             touch[c, at : at + 3] = unit(rng, 3)
-        touch[c, SPIN_AHEAD] = -1.0
+        touch[c, SPIN_SIGN] = -1.0
     rate_into(system, 0.0, y, slope)
 
     def seen(t: float) -> np.ndarray:
         contact_accelerations(system, t, y + t * slope)
         lowest_level(system)
-        n, turn = touch[:, NORMAL : NORMAL + 3], touch[:, TURN : TURN + 3]
+        n, turn = touch[:, NORMAL : NORMAL + 3], touch[:, RELATIVE_SPIN : RELATIVE_SPIN + 3]
         rolls = turn - np.sum(turn * n, axis=1)[:, None] * n
         return np.hstack(
-            [touch[:, LEVELS : LEVELS + LEVEL_KINDS], touch[:, SLIP : SLIP + 3], rolls]
+            [
+                touch[:, EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS],
+                touch[:, SLIP : SLIP + 3],
+                rolls,
+            ]
         )
 
     differences = (seen(h) - seen(-h)) / (2.0 * h)
@@ -243,10 +259,12 @@ def rates(modes: tuple[float, float, float], closed: tuple[float, float]) -> tup
 def test_rates_are_those_along_the_motion(modes: Any, closed: Any) -> None:
     found, differences, kept, untouched = interpreted(rates, modes, closed)
     size = np.abs(differences).max()
-    assert_allclose(found, differences[:, :LEVEL_KINDS], atol=2e-5 * size)
+    assert_allclose(found, differences[:, :EVENT_FUNCTION_KINDS], atol=2e-5 * size)
     assert untouched
     if any(closed):  # else nobody asks for them
-        assert_allclose(kept, differences[:, LEVEL_KINDS:], atol=2e-5 * np.abs(differences).max())
+        assert_allclose(
+            kept, differences[:, EVENT_FUNCTION_KINDS:], atol=2e-5 * np.abs(differences).max()
+        )
 
 
 def ahead(faint: float, closed: float = 1.0) -> tuple[Any, ...]:
@@ -259,16 +277,16 @@ def ahead(faint: float, closed: float = 1.0) -> tuple[Any, ...]:
     system = system._replace(still=1e-6)
     touch[:, CLOSED] = closed
     touch[1, SLIP : SLIP + 3] *= faint
-    touch[1, TURN : TURN + 3] = touch[1, NORMAL : NORMAL + 3] * 2.0
-    touch[0, SPIN_AHEAD], touch[1, SPIN_AHEAD] = 1.0, -1.0
-    touch[0, TURN : TURN + 3] += (
-        1.0 - touch[0, TURN : TURN + 3] @ touch[0, NORMAL : NORMAL + 3]
+    touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3] = touch[1, NORMAL : NORMAL + 3] * 2.0
+    touch[0, SPIN_SIGN], touch[1, SPIN_SIGN] = 1.0, -1.0
+    touch[0, RELATIVE_SPIN : RELATIVE_SPIN + 3] += (
+        1.0 - touch[0, RELATIVE_SPIN : RELATIVE_SPIN + 3] @ touch[0, NORMAL : NORMAL + 3]
     ) * (touch[0, NORMAL : NORMAL + 3])
     rng = np.random.default_rng(4)
     for at in (GAP, GAP_RATE, *range(SLIP_RATE, SLIP_RATE + 3), *range(ROLL_RATE, ROLL_RATE + 3)):
         touch[:, at] = rng.normal(size=2)
     lowest_level(system)
-    before, slopes = touch.copy(), rng.normal(size=(2, LEVEL_KINDS))
+    before, slopes = touch.copy(), rng.normal(size=(2, EVENT_FUNCTION_KINDS))
     look_ahead(system, slopes)
     return before, touch.copy(), slopes, system.speed, system.length
 
@@ -276,29 +294,39 @@ def ahead(faint: float, closed: float = 1.0) -> tuple[Any, ...]:
 def test_directions_are_kept_where_a_motion_is_none() -> None:
     before, after, slopes, speed, length = interpreted(ahead, 1e-9)
     n = before[:, NORMAL : NORMAL + 3]
-    slip, turn = before[:, SLIP : SLIP + 3], before[:, TURN : TURN + 3]
+    slip, turn = before[:, SLIP : SLIP + 3], before[:, RELATIVE_SPIN : RELATIVE_SPIN + 3]
     roll = turn - np.sum(turn * n, axis=1)[:, None] * n
-    assert_allclose(after[0, AHEAD : AHEAD + 3], slip[0] / np.linalg.norm(slip[0]))
-    assert_allclose(after[0, ROLL_AHEAD : ROLL_AHEAD + 3], roll[0] / np.linalg.norm(roll[0]))
-    for at in (AHEAD, ROLL_AHEAD):
+    assert_allclose(
+        after[0, SLIP_DIRECTION : SLIP_DIRECTION + 3], slip[0] / np.linalg.norm(slip[0])
+    )
+    assert_allclose(
+        after[0, ROLL_DIRECTION : ROLL_DIRECTION + 3], roll[0] / np.linalg.norm(roll[0])
+    )
+    for at in (SLIP_DIRECTION, ROLL_DIRECTION):
         assert np.array_equal(after[1, at : at + 3], before[1, at : at + 3])
-    assert after[:, SPIN_AHEAD].tolist() == [1.0, 1.0]
+    assert after[:, SPIN_SIGN].tolist() == [1.0, 1.0]
     for c in range(2):  # along the directions from here on
-        forward, about = after[c, AHEAD : AHEAD + 3], after[c, ROLL_AHEAD : ROLL_AHEAD + 3]
+        forward, about = (
+            after[c, SLIP_DIRECTION : SLIP_DIRECTION + 3],
+            after[c, ROLL_DIRECTION : ROLL_DIRECTION + 3],
+        )
         unit_of = 100.0 / speed
         levels_of = [
-            before[c, FORCE],
+            before[c, NORMAL_FORCE],
             unit_of * slip[c] @ forward,
             unit_of * length * roll[c] @ about,
         ]
-        found = after[c, LEVELS_BEFORE : LEVELS_BEFORE + LEVEL_KINDS]
+        found = after[c, EVENT_FUNCTIONS_BEFORE : EVENT_FUNCTIONS_BEFORE + EVENT_FUNCTION_KINDS]
         assert_allclose(found[1:3], levels_of[1:])
-        assert found[0] == before[c, LEVELS] and found[AT_JAM] == before[c, LEVELS + AT_JAM]
-        rate = after[c, SLOPES_BEFORE : SLOPES_BEFORE + LEVEL_KINDS]
+        assert (
+            found[0] == before[c, EVENT_FUNCTIONS]
+            and found[AT_JAM] == before[c, EVENT_FUNCTIONS + AT_JAM]
+        )
+        rate = after[c, EVENT_RATES_BEFORE : EVENT_RATES_BEFORE + EVENT_FUNCTION_KINDS]
         assert_allclose(rate[1], unit_of * before[c, SLIP_RATE : SLIP_RATE + 3] @ forward)
         assert_allclose(rate[2], unit_of * length * before[c, ROLL_RATE : ROLL_RATE + 3] @ about)
         turned = 1.0 if c == 0 else -1.0
-        assert found[AT_SPIN] == turned * before[c, LEVELS + AT_SPIN] > 0.0
+        assert found[AT_SPIN] == turned * before[c, EVENT_FUNCTIONS + AT_SPIN] > 0.0
         assert rate[AT_SPIN] == turned * slopes[c, AT_SPIN]
         assert rate[0] == slopes[c, 0] and rate[AT_JAM] == slopes[c, AT_JAM]
         assert after[c, GAP_BEFORE] == before[c, GAP]
@@ -308,6 +336,10 @@ def test_directions_are_kept_where_a_motion_is_none() -> None:
 def test_what_is_open_has_its_gap_alone_to_look_at() -> None:
     """Also where modes are left from when it was closed."""
     before, after, slopes, _, _ = interpreted(ahead, 1e-9, 0.0)
-    levels_of = before[:, LEVELS : LEVELS + LEVEL_KINDS]
-    assert np.array_equal(after[:, LEVELS_BEFORE : LEVELS_BEFORE + LEVEL_KINDS], levels_of)
-    assert np.array_equal(after[:, SLOPES_BEFORE : SLOPES_BEFORE + LEVEL_KINDS], slopes)
+    levels_of = before[:, EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS]
+    assert np.array_equal(
+        after[:, EVENT_FUNCTIONS_BEFORE : EVENT_FUNCTIONS_BEFORE + EVENT_FUNCTION_KINDS], levels_of
+    )
+    assert np.array_equal(
+        after[:, EVENT_RATES_BEFORE : EVENT_RATES_BEFORE + EVENT_FUNCTION_KINDS], slopes
+    )

@@ -14,13 +14,16 @@ from rb_sim.contact.events.next_event import look_ahead, note_lean
 from rb_sim.mechanics.contact.contact_bodies import FREE
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
-    AHEAD,
     AT_ROLL,
     AT_SLIP,
     AT_SPIN,
     CLOSED,
     COMPLIANT,
     CREEPS,
+    EVENT_FUNCTION_KINDS,
+    EVENT_FUNCTIONS,
+    EVENT_FUNCTIONS_BEFORE,
+    EVENT_RATES_BEFORE,
     FASTEST,
     FASTEST_BEFORE,
     GAP,
@@ -28,26 +31,23 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP_RATE,
     GAP_RATE_BEFORE,
     LEAN_BEFORE,
+    LEAN_SIGN,
     LEAN_WIDTH,
-    LEVEL_KINDS,
-    LEVELS,
-    LEVELS_BEFORE,
     LOW,
     NORMAL,
+    RELATIVE_SPIN,
     RIM,
     ROLL,
-    ROLL_AHEAD,
+    ROLL_DIRECTION,
     ROLL_RATE,
-    SENSE,
     SLIDE,
     SLIP,
+    SLIP_DIRECTION,
     SLIP_RATE,
-    SLOPES_BEFORE,
     SPIN,
-    SPIN_AHEAD,
+    SPIN_SIGN,
     STATIC,
     TOUCH_WIDTH,
-    TURN,
 )
 
 SPEED, LENGTH, STILL = 4.0, 0.5, 1e-3
@@ -56,7 +56,7 @@ UNIT_SLIP, UNIT_TURN = SPEED / 100.0, SPEED / LENGTH / 100.0
 N = np.array([0.0, 0.6, 0.8])
 ALONG, ACROSS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.8, -0.6])
 """Across the normal."""
-RATES = np.arange(2.0 * LEVEL_KINDS).reshape(2, LEVEL_KINDS) + 50.0
+RATES = np.arange(2.0 * EVENT_FUNCTION_KINDS).reshape(2, EVENT_FUNCTION_KINDS) + 50.0
 
 
 def moving(slip: float, roll: float, about: float, has: dict[int, float] | None = None) -> Any:
@@ -67,10 +67,13 @@ def moving(slip: float, roll: float, about: float, has: dict[int, float] | None 
     touch[:, [CLOSED, SLIDE, ROLL, SPIN]] = 1.0, SLIDING, SLIDING, SLIDING
     touch[:, [STATIC, COMPLIANT, RIM]] = 0.4, 0.0, -1.0
     touch[1, NORMAL : NORMAL + 3] = N
-    touch[1, SLIP : SLIP + 3], touch[1, AHEAD : AHEAD + 3] = slip * ALONG, ACROSS
-    touch[1, TURN : TURN + 3], touch[1, ROLL_AHEAD : ROLL_AHEAD + 3] = roll * ACROSS, ALONG
-    touch[1, TURN : TURN + 3] += about * N
-    touch[1, SPIN_AHEAD] = -1.0
+    touch[1, SLIP : SLIP + 3], touch[1, SLIP_DIRECTION : SLIP_DIRECTION + 3] = slip * ALONG, ACROSS
+    touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3], touch[1, ROLL_DIRECTION : ROLL_DIRECTION + 3] = (
+        roll * ACROSS,
+        ALONG,
+    )
+    touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3] += about * N
+    touch[1, SPIN_SIGN] = -1.0
     for column, value in (has or {}).items():
         touch[1, column] = value
     return SimpleNamespace(touch=touch, speed=SPEED, length=LENGTH, still=STILL, creep=0.0)
@@ -84,7 +87,7 @@ def looked(system: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def levels(row: np.ndarray, i: int) -> tuple[float, float]:
-    return row[LEVELS_BEFORE + i], row[SLOPES_BEFORE + i]
+    return row[EVENT_FUNCTIONS_BEFORE + i], row[EVENT_RATES_BEFORE + i]
 
 
 def test_gaps_speeds_and_event_functions_are_kept() -> None:
@@ -92,13 +95,15 @@ def test_gaps_speeds_and_event_functions_are_kept() -> None:
     before, after = looked(moving(0.3, 0.7, 0.9, {CLOSED: 0.0}))
     for at, of in ((GAP_BEFORE, GAP), (GAP_RATE_BEFORE, GAP_RATE), (FASTEST_BEFORE, FASTEST)):
         assert after[at] == before[of]
-    kept, slopes = (after[at : at + LEVEL_KINDS] for at in (LEVELS_BEFORE, SLOPES_BEFORE))
-    assert np.array_equal(kept, before[LEVELS : LEVELS + LEVEL_KINDS])
+    kept, slopes = (
+        after[at : at + EVENT_FUNCTION_KINDS] for at in (EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE)
+    )
+    assert np.array_equal(kept, before[EVENT_FUNCTIONS : EVENT_FUNCTIONS + EVENT_FUNCTION_KINDS])
     assert np.array_equal(slopes, RATES[1])
     assert np.array_equal(after[LEAN_BEFORE : LEAN_BEFORE + 7], before[LOW : LOW + LEAN_WIDTH])
-    assert_allclose(after[AHEAD : AHEAD + 3], ALONG)
-    assert_allclose(after[ROLL_AHEAD : ROLL_AHEAD + 3], ACROSS)
-    assert after[SPIN_AHEAD] == 1.0 and after[CREEPS] == 0.0
+    assert_allclose(after[SLIP_DIRECTION : SLIP_DIRECTION + 3], ALONG)
+    assert_allclose(after[ROLL_DIRECTION : ROLL_DIRECTION + 3], ACROSS)
+    assert after[SPIN_SIGN] == 1.0 and after[CREEPS] == 0.0
 
 
 def test_event_functions_along_the_new_directions() -> None:
@@ -110,9 +115,9 @@ def test_event_functions_along_the_new_directions() -> None:
     found = levels(after, AT_ROLL)
     rate = before[ROLL_RATE : ROLL_RATE + 3] @ ACROSS
     assert_allclose(found, [0.7 / UNIT_TURN, rate / UNIT_TURN])
-    assert levels(after, AT_SPIN) == (-before[LEVELS + AT_SPIN], -RATES[1, AT_SPIN])
+    assert levels(after, AT_SPIN) == (-before[EVENT_FUNCTIONS + AT_SPIN], -RATES[1, AT_SPIN])
     for i in (0, 4):
-        assert levels(after, i) == (before[LEVELS + i], RATES[1, i])
+        assert levels(after, i) == (before[EVENT_FUNCTIONS + i], RATES[1, i])
 
 
 @pytest.mark.parametrize(
@@ -120,7 +125,7 @@ def test_event_functions_along_the_new_directions() -> None:
 )
 def test_event_functions_of_what_holds_are_as_they_were_found(mode: int, i: int) -> None:
     before, after = looked(moving(0.3, 0.7, 0.9, {mode: 0.0 if mode == CLOSED else STUCK}))
-    assert levels(after, i) == (before[LEVELS + i], RATES[1, i])
+    assert levels(after, i) == (before[EVENT_FUNCTIONS + i], RATES[1, i])
 
 
 def test_directions_that_are_lost_in_errors_stay_those_of_before() -> None:
@@ -128,16 +133,18 @@ def test_directions_that_are_lost_in_errors_stay_those_of_before() -> None:
     for part, now in ((0.9, False), (1.1, True)):
         for sign in (1.0, -1.0):
             turn = part * STILL / LENGTH
-            _, after = looked(moving(part * STILL, turn, sign * turn, {SPIN_AHEAD: -sign}))
-            assert_allclose(after[AHEAD : AHEAD + 3], ALONG if now else ACROSS, atol=1e-12)
-            rolls = after[ROLL_AHEAD : ROLL_AHEAD + 3]
+            _, after = looked(moving(part * STILL, turn, sign * turn, {SPIN_SIGN: -sign}))
+            assert_allclose(
+                after[SLIP_DIRECTION : SLIP_DIRECTION + 3], ALONG if now else ACROSS, atol=1e-12
+            )
+            rolls = after[ROLL_DIRECTION : ROLL_DIRECTION + 3]
             assert_allclose(rolls, ACROSS if now else ALONG, atol=1e-12)
-            assert after[SPIN_AHEAD] == (sign if now else -sign)
+            assert after[SPIN_SIGN] == (sign if now else -sign)
 
 
 def test_a_spin_that_goes_on_keeps_its_event_function() -> None:
     before, after = looked(moving(0.3, 0.7, -0.9))
-    assert levels(after, AT_SPIN) == (before[LEVELS + AT_SPIN], RATES[1, AT_SPIN])
+    assert levels(after, AT_SPIN) == (before[EVENT_FUNCTIONS + AT_SPIN], RATES[1, AT_SPIN])
 
 
 def test_slow_slips_on_what_gives_way_creep() -> None:
@@ -165,7 +172,7 @@ def test_a_rim_that_nothing_holds_is_in_flight(
 ) -> None:
     """It is held by any of its points; where it lands it begins to lean one way."""
     touch = np.arange(2.0 * TOUCH_WIDTH).reshape(2, TOUCH_WIDTH)
-    touch[:, RIM], touch[:, CLOSED], touch[0, SENSE] = rims, closed, sense
+    touch[:, RIM], touch[:, CLOSED], touch[0, LEAN_SIGN] = rims, closed, sense
     before = touch.copy()
     note_lean(touch, 0)
     assert touch[0, LEAN_BEFORE + 6] == kept

@@ -17,14 +17,14 @@ from rb_sim.mechanics.contact.contact_table import (
     AXIS,
     CLOSED,
     LEAN_BEFORE,
+    LEAN_SIGN,
     LOW,
     NEARS,
     NORMAL,
+    RELATIVE_SPIN,
     RIM,
-    SENSE,
     SWING,
     TOUCH_WIDTH,
-    TURN,
 )
 
 FIXED, ADAPTIVE = (SimpleNamespace(setting=(0.1, tolerance)) for tolerance in (0.0, 1e-9))
@@ -35,13 +35,13 @@ def leaning(lean: Any, rate: Any, seed: int = 0, sense: float = 1.0) -> np.ndarr
     changes at `rate`; the rim turns about the plane's normal, too."""
     e = Rotation.random(random_state=seed).as_matrix()
     touch = np.zeros((3, TOUCH_WIDTH))
-    touch[:, RIM], touch[:, CLOSED], touch[:, SENSE] = (0.0, 0.0, -1.0), (0.0, 1.0, 1.0), sense
+    touch[:, RIM], touch[:, CLOSED], touch[:, LEAN_SIGN] = (0.0, 0.0, -1.0), (0.0, 1.0, 1.0), sense
     across, n = np.array(lean) @ e[:2], e[2]
     axis = across + n * np.sqrt(1.0 - across @ across)
     moves = np.array(rate) @ e[:2]
     moves = moves - n * (moves @ axis) / (n @ axis)  # the axis stays as long
     touch[:2, AXIS : AXIS + 3], touch[:2, NORMAL : NORMAL + 3] = across, n
-    touch[:2, TURN : TURN + 3] = np.cross(axis, moves) + 7.0 * axis
+    touch[:2, RELATIVE_SPIN : RELATIVE_SPIN + 3] = np.cross(axis, moves) + 7.0 * axis
     touch[:2, LOW : LOW + 3] = 0.1, 0.2, 0.3
     return touch
 

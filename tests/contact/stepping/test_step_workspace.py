@@ -7,7 +7,7 @@ import numpy as np
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
 from rb_sim.contact.stepping.geometry import MEMORY, SPOT
-from rb_sim.contact.stepping.step_workspace import FRESH, NOTES, memory_of, room_for
+from rb_sim.contact.stepping.step_workspace import FRESH, NOTES, memory_of, workspace_for
 
 N, C, J = 3, 7, 11
 """Bodies, points of contact, lines of joints."""
@@ -23,21 +23,23 @@ SHAPES = {
 
 
 def test_fields_have_the_shapes_that_they_tell() -> None:
-    room = room_for(N, C, J)
-    assert {name: field.shape for name, field in room._asdict().items()} == SHAPES
-    assert room.active.dtype == room.ends.dtype == np.int64
+    workspace = workspace_for(N, C, J)
+    assert {name: field.shape for name, field in workspace._asdict().items()} == SHAPES
+    assert workspace.active.dtype == workspace.ends.dtype == np.int64
     assert memory_of(C).shape == (C, MEMORY) and not memory_of(C).any()
 
 
 def test_before_the_first_step() -> None:
     """It is fresh, and no pair is known to meet; all else is zero."""
-    room = room_for(N, C, J)
-    assert np.flatnonzero(room.notes).tolist() == [FRESH] and room.notes[FRESH] == 1.0
-    assert (room.meets == -1.0).all()
-    others = (field for name, field in room._asdict().items() if name not in ("notes", "meets"))
+    workspace = workspace_for(N, C, J)
+    assert np.flatnonzero(workspace.notes).tolist() == [FRESH] and workspace.notes[FRESH] == 1.0
+    assert (workspace.meets == -1.0).all()
+    others = (
+        field for name, field in workspace._asdict().items() if name not in ("notes", "meets")
+    )
     assert not any(field.any() for field in others)
 
 
 def test_too_many_lines_have_no_factor_together() -> None:
     for joints, together in ((MOST_TOGETHER, MOST_TOGETHER), (MOST_TOGETHER + 1, 0)):
-        assert room_for(1, 0, joints).joint_factor.shape == (together, together)
+        assert workspace_for(1, 0, joints).joint_factor.shape == (together, together)

@@ -10,11 +10,11 @@ import numpy as np
 from rb_sim.contact.problem.event_workspace import (
     MODES_WIDTH,
     NOTE_WIDTH,
-    ROOM_LAYOUT,
     WAYS,
-    room_for,
+    WORKSPACE_LAYOUT,
+    workspace_for,
 )
-from rb_sim.mechanics.contact.contact_table import AHEAD
+from rb_sim.mechanics.contact.contact_table import SLIP_DIRECTION
 from rb_sim.numerics.complementarity import BOUND_WIDTH
 
 LINES, BODIES, C = 20, 3, 5
@@ -38,9 +38,9 @@ def test_fields_have_the_shapes_and_kinds_that_they_tell() -> None:
     """Modes before an event are the columns up to the direction of slip, and that."""
     sizes = {"lines": LINES, "touch": C, "bodies": BODIES}
     system: Any = SimpleNamespace(**{name: np.zeros((n, 1)) for name, n in sizes.items()})
-    room = room_for(system)._asdict()
-    assert {name: table.shape for name, table in room.items()} == SHAPES
-    assert {name for name, table in room.items() if table.dtype == np.int64} == INTEGERS
-    assert not any(table.any() for table in room.values())
-    assert tuple(room) == tuple(ROOM_LAYOUT.fields)
-    assert MODES_WIDTH == AHEAD + 3
+    workspace = workspace_for(system)._asdict()
+    assert {name: table.shape for name, table in workspace.items()} == SHAPES
+    assert {name for name, table in workspace.items() if table.dtype == np.int64} == INTEGERS
+    assert not any(table.any() for table in workspace.values())
+    assert tuple(workspace) == tuple(WORKSPACE_LAYOUT.fields)
+    assert MODES_WIDTH == SLIP_DIRECTION + 3
