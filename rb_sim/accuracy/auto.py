@@ -250,7 +250,8 @@ def given_up(runner: CountedRunner, target: float) -> Choice:
     name = sharpest_adaptive(runner.compiled.system)
     words = (
         f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method "
-        f"reached the end within {runner.limit:g} counted seconds; the scene is too stiff or too long"
+        f"reached the end within {runner.limit:g} counted seconds; the scene is too stiff or "
+        "too long"
     )
     return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
 
@@ -375,7 +376,8 @@ def shortfall(
     if growth < (target if true.out_of_time else MAGNIFIED * noise):
         return (
             f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
-            f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} differ "
+            f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} "
+            "differ "
             f"by {true.agreement:.1e}; set a method and its tolerance instead of auto"
         )
     why = "chaos or an instability" if noise > 1e-6 else "round-off"
@@ -383,7 +385,8 @@ def shortfall(
     over = np.flatnonzero(true.gaps > 0.5 * target)
     until = f" (by half of it from t = {runner.times[over[0]]:.4g} s on)" if len(over) else ""
     return (
-        f"an error of {target:g} (rad, m) cannot be {verb} over {runner.duration:g} s: {why} causes "
+        f"an error of {target:g} (rad, m) cannot be {verb} over {runner.duration:g} s: {why} "
+        "causes "
         f"one of {noise:.1e}; two independent methods differ by {true.agreement:.1e}{until}; "
         "the most accurate setting was used"
     )

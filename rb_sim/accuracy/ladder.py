@@ -74,7 +74,8 @@ class Reference:
             )
         what = "chaos or an instability" if self.floor > 1e-6 else "round-off"
         return (
-            f"errors below {self.floor:.1e} cannot be measured ({what}): {self.kind} and {self.check} "
+            f"errors below {self.floor:.1e} cannot be measured ({what}): {self.kind} and "
+            f"{self.check} "
             f"agree to this; {grown}"
         )
 

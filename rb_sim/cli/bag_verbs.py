@@ -133,12 +133,15 @@ def compare(
         float | None,
         typer.Option(metavar="M", help="Exit 1 if positions differ by more."),
     ] = None,
-    max_angle: Annotated[float | None, typer.Option(metavar="RAD", help="Exit 1 if attitudes differ by more.")] = None,
+    max_angle: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Exit 1 if attitudes differ by more.")
+    ] = None,
     max_velocity: Annotated[
         float | None, typer.Option(metavar="M/S", help="Exit 1 if velocities differ by more.")
     ] = None,
     max_spin: Annotated[
-        float | None, typer.Option(metavar="RAD/S", help="Exit 1 if angular velocities differ by more.")
+        float | None,
+        typer.Option(metavar="RAD/S", help="Exit 1 if angular velocities differ by more."),
     ] = None,
     max_force: Annotated[
         float | None, typer.Option(metavar="N", help="Exit 1 if reaction forces differ by more.")

@@ -155,8 +155,10 @@ def refuse_sunk(
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
-                f"an edge of the body penetrates the support of contact {sides.name} by {depth:.2g} m "
-                f"at t = {t:.9g} s: only its corners and ends make contact here; add points between "
+                f"an edge of the body penetrates the support of contact {sides.name} by "
+                f"{depth:.2g} m "
+                f"at t = {t:.9g} s: only its corners and ends make contact here; add points "
+                "between "
                 "them"
             )
 

@@ -206,7 +206,9 @@ def check_maximal(
     lines = before.shape[1]
     units = zip(("position", "velocity"), scales, ("m", "m/s"), strict=True)
     misfits = zip(units, relative(system, before, *scales), strict=True)
-    for (what, scale, unit), error in misfits if lines and not scene.simulation.project_initial else ():
+    for (what, scale, unit), error in (
+        misfits if lines and not scene.simulation.project_initial else ()
+    ):
         if error.max() > MISFIT:
             owner = owners[part_of(system, int(error.argmax()))]
             amount = f"{error.max() * scale:.2g} {unit}"

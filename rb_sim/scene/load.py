@@ -47,7 +47,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
     if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
         yield (
-            "nothing moves: the scene has no effects, and no body a velocity; for weight give "
+            "nothing moves: the scene has no effects and no body has a velocity; for gravity add "
             "effects: {weight: {type: gravity}}"
         )
 
@@ -55,13 +55,13 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
 def _quaternion(key: str, q: list[float]) -> Iterator[str]:
     if q == [1.0, 0.0, 0.0, 0.0]:
         yield (
-            f"{key}: [1, 0, 0, 0] is half a turn about x, as the order is [x, y, z, w]; for no "
-            "turn leave it out, for half a turn write {axis: [1, 0, 0], angle: 3.141592653589793}"
+            f"{key}: [1, 0, 0, 0] is half a turn about x, since the order is [x, y, z, w]; for no "
+            "rotation use [0, 0, 0, 1], for half a turn {axis: [1, 0, 0], angle: 180 deg}"
         )
     elif abs(math.hypot(*q) - 1.0) > FAR_FROM_UNIT:
         yield (
-            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for roll, "
-            "pitch, yaw or degrees write {axis: [x, y, z], angle: radians}"
+            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for an "
+            "angle about an axis use {axis: [x, y, z], angle: 30 deg}"
         )
 
 
@@ -69,8 +69,9 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
     """A whole number beyond half a turn: as radians nobody writes it, as degrees many do."""
     if isinstance(angle, (int, float)) and abs(angle) > math.pi and angle == round(angle):
         yield (
-            f"{key}: {angle:g} is in radians, {math.degrees(angle):.4g} degrees; for {angle:g} "
-            f"degrees write {angle:g} deg, for radians {angle:g} rad"
+            f"{key}: {angle:g} is in radians ({math.degrees(angle):.4g} degrees); use "
+            f"{angle:g} deg "
+            f"for degrees, or {angle:g} rad to confirm radians"
         )
 
 

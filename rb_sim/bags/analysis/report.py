@@ -90,7 +90,7 @@ def _bodies(found: Analysis) -> str:
         apart = body.as_dict().get("apart")
         if apart is not None:
             rows.append(_row([name, f"{apart['force']:.3g}", f"{apart['torque']:.3g}"]))
-    title = "Inverse dynamics from the poses against recorded wrenches, RMS apart"
+    title = "Inverse dynamics against recorded wrenches: RMS difference"
     return _table(title, ["body", "force [N]", "torque [N m]"], rows) if rows else ""
 
 
@@ -107,8 +107,8 @@ def _balances(found: Analysis) -> str:
                 numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
                 numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
                 rows.append(_row([f"{name} {what}".strip(), *numbers]))
-    heads = ["balance", "left", "of", "half the samples change it by", "noise makes up to"]
-    return _table("Change less what is known to have acted", heads, rows) if rows else ""
+    heads = ["balance", "left", "of", "sampling error", "noise up to"]
+    return _table("Balance errors", heads, rows) if rows else ""
 
 
 def _constraints(found: Analysis) -> str:

@@ -152,18 +152,21 @@ def notes(result: Explanation) -> list[str]:
     if result.run is not None:
         without, checked = result.run.unchecked, result.run.checked
         lines.append(
-            f"A run takes {without:.2g} s, or {checked:.2g} s with its accuracy checks, which include "
+            f"A run takes {without:.2g} s, or {checked:.2g} s with its accuracy checks, "
+            "which include "
             "a second run for the global error (--no-check omits it)."
         )
     if events is not None:
         lines.append(
-            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; the cost of "
+            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; "
+            "the cost of "
             "a part includes that of the contacts that it keeps closed."
         )
         steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
         if events.count and not events.nanoseconds > 0.0:
             lines.append(
-                f"Cost of {counted(events.count, 'event')}: not measurable (small beside the steps)."
+                f"Cost of {counted(events.count, 'event')}: not measurable (small beside the "
+                "steps)."
             )
         elif events.count:
             lines.append(

@@ -283,7 +283,8 @@ class ContactMotion(StrikingMotion):
         instant = self._instant(t, y)
         if not self._leapt_over(instant, c):
             raise SimulationError(
-                f"no consistent contact state found at t = {t:.9g} s (contact {self.names[c]}): {TOOL}"
+                f"no consistent contact state found at t = {t:.9g} s (contact "
+                f"{self.names[c]}): {TOOL}"
             )
         self._go_on(instant, None)
 

@@ -325,7 +325,8 @@ class StrikingMotion(EventStepping):
             return
         if c is None and near and not instant.touching():
             raise SimulationError(
-                f"no friction forces found for compliant contacts ({self.names[near[0]]} and others) "
+                f"no friction forces found for compliant contacts ({self.names[near[0]]} and "
+                "others) "
                 f"that hardly slip at t = {instant.t:.9g} s: {TOOL}"
             )
         c = least_lifted(instant) if c is None else c

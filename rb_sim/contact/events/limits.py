@@ -115,7 +115,8 @@ def refuse_drag(t: float, name: str) -> None:
     """Raise SimulationError: a viscous contact's drag, which does not wait for a push, lifts its
     body off, and without it the body falls back."""
     raise SimulationError(
-        f"viscous contact {name} can neither stay closed nor open at t = {t:.9g} s: its drag, which "
+        f"viscous contact {name} can neither stay closed nor open at t = {t:.9g} s: its "
+        "drag, which "
         "does not depend on the normal force, lifts the body; set friction.per_normal or use "
         "regularised friction"
     )
