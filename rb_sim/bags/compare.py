@@ -99,8 +99,8 @@ class Differences:
         lines += [f"{name}: {line}" for name, line in self.units.items()]
         if self.unaligned:
             first, last = (shown_offset(other.clocks.offset) for other in self.unaligned)
-            lines.append(f"the best offset is {first} at the start and {last} at the end: more than "
-                         "clocks drift, so the motions differ; bounds are checked with both "
+            lines.append(f"the best offset is {first} at the start and {last} at the end: more "
+                         "than clocks drift, so the motions differ; bounds are checked with both "
                          "offsets as well")  # fmt: skip
         for name, doubts in self.doubts.items():
             told = [

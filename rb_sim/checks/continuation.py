@@ -96,7 +96,7 @@ def _hastened(run: Motion, faster: float) -> Any:
     return y if isinstance(run.coordinates, np.ndarray) else tuple(y.tolist())
 
 
-# Whether a motion that cannot go on has come to a dead point, which no step mends.
+# Whether a motion that cannot go on has come to a singular configuration, which no step mends.
 #
 # There s of `singular_configuration` falls to zero: as |x| where the motion passes a change point,
 # as the root of x where a drive comes to the end of its way.  The last states tell
@@ -111,7 +111,7 @@ STEPS = 2.0
 
 
 def dead_end(simulation: Any, t: Array, rows: Array) -> DeadPoint | None:
-    """The dead point at which the run of a Simulation has failed, if it is one.
+    """The singular configuration at which the run of a Simulation has failed, if it is one.
 
     t, rows: its last samples.
     """

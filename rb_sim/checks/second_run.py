@@ -283,9 +283,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     if choice is not None and not choice.reached:
         what, advice = "smallest global error that can be assured [m, rad]", choice.reason
         return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
-    figure, bound, of = error.relative, BOUND, "relative to the motion,"
+    figure, bound, of = error.relative, BOUND, ", relative to the motion,"
     if choice is not None and error.pose > choice.target:
-        figure, bound, of = error.pose, choice.target, "[m, rad]"
+        figure, bound, of = error.pose, choice.target, " [m, rad]"
     if not error.known or not figure > bound:
         return None
     step = getattr(simulation.method, "step", None)
@@ -302,7 +302,7 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
         tighter = round_down(max(tolerance * 0.3 * bound / known, TIGHTEST))
         finer, advice = None, f"try tolerance {tighter:g}; if the error stays, the motion is "
         advice += "chaotic or unstable"
-    what = f"estimate by a second run ({error.by}) {of}"
+    what = f"estimate by a second run ({error.by}){of}"
     return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
 
 

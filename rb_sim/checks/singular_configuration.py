@@ -350,12 +350,12 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
     return np.stack(quaternion_rate(*parts), axis=-1)
 
 
-# Whether constraints come to depend on each other on the way: a dead point, or the end of a way.
+# Whether constraints become dependent during a run: a singular configuration.
 #
 # Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
 # lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
-# does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
-# its sides.  What comes after one, the laws of motion do not decide.
+# does, so that around a singular configuration the samples of s make a V whose two lowest add up to
+# one step of its sides.  The motion beyond it is not unique.
 #
 # Where lines depend on each other for good some are left out, in loops those that are chosen after
 # each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
@@ -423,7 +423,7 @@ class DeadPoint(NamedTuple):
 
 
 class Conditioning:
-    """Follows s over the samples of a run; `found` is the first dead point, if there was one.
+    """Follows s over the samples of a run; `found`: its first singular configuration, or None.
 
     compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
     """
@@ -514,7 +514,7 @@ class Conditioning:
         way = interval * float(max(spin, speed.max() / self._system.length))
         too_fast, before = ROUGH * way > RESOLVED, self._too_fast
         self._too_fast = too_fast
-        if too_fast and before:  # what only now is too fast may be about to come to a dead point
+        if too_fast and before:  # only now too fast: it may approach a singular configuration
             return None
         stride = ROUGH
         while stride < ROUGHEST and 4.0 * stride * way <= RESOLVED:
@@ -530,7 +530,7 @@ class Conditioning:
         return owners[part_of(self._system, line)]
 
     def told(self, t: float, least: float, line: int) -> DeadPoint:
-        """The dead point at t where s of this line comes to zero."""
+        """The singular configuration at t where s of this line comes to zero."""
         return DeadPoint(t, least, self._owner(self._watched[line]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:

@@ -180,7 +180,7 @@ def strayed(
         found = _apart(*rows, times[:count], measures, bodies, trials[0].event_driven)
     if len(half) < len(whole):
         t = float(times[len(half) - 1]) if len(half) else 0.0
-        early = Strayed(1.0 - t / float(times[len(whole) - 1]), t, "", "time")
+        early = Strayed(1.0 - t / float(times[len(whole) - 1]), t, "", "duration")
         found = max(found, early)
     return found._replace(upto=float(times[len(whole) - 1]) if len(whole) else 0.0)
 

@@ -17,8 +17,8 @@ Wrench = Annotated[
     list[str] | None,
     typer.Option(
         metavar="[BODY=]TOPIC",
-        help="Topic of an applied wrench in a bag not recorded by rb_sim (repeatable: they add up), "
-        "or none.",
+        help="Topic of an applied wrench in a bag not recorded by rb_sim, or none; repeatable: "
+        "they add up.",
         show_default="by frame and name",
     ),
 ]

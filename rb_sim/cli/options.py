@@ -76,7 +76,7 @@ Accelerations = Annotated[
     bool,
     typer.Option(
         "--accelerations",
-        help="Record linear and angular accelerations of the bodies: bag (BODY/accel), plots, .npz.",
+        help="Record accelerations of the bodies: bag (BODY/accel), plots, .npz.",
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print warnings and errors only.")]

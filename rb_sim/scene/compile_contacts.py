@@ -167,7 +167,9 @@ def check_contacts(
         gap = system.touch[c, GAP] / system.length
         if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
             amount = abs(float(system.touch[c, GAP]))
-            problem = f"{'overlap' if gap < 0.0 else 'gap'} of {amount:.2g} m at the start"
+            string = scene.constraints[name.split("/")[0]].type == "string"
+            what = "stretch" if string else "overlap" if gap < 0.0 else "gap"
+            problem = f"{what} of {amount:.2g} m at the start"
             refuse_initial(scene, name, problem)
         slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:

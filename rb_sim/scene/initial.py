@@ -10,7 +10,15 @@ from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.mechanics.initial_projection import lines_matrix, relative, start_on_manifold
 from rb_sim.mechanics.samples import SampleLayout
-from rb_sim.mechanics.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH, MultiBody
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    INERTIA,
+    MASS,
+    PARENT,
+    WIDTH,
+    MultiBody,
+    angles,
+)
 from rb_sim.mechanics.systems.multipliers import write_rows
 from rb_sim.numerics.rank import Ranked, null_space, ranked
 from rb_sim.scene.place import InitialPlace
@@ -162,6 +170,9 @@ def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> 
 MISFIT = 1e-6
 """Relative violation of a constraint up to which an initial state is taken as rounded."""
 
+UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s")}
+"""Of what a start violates: of a length, of an angle."""
+
 ON_MANIFOLD = 1e-9
 """Relative violation above which constraints that were to be satisfied contradict each other."""
 
@@ -204,15 +215,15 @@ def check_maximal(
     except ZeroDivisionError:
         refuse_lines(scene, "have no direction: points that must be apart coincide")
     lines = before.shape[1]
-    units = zip(("position", "velocity"), scales, ("m", "m/s"), strict=True)
-    misfits = zip(units, relative(system, before, *scales), strict=True)
-    for (what, scale, unit), error in (
-        misfits if lines and not scene.simulation.project_initial else ()
-    ):
+    checked = not scene.simulation.project_initial and lines > 0
+    misfits = zip(UNITS, before, relative(system, before, *scales), strict=True)
+    for what, amounts, error in misfits if checked else ():
         if error.max() > MISFIT:
-            owner = owners[part_of(system, int(error.argmax()))]
-            amount = f"{error.max() * scale:.2g} {unit}"
-            refuse_initial(scene, owner, f"the initial {what} violates it by {amount}")
+            line = int(error.argmax())
+            turns = angles([constraint.row for constraint in system.constraints])[line]
+            amount = f"{amounts[line]:.2g} {UNITS[what][turns]}"
+            problem = f"the initial {what} violates it by {amount}"
+            refuse_initial(scene, owners[part_of(system, line)], problem)
     if not (relative(system, after, system.length, system.speed) <= ON_MANIFOLD).all():  # nor NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",

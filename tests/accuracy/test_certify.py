@@ -189,7 +189,7 @@ def test_a_run_that_ends_early_is_certified_up_to_there() -> None:
     )
     simulation = Simulation(scene)
     found = certify(simulation.compiled, simulation.setting, scene.simulation)
-    with pytest.raises(SimulationError, match="left the end of its guide"):
+    with pytest.raises(SimulationError, match="passed the end of its guide"):
         simulation.run()
     assert 0.9 * simulation.time < found.known_until <= simulation.time + 0.02
     assert 0.0 < found.errors[0] < 1e-8

@@ -154,7 +154,7 @@ def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
     monkeypatch.setattr(step_costs, "LONGEST_RUN", 0.0)
     told = explain(swing())
     assert 0.0 < told.seen_until < told.duration == 10.0
-    assert any(line.startswith("Looked at up to t = ") for line in notes(told))
+    assert any(line.startswith("Measured up to t = ") for line in notes(told))
     assert all(part.cost is not None for part in told.constraints + told.effects)
 
 
@@ -208,7 +208,7 @@ def test_a_run_that_ends_early_is_explained_up_to_there() -> None:
         ([("fixed_axis", 5)], "5 constraint rows, "),
         (
             [("contact", 3)],
-            " at the start, 3 constraint rows of contacts, each while it is closed,",
+            " of the start, 3 constraint rows of closed contacts,",
         ),
         ([("weld", 6), ("contact", 3), ("string", 1)], " 6 constraint rows and 4 of contacts,"),
     ],

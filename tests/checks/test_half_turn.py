@@ -67,7 +67,7 @@ def test_the_first_half_turn_is_told_with_its_time() -> None:
     told = found(wheel(k, reaching(over, k), 200.0))
     assert told is not None and told.where == "coil"
     assert told.t == pytest.approx(math.asin(math.pi / over) / n, abs=2.0 / 200.0)
-    assert "torque has jumped" in str(told)
+    assert "torque has changed sign" in str(told)
 
 
 @pytest.mark.parametrize("rate", [40.0, 20.0, 8.0])

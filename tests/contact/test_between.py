@@ -149,7 +149,7 @@ def test_what_cannot_be_is_refused_in_a_line():
     refused(
         r"constraints\.heap\.parent: got 'a'; must be left out", two, between("all", parent="a")
     )
-    refused(r"constraints\.heap: body cannot be given", two, between("all", body="a"))
+    refused(r"constraints\.heap: body cannot be combined", two, between("all", body="a"))
     refused(r"constraints\.heap\.restitution", two, between("all", restitution=2.0))
     refused("box and cylinder", {"a": box([0, 0, 0]), "b": roller}, between("all"))
     refused("overlap of a and b", two | {"b": ball([0.15, 0, 0])}, between("all"))

@@ -294,5 +294,5 @@ def test_a_scene_without_a_series_is_refused_in_one_line(name: str) -> None:
 
 
 def test_a_tolerance_is_needed() -> None:
-    with pytest.raises(SceneError, match="left out for method taylor"):
+    with pytest.raises(SceneError, match="omitted for method taylor"):
         load_scene(HINGED, method="taylor", step=0.01)

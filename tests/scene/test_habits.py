@@ -37,7 +37,7 @@ def test_an_angle_in_degrees_is_refused_with_its_radians():
 def test_a_whole_number_of_radians_beyond_half_a_turn_gets_one_line(angle):
     (line,) = lines(scene({"axis": [0, 0, 1], "angle": angle}))
     assert f"bodies.a.orientation.angle: {angle:g} is in radians" in line
-    assert f"write {angle:g} deg, for radians {angle:g} rad" in line
+    assert f"use {angle:g} deg for degrees, or {angle:g} rad" in line
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_an_angle_may_say_its_unit(text, radians):
 
 @pytest.mark.parametrize("text", ["5", "5 grad", "deg", "1.2.3 deg", "1e999 deg", ""])
 def test_a_text_that_is_no_angle_is_refused(text):
-    with pytest.raises(SceneError, match=r"angle: got .*must be a number of radians, or a text"):
+    with pytest.raises(SceneError, match=r"angle: got .*must be a number in radians, or a text"):
         load_scene(scene({"axis": [0, 0, 1], "angle": text}))
 
 

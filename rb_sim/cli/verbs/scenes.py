@@ -87,8 +87,8 @@ def find_moving(name_or_path: str) -> Path:
     path, at_rest = find_moving_or_at_rest(name_or_path)
     if at_rest:
         raise RbSimError(
-            f"{name_or_path}: is of bodies at rest, which do not move; "
-            f"for their reactions: rb_sim statics {name_or_path}"
+            f"{name_or_path}: is a statics scene (bodies at rest); use rb_sim statics "
+            f"{name_or_path}"
         )
     return path
 

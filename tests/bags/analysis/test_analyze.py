@@ -93,8 +93,8 @@ def spoilt(kind: str, folder: Path) -> Path:
     ("kind", "note"),
     [
         ("gaps", ""),
-        ("nan", "10 readings with NaN or infinity are left out"),
-        ("zero quaternion", "1 readings with a quaternion of length 0 are left out"),
+        ("nan", "10 readings with NaN or infinity skipped"),
+        ("zero quaternion", "1 readings with a quaternion of length 0 skipped"),
         ("time back", "time goes back 1 times"),
     ],
 )
@@ -396,7 +396,7 @@ def test_noise_of_the_poses_is_told():
     figures.add(t, np.c_[p + rng.normal(0, 3e-3, p.shape), q])
     figures.finish()
     (note,) = figures.notes
-    assert note.startswith("its poses or stamps are noisy")
+    assert note.startswith("acceleration from poses is mostly noise")
     told = float(note.split(" of its accelerations ")[1].split()[0])
     wrench = figures.wrench.as_dict()["values"]
     exact = 4.5 * np.sin(3.0 * t[4:-4])
