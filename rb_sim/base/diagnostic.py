@@ -10,13 +10,144 @@ from typing import Any, NamedTuple
 from rb_sim.base.errors import AccuracyWarning
 
 
+class Check(NamedTuple):
+    """An accuracy check, for the reference page of messages."""
+
+    quantity: str
+    limit: str
+    cause: str
+    cure: str
+
+
+FINER = "the step that the message names, or an adaptive method with a tolerance"
+
+CHECKS: dict[str, Check] = {
+    "global error": Check(
+        "difference from a second run with half the step or a tenth of the tolerance, relative to "
+        "the motion",
+        "0.01; with `method: auto` its tolerance",
+        "step or tolerance too large; a chaotic or unstable motion",
+        "the setting that the message names; for chaos a shorter duration",
+    ),
+    "auto": Check(
+        "smallest global error that can be assured [m, rad]",
+        "the tolerance",
+        "round-off, chaos or an instability exceeds the tolerance of `method: auto`",
+        "a larger tolerance or a shorter duration",
+    ),
+    "energy": Check(
+        "change of energy minus work, relative to the energy exchanged; or energy gained in contacts",
+        "10 x tolerance x steps, between 1e-9 and 1e-3; fixed step 1e-3, first order 2e-2; gained in contacts "
+        "1e-2",
+        "step or tolerance too large for the fastest motion or the stiffest spring",
+        FINER + "; for stiff springs `radau5`",
+    ),
+    "momentum": Check(
+        "change of linear momentum minus impulse, relative to the largest momentum",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "angular momentum": Check(
+        "change of angular momentum minus angular impulse, relative to the largest",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "residual": Check(
+        "largest violation of a constraint, relative to the scene's size or speed",
+        "1e-9; 1e-6 with contacts",
+        "constraints that contradict each other; `time_stepping` is of first order",
+        "check the constraint that the message names; a smaller step; `dopri853`",
+    ),
+    "inside": Check(
+        "penetration of a shape into the support of a contact that lists points [m]",
+        "1e-3 of the shape's size",
+        "only the listed points make contact",
+        "more points, or none so that the whole shape makes contact",
+    ),
+    "singular configuration": Check(
+        "number of constraint equations that become dependent",
+        "0",
+        "the linkage passes a position in which it can continue in several ways",
+        "end the run before, or change lengths or drives so that it is not reached",
+    ),
+    "step": Check(
+        "velocity error of one fixed step or of all, by doubling steps; difference from a run with "
+        "half the step",
+        "one step 0.01 (first order 0.1), all steps 0.1 (0.5); 0.05 of the motion; 0.02 rad",
+        "the fixed step does not resolve the motion",
+        FINER,
+    ),
+    "turn": Check(
+        "rotation of a body in one fixed step [rad]",
+        "pi",
+        "the step is longer than half a turn of the fastest body",
+        FINER,
+    ),
+    "half turn": Check(
+        "angle of a torsion spring [rad]",
+        "pi",
+        "its angle is taken from -pi to pi, so the torque changes sign at half a turn",
+        "keep the spring within half a turn, or use several in series",
+    ),
+    "time": Check(
+        "rounding of the time relative to the step or sample period",
+        "1/16",
+        "times so large that double precision cannot resolve the step",
+        "start the time at 0",
+    ),
+    "events": Check(
+        "contact events between two samples",
+        "50",
+        "a contact chatters: it opens and closes continually",
+        "`method: time_stepping`",
+    ),
+    "solver": Check(
+        "residual of the contact solver relative to the largest impulse",
+        "1e-6",
+        "`time_stepping` did not solve the friction problem of some steps",
+        "a smaller step; contact forces of these steps have an error of this size",
+    ),
+    "running contact": Check(
+        "share of the steps with a contact point that runs around its body, or energy lost there",
+        "0; energy 0.02 of the exchanged",
+        "contact points move far within a step of `time_stepping`",
+        "a smaller step, or an event-driven method",
+    ),
+    "aim": Check(
+        "speed given along a contact normal that rotated within the step, relative to the scene's",
+        "0.05",
+        "the step of `time_stepping` is too long for the rotation",
+        "the step that the message names",
+    ),
+    "paradox": Check(
+        "share of the steps of `time_stepping` with several solutions (Painleve's paradox)",
+        "0",
+        "rigid bodies with large friction: the contact problem has several solutions",
+        "an event-driven method, which says which is taken; less friction or a compliant support",
+    ),
+    "rough": Check(
+        "share of the steps of `time_stepping` in which a perfectly rough contact slips",
+        "0",
+        "no friction force stops the slip without lifting the body",
+        "coulomb friction, or an event-driven method",
+    ),
+    "ambiguous": Check(
+        "difference between solutions of the contact problem that are all admissible",
+        "the tolerance; 1e-3",
+        "impact or friction laws leave several solutions, or round-off decides between them",
+        "if the message names a setting, use it; else take the result as one of several",
+    ),
+}
+"""Every check by its name, which a warning begins with."""
+
+
 class Finding(NamedTuple):
     """One loss of accuracy; each check reports its first."""
 
     watch: str
-    """which: global error, auto, energy, momentum, angular momentum, residual, inside,
-    singular configuration, step, time, turn, half turn, events, solver, running contact, aim,
-    paradox, rough, ambiguous."""
+    """name of the check, a key of CHECKS."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float

@@ -19,13 +19,22 @@ from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
-from rb_sim.scene.schema import FIXED_STEP_METHODS, TOLERANCE_METHODS, Scene, SimulationOptions
+from rb_sim.scene.schema import (
+    FIXED_STEP_METHODS,
+    TOLERANCE_METHODS,
+    Body,
+    Scene,
+    SimulationOptions,
+)
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
 
 
 SHOWN = 12
 """Names that one line lists."""
+
+DENSEST = 3e5
+"""Density [kg/m^3] beyond which a mass is taken for grams: osmium has 2.3e4, water in grams 1e6."""
 
 FAR_FROM_UNIT = 1e-2
 """Of the length of a quaternion: two digits of each component leave less."""
@@ -40,6 +49,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
             yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
+        yield from _grams(name, scene.bodies[name])
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
     if others := [f"{name} -> {to}" for name, to in called.items() if name != to]:
         more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
@@ -72,6 +82,16 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
             f"{key}: {angle:g} is in radians ({math.degrees(angle):.4g} degrees); use "
             f"{angle:g} deg "
             f"for degrees, or {angle:g} rad to confirm radians"
+        )
+
+
+def _grams(name: str, body: Body) -> Iterator[str]:
+    """A mass of more than any solid has in the ball around the body's shape."""
+    reach = 0.0 if body.shape is None else body.shape.reach
+    if reach > 0.0 and body.mass > DENSEST * 4.0 / 3.0 * math.pi * reach**3:
+        yield (
+            f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
+            f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
         )
 
 

@@ -88,3 +88,43 @@ def test_a_scene_in_which_nothing_moves():
     assert not any(
         "nothing" in line for line in lines(scene([0, 0, 0, 1], constraints={"d": drive}))
     )
+
+
+def one_error(data: dict[str, Any]) -> str:
+    with pytest.raises(SceneError) as caught:
+        load_scene(data)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+BALL = {"mass": 0.5, "shape": {"type": "sphere", "radius": 0.05}}
+
+
+def test_grams_get_one_line_with_the_kilograms():
+    (line,) = lines({"bodies": {"ball": BALL | {"mass": 500.0}}, "effects": WEIGHT})
+    assert "bodies.ball.mass: 500 kg within a radius of 0.05 m" in line and "grams: 0.5" in line
+    assert lines({"bodies": {"ball": BALL | {"mass": 12.0}}, "effects": WEIGHT}) == []  # osmium
+
+
+@pytest.mark.parametrize("given", [[0.1, 0.2, 0.3], {"roll": 0.1, "pitch": 0.2, "yaw": 0.3}])
+def test_roll_pitch_yaw_is_refused_with_what_is_taken(given):
+    text = one_error(scene(given))
+    assert "bodies.a.orientation" in text and "axis" in text
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"bodies": {"a": BALL | {"mass": "500 g"}}}, "bodies.a.mass: got '500 g'; must be a number"),
+        ({"bodies": {"a": BALL | {"positon": [0, 0, 1]}}}, "bodies.a.positon"),
+        ({"bodies": {"a": BALL}, "gravity": 9.81}, "gravity"),
+        ({"bodies": {"a": BALL}, "effects": {"g": {"type": "gravity", "acceleration": -9.81}}},
+         "effects.g.acceleration: got -9.81; must be"),
+        ({"bodies": {"a": BALL}, "constraints": {"h": {"type": "revolute", "body": "a"}}},
+         "fixed_axis"),
+        ({"bodies": {"a": BALL | {"inertia": [[1, 0], [0, 1]]}}}, "3 principal moments"),
+    ],
+)  # fmt: skip
+def test_habits_of_other_programs_are_refused_in_one_line(data, words):
+    assert words in one_error(data)
