@@ -36,9 +36,10 @@ CHECKS: dict[str, Check] = {
         "a larger tolerance or a shorter duration",
     ),
     "energy": Check(
-        "change of energy minus work, relative to the energy exchanged; or energy gained in contacts",
-        "10 x tolerance x steps, between 1e-9 and 1e-3; fixed step 1e-3, first order 2e-2; gained in contacts "
-        "1e-2",
+        "change of energy minus work, relative to the energy exchanged; or energy gained in "
+        "contacts",
+        "10 x tolerance x steps, between 1e-9 and 1e-3; fixed step 1e-3, first order 2e-2; gained "
+        "in contacts 1e-2",
         "step or tolerance too large for the fastest motion or the stiffest spring",
         FINER + "; for stiff springs `radau5`",
     ),

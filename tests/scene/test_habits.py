@@ -116,7 +116,7 @@ def test_roll_pitch_yaw_is_refused_with_what_is_taken(given):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        ({"bodies": {"a": BALL | {"mass": "500 g"}}}, "bodies.a.mass: got '500 g'; must be a number"),
+        ({"bodies": {"a": BALL | {"mass": "500 g"}}}, "mass: got '500 g'; must be a number"),
         ({"bodies": {"a": BALL | {"positon": [0, 0, 1]}}}, "bodies.a.positon"),
         ({"bodies": {"a": BALL}, "gravity": 9.81}, "gravity"),
         ({"bodies": {"a": BALL}, "effects": {"g": {"type": "gravity", "acceleration": -9.81}}},
