@@ -37,7 +37,7 @@ from rb_sim.sweeps.plan import load_plan, points
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 STEPPING = "time_stepping"
 PUSH = {"type": "commanded_wrench"}
-"""An effect that time stepping leaves to Python, which calls the solvers one by one."""
+"""An effect whose law the loops call by its address."""
 PLAN = {
     "scene": "heavy_top",
     "vary": {"spin": {"path": "bodies.top.angular_velocity[1]", "uniform": [20.0, 150.0]}},

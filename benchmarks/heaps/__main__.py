@@ -3,9 +3,9 @@
 Each heap is stepped at 1 ms from its start for two seconds, in four parts; told are the CPU time
 of a step in the first part (falling, settling) and the least of the others, the deepest overlap at
 the ends of the parts, how far any body moved in the last half second, and of rb_sim how many steps
-its solver left unsolved, and how far the law of a contact gave way.  Then a cube of 216 balls that
-falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at three steps, which takes some ten
-minutes of CPU time: `--part` runs one of the three alone.  The tables are
+its solver left unsolved, and how far the law of a contact gave way.  Then what effects cost a stack of
+five, a cube of 216 balls that falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at three steps, which takes some ten
+minutes of CPU time: `--part` runs one of the four alone.  The tables are
 written to docs/heaps.md as they come; a part that is not run stays.
 """
 
@@ -24,7 +24,7 @@ from benchmarks.heaps import scenes
 from benchmarks.heaps.engines import ENGINES
 from benchmarks.heaps.overlap import deepest
 
-PAGE_PARTS = ("heaps", "dropped", "stacks")
+PAGE_PARTS = ("heaps", "effects", "dropped", "stacks")
 """Sections of the page, in their order."""
 STEP, PARTS, PART = 1e-3, 4, 500
 HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
@@ -56,6 +56,36 @@ at the ends of these parts; largest way of a body in the last of them.
 | heap | engine | first | later | overlap [m] | moved [m] | solver |
 |---|---|---|---|---|---|---|
 """
+EFFECTS = "\n## What effects cost"
+EFFECT_ROWS: dict[str, dict[str, Any]] = {
+    "weight alone": {},
+    "a commanded wrench": {"push": {"type": "commanded_wrench", "body": "b4"}},
+    "a spring": {
+        "spring": {
+            "type": "spring",
+            "body": "b4",
+            "point_A": [0.0, 0.0, 1.0],
+            "stiffness": 1.0,
+            "rest_length": 0.5,
+        }
+    },
+    "drag of each box": {
+        f"drag{i}": {"type": "linear_drag", "body": f"b{i}", "coefficient": 0.1} for i in range(5)
+    },
+}
+COSTS = (
+    EFFECTS
+    + """
+{written}
+The stack of 5 boxes at 1 ms with more effects than its weight, which runs in turn with the others:
+CPU microseconds a step, median of {rounds} rounds of {count} steps, and over that of the weight
+alone.
+
+| effects | CPU a step [us] | ratio |
+|---|---|---|
+"""
+)
+ROUNDS = 15
 DROPPED = "\n## 216 balls dropped"
 FALLS = (
     DROPPED
@@ -106,6 +136,23 @@ def fallen(engine: Any, mapping: dict[str, Any]) -> str:
     return " | ".join([*cells, f"{worst:.1e}", engine.note()])
 
 
+def costs_of_effects() -> dict[str, float]:
+    """CPU microseconds of a step of the stack with the effects of each row."""
+    engines = {}
+    for name, more in EFFECT_ROWS.items():
+        mapping = scenes.stack(5)
+        mapping["effects"] |= more
+        engines[name] = ENGINES["rb_sim"](mapping, STEP)
+        engines[name].run(PART)
+    found: dict[str, list[float]] = {name: [] for name in engines}
+    for _ in range(ROUNDS):
+        for name, engine in engines.items():
+            began = time.process_time()
+            engine.run(PART)
+            found[name].append(1e6 * (time.process_time() - began) / PART)
+    return {name: float(np.median(costs)) for name, costs in found.items()}
+
+
 def stood(count: int, step: float, stand: float) -> str:
     """The cells of one stack."""
     engine = ENGINES["rb_sim"](scenes.stack(count), step)
@@ -132,7 +179,9 @@ def main() -> None:
     before = options.out.read_text() if options.out.exists() else ""
     first, heading, stacks = before.partition(STACKS)
     heaps, name, dropped = first.partition(DROPPED)
-    kept = dict(zip(PAGE_PARTS, (heaps, name + dropped, heading + stacks), strict=True))
+    heaps, title, effects = heaps.partition(EFFECTS)
+    texts = heaps, title + effects, name + dropped, heading + stacks
+    kept = dict(zip(PAGE_PARTS, texts, strict=True))
     asked_for = PAGE_PARTS if options.part is None else (options.part,)
     at = PAGE_PARTS.index(asked_for[0])
     above = "".join(kept[part] for part in PAGE_PARTS[:at])
@@ -147,6 +196,11 @@ def main() -> None:
     if "heaps" in asked_for:
         tell(HEAD + TABLE.format(written=written))
         tell_heaps(options.heaps, options.engines, tell)
+    if "effects" in asked_for:
+        tell(COSTS.format(written=written, rounds=ROUNDS, count=PART))
+        costs = costs_of_effects()
+        for label, cost in costs.items():
+            tell(f"| {label} | {cost:.1f} | {cost / costs['weight alone']:.2f} |\n")
     if "dropped" in asked_for:
         tell(FALLS.format(written=written))
         for label in options.engines:

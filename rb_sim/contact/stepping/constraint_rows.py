@@ -16,11 +16,11 @@ from rb_sim.contact.solvers.graph import (
     SPINS,
     TURN_A,
     TURN_B,
+    VISCOUS,
     VISCOUS_PER_PUSH,
     Graph,
     rate_of,
 )
-from rb_sim.contact.solvers.graph import VISCOUS as VISCOUS_ALONE
 from rb_sim.contact.stepping.geometry import (
     CLOSED,
     GAP,
@@ -39,21 +39,16 @@ from rb_sim.contact.stepping.geometry import (
 from rb_sim.contact.stepping.normal_change import CROWDED, find_bend, straighten_crowds
 from rb_sim.contact.stepping.scene_tables import (
     BILATERAL,
-    COEFFICIENT,
     COMPLIANT,
-    COULOMB,
     DAMPING,
+    FIRST_CONSTANT,
     KINETIC,
-    LAW,
-    REGULARISED,
     RESTITUTION,
     ROLLING,
-    SLOW,
     SPINNING,
     STATIC,
     STIFFNESS,
-    VISCOUS,
-    VISCOUS_PER_NORMAL,
+    TRACTION,
 )
 from rb_sim.contact.stepping.step_workspace import (
     EXACT,
@@ -67,7 +62,7 @@ from rb_sim.contact.stepping.step_workspace import (
 )
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.kernels import call_law, inline, part, pointer
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -142,12 +137,13 @@ def speed_at(rows, k, y, b, a):
 
 @inline
 def write_rules(
-    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h
-):
+    scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h,
+    addresses, constants, traction,
+):  # fmt: skip
     """Friction, compliance and the target along the normal of contact i, which is point c.
 
     slides: its mode in the step before, negative where there was none; turning: velocities before
-    the loads.
+    the loads; addresses, constants: of the traced laws; traction: 9 numbers to work with.
     """
     k, bend = LINES * i, bends[i, 0]
     before = rate_of(rows, k, turning, b, a) - targets[k]
@@ -159,16 +155,20 @@ def write_rules(
     rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
-    law = laws[c, LAW]
-    if law != COULOMB:
-        rules[i, BOUND] = -1.0
-        rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] if law == VISCOUS_PER_NORMAL else 0.0
-        rules[i, VISCOUS_ALONE] = h * laws[c, COEFFICIENT] if law == VISCOUS else 0.0
-        if law == REGULARISED:
-            rounded = math.sqrt(slip * slip + laws[c, SLOW] * laws[c, SLOW])
-            rules[i, VISCOUS_PER_PUSH] = laws[c, COEFFICIENT] / rounded
-        if law != VISCOUS and is_impact(1.0, before - bend, now - bend):  # as in events.impulses
-            rules[i, BOUND] = rules[i, VISCOUS_PER_PUSH] * slip
+    if laws[c, TRACTION] != 0.0:
+        slip = max(slip, LEAVES * scales[1])
+        at = pointer(traction)
+        found = part(at, 3)
+        at[0], at[1], at[2] = slip, 0.0, 0.0
+        own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
+        call_law(addresses[int(laws[c, TRACTION])], 0.0, at, own, found)
+        per_push, alone = max(0.0, -found[0]), max(0.0, -found[3])
+        rules[i, VISCOUS_PER_PUSH], rules[i, VISCOUS] = per_push / slip, h * alone / slip
+        if laws[c, STATIC] == 0.0:
+            strikes = is_impact(1.0, before - bend, now - bend)  # as in problem.impacts
+            rules[i, BOUND] = per_push if per_push > 0.0 and strikes else -1.0
+        elif not stuck:
+            rules[i, BOUND] = per_push
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
         rules[i, GIVE] = 1.0 / (h * stiff)
@@ -327,7 +327,7 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
         gap = spots[c, GAP]
         write_rules(
             scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
-            i, c, b, a, h,
+            i, c, b, a, h, tables.addresses, tables.constants, workspace.traction,
         )  # fmt: skip
         normal = triple(spots, c, NORMAL)
         t1, t2 = perpendicular(normal)

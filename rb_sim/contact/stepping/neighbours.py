@@ -22,6 +22,7 @@ from rb_sim.contact.stepping.scene_tables import (
     RESTS,
     SIZES,
     Tables,
+    Tractions,
     flat,
     kind_of_pair,
     padded,
@@ -44,8 +45,10 @@ LEAST_MARGIN = 0.1
 class Neighbours:
     """Which pairs are near, and where their points stand in the tables."""
 
-    def __init__(self, compiled: Compiled, between: Between, fixed: Tables) -> None:
-        self._between, self._fixed = between, fixed
+    def __init__(
+        self, compiled: Compiled, between: Between, fixed: Tables, tractions: Tractions
+    ) -> None:
+        self._between, self._fixed, self._tractions = between, fixed, tractions
         self._points = len(fixed.owners)
         reactions = {name: k for k, name in enumerate(compiled.layout.reactions)}
         contacts = {name: k for k, name in enumerate(compiled.layout.contacts)}
@@ -78,7 +81,7 @@ class Neighbours:
         c = self._points
         for group, pair in self._between.near(y, margin):
             made, body, parent = self._between.placed(group, pair)
-            kinds, numbers, rules, pairs, per_entry = self._numbers_of(made)
+            kinds, numbers, rules, pairs, per_entry = self._numbers_of(made, group)
             self.first[group, pair] = c, len(rules)
             for kind in kinds:
                 entries.append((kind, body, parent, c, RESTS))
@@ -92,7 +95,7 @@ class Neighbours:
         near = np.concatenate((state[:, :3], self._between.radii[:, None]), axis=1)
         none = np.zeros((self._points, 4), np.int64)
         added = np.array(entries, np.int64).reshape(-1, 5)
-        tables = fixed._replace(
+        tables = self._tractions.written(fixed)._replace(
             entries=np.concatenate((fixed.entries, added)),
             sizes=np.concatenate((fixed.sizes, np.array(sizes).reshape(-1, SIZES))),
             motions=np.concatenate((fixed.motions, np.zeros((len(added), 8)))),
@@ -104,12 +107,13 @@ class Neighbours:
         )
         return tables, others
 
-    def _numbers_of(self, made: Any) -> Any:
+    def _numbers_of(self, made: Any, group: str) -> Any:
         if id(made) not in self._numbers:
             points = MOST_POINTS if made.boxes is not None else len(made.rows)
             laws = np.zeros((points, LAWS))
+            traction = self._tractions.of(made.rows[0].friction, group)
             for row in laws:
-                write_law(row, made.rows[0].friction, made.law)
+                write_law(row, traction, made.law)
             laws[:, ALONE] = points == 1
             if made.boxes is not None:
                 found = [BOX_BOX], [padded(made.boxes, SIZES)], laws, [None], MOST_POINTS

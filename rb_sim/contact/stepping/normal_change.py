@@ -31,7 +31,7 @@ from rb_sim.contact.stepping.geometry import (
     put,
     triple,
 )
-from rb_sim.contact.stepping.scene_tables import COMPLIANT, COULOMB, LAW, STATIC
+from rb_sim.contact.stepping.scene_tables import COMPLIANT, STATIC, TRACTION
 from rb_sim.contact.stepping.step_workspace import STUCK, TOO_FAR
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.kernels import inline
@@ -62,7 +62,7 @@ def has_turned(memory, spots, y, c, b, h):
 def sticks(memory, laws, c):
     """Whether the laws tell of the velocity across the normal of point c what it will be: not where
     it slips, since corners of a face that slips and turns bend apart and cannot all be held so."""
-    return memory[c, SLIDE] == STUCK or laws[c, LAW] != COULOMB
+    return memory[c, SLIDE] == STUCK or (laws[c, TRACTION] != 0.0 and laws[c, STATIC] == 0.0)
 
 
 @inline
@@ -99,7 +99,7 @@ def find_crowds(laws, active, ends, held, n):
         held[i] = 0.0
     for i in range(n):
         c, b, a = active[i], ends[i, 0], ends[i, 1]
-        lines = 3.0 if laws[c, LAW] != COULOMB or laws[c, STATIC] > 0.0 else 1.0
+        lines = 3.0 if laws[c, TRACTION] != 0.0 or laws[c, STATIC] > 0.0 else 1.0
         held[b] += lines
         if a >= 0:
             held[a] += lines

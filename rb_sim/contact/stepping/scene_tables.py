@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry import carriers, corners_and_rims, pairs, solids
 from rb_sim.catalogue.geometry.boxes import MOST_POINTS
 from rb_sim.catalogue.geometry.corners_and_rims import PointOnSolid
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, SphereSurface
+from rb_sim.graph.machine import interpreted
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, DEPENDENT
+from rb_sim.mechanics.contact.contact_laws import traction_law
+from rb_sim.mechanics.inputs import numbers
+from rb_sim.mechanics.laws import reference
 from rb_sim.scene.compiled import Compiled
 
 POINT_PLANE, BALL_PLANE, ELLIPSOID_PLANE, RIM_PLANE, BALL_SPHERE, BALL_CYLINDER = 0, 1, 2, 3, 4, 5
@@ -26,12 +32,13 @@ RESTS, TURNS, SHAKES = 0, 1, 2
 SIZES = 16
 NEAR_WIDTH = 4
 """Columns of Tables.near."""
-(STATIC, KINETIC, LAW, COEFFICIENT, SLOW, RESTITUTION, ROLLING, SPINNING,
- BILATERAL, COMPLIANT, STIFFNESS, DAMPING, ALONE, LAWS) = range(14)  # fmt: skip
-"""Columns of Tables.laws; SLOW: speed at which a regularised law is rounded [m/s]; ALONE: whether
-the contact has this point only."""
-COULOMB, VISCOUS, VISCOUS_PER_NORMAL, REGULARISED = 0, 1, 2, 3
-"""Kinds of friction; smooth is Coulomb's with coefficient 0."""
+(STATIC, KINETIC, TRACTION, FIRST_CONSTANT, RESTITUTION, ROLLING, SPINNING,
+ BILATERAL, COMPLIANT, STIFFNESS, DAMPING, ALONE, LAWS) = range(13)  # fmt: skip
+"""Columns of Tables.laws; TRACTION: place of its law of traction in Tables.addresses, 0 if KINETIC
+bounds the friction of what slips; FIRST_CONSTANT: where the constants of that law begin; ALONE:
+whether the contact has this point only."""
+LOADS = 0
+"""Place in Tables.addresses of the law of the effects other than gravity."""
 PERFECTLY_ROUGH = 1e300
 """Coefficient of what may not slip, which is infinite elsewhere."""
 
@@ -67,6 +74,12 @@ class Tables(NamedTuple):
     its body and on its parent, of the contact of the body and of the parent; (C, 4)."""
     margin: np.ndarray = np.zeros(1)
     """distance [m] below which pairs are neighbours."""
+    addresses: np.ndarray = np.zeros(1, np.int64)
+    """traced laws: of the loads of all effects but gravity (0: there are none), of tractions."""
+    inputs: np.ndarray = np.zeros(1)
+    """of the law of the loads, see mechanics.inputs; the last is not used."""
+    constants: np.ndarray = np.zeros(1)
+    """of the laws of traction; the last is not used."""
 
 
 def flat(row: Any) -> list[float]:
@@ -106,18 +119,82 @@ def kind_of_pair(pair: Any) -> int:
     return PLAIN.get(type(pair), OTHER)
 
 
-def friction_of(law: Any) -> tuple[int, float, float]:
-    """(kind, coefficient, speed) of a law of friction that does not stick; zeros of the others."""
-    if isinstance(law, friction.Viscous):
-        return VISCOUS, law.coefficient, 0.0
-    if isinstance(law, friction.ViscousPerNormal):
-        return VISCOUS_PER_NORMAL, law.coefficient, 0.0
-    if isinstance(law, friction.Regularised):
-        return REGULARISED, law.coefficient, law.speed
-    return COULOMB, 0.0, 0.0
+class Tractions:
+    """The traced laws of traction that the points of a scene have, and their constants.
+
+    A step takes friction as a round cone, or as a force against the slip in proportion to it; the
+    law says how wide the cone is, or how large the proportion, at the slip before the step.
+    """
+
+    def __init__(self) -> None:
+        self.laws: list[Any] = []
+        self.constants: list[float] = []
+        self._found: dict[Any, tuple[int, int]] = {}
+
+    def of(self, rubs: Any, name: str) -> tuple[int, int]:
+        """(place of its law in Tables.addresses, place of its first constant); zeros of friction
+        whose bound does not depend on the slip.
+
+        Raises SceneError if a step cannot take such a friction; name: of the contact.
+        """
+        if isinstance(rubs, friction.BOUNDED):
+            return 0, 0
+        if rubs not in self._found:
+            refuse_traction(rubs, name)
+            self.laws.append(traction_law(rubs))
+            self._found[rubs] = len(self.laws), len(self.constants)
+            self.constants += [value for _, value in numbers(rubs)]
+        return self._found[rubs]
+
+    def written(self, tables: Tables) -> Tables:
+        """The tables with the laws that are known so far."""
+        loads = tables.addresses[:1].tolist()
+        return tables._replace(
+            addresses=addresses([*loads, *map(reference, self.laws)]),
+            constants=np.array([*self.constants, 0.0]),
+        )
 
 
-def tables_of(compiled: Compiled) -> tuple[Tables, tuple[Any, ...]]:
+def addresses(found: Sequence[Any]) -> np.ndarray:
+    """Addresses of laws as loops take them; interpreted, the laws themselves."""
+    return np.array(found, object if interpreted() else np.int64)
+
+
+SLIPS = (0.01, 1.0, 30.0)
+"""[m/s]: speeds at which a law of friction is looked at."""
+ALONG = ((1.0, 0.0, 0.0), (0.0, 0.6, -0.8), (-0.36, 0.48, 0.8))
+ASKEW = 1e-9
+"""Part of a traction across the slip, or of one direction beside another, that is rounding."""
+
+
+def refuse_traction(rubs: Any, name: str) -> None:
+    """Raise SceneError unless the traction points against the slip, is as large in each direction,
+    and, if the contact sticks, is proportional to N."""
+    for speed in SLIPS:
+        sizes = []
+        for along in ALONG:
+            s = tuple(speed * x for x in along)
+            found = np.array(friction.traction(rubs, s, along, 0.0, False))
+            sizes.append(found @ along)
+            askew = np.abs(found - np.outer(sizes[-1], along)).max()
+            if askew > ASKEW * np.abs(found).max() or sizes[-1].max() > 0.0:
+                what = "a traction against the slip"
+                raise refused(rubs, name, what)
+        if np.ptp(np.array(sizes), axis=0).max() > ASKEW * np.abs(sizes).max():
+            raise refused(rubs, name, "the same traction in each direction")
+        if rubs.static > 0.0 and np.abs(np.array(sizes)[:, 1]).max() > 0.0:
+            raise refused(rubs, name, "a traction proportional to N if it can stick")
+
+
+def refused(rubs: Any, name: str, allowed: str) -> SceneError:
+    return SceneError(
+        f"got the law of friction {type(rubs).__name__}; must be one with {allowed} for method "
+        "time_stepping; event-driven methods take it",
+        key=f"constraints.{name.split('/')[0]}.friction",
+    )
+
+
+def tables_of(compiled: Compiled, tractions: Tractions) -> tuple[Tables, tuple[Any, ...]]:
     """(tables, the pairs of kind OTHER with None for the rest, in the order of the entries)."""
     system = compiled.system
     contacts = [placed for group in system.contacts for placed in group]
@@ -141,13 +218,13 @@ def tables_of(compiled: Compiled) -> tuple[Tables, tuple[Any, ...]]:
         entries=np.array(entries, np.int64).reshape(-1, 5),
         sizes=np.array(sizes).reshape(-1, SIZES),
         motions=np.array(motions).reshape(-1, 8),
-        laws=laws_of(compiled, contacts),
+        laws=laws_of(compiled, contacts, tractions),
         owners=np.array([[p.body, p.parent] for p in contacts], np.int64).reshape(-1, 2),
         joints=joint_ends(system.lines[:rows]),
         joint_rows=np.zeros((rows, system.rows.shape[1])),
         scales=np.array([system.length, system.speed]),
     )
-    return tables, tuple(others)
+    return tractions.written(tables), tuple(others)
 
 
 def joint_ends(lines: np.ndarray) -> np.ndarray:
@@ -169,21 +246,22 @@ def gravity_of(system: Any) -> np.ndarray:
     return total
 
 
-def laws_of(compiled: Compiled, contacts: list[Any]) -> np.ndarray:
+def laws_of(compiled: Compiled, contacts: list[Any], tractions: Tractions) -> np.ndarray:
     """The table of laws, one row per point."""
     table = np.zeros((len(contacts), LAWS))
     parts = compiled.system.members[:, 1 + len(compiled.system.constraints) :]
     several = parts[parts.sum(axis=1) > 1].any(axis=0)
     table[:, ALONE] = ~several
+    names = compiled.layout.contacts
     for c, (placed, law) in enumerate(zip(contacts, compiled.contact_laws, strict=True)):
-        write_law(table[c], placed.row.friction, law)
+        write_law(table[c], tractions.of(placed.row.friction, names[c]), law)
     return table
 
 
-def write_law(row: np.ndarray, rubs: Any, law: Any) -> None:
-    """Fill the row of a point in the table of laws; rubs: its friction."""
+def write_law(row: np.ndarray, traction: tuple[int, int], law: Any) -> None:
+    """Fill the row of a point in the table of laws; traction: as of `Tractions.of`."""
     row[[STATIC, KINETIC]] = min(law.static, PERFECTLY_ROUGH), min(law.kinetic, PERFECTLY_ROUGH)
-    row[[LAW, COEFFICIENT, SLOW]] = friction_of(rubs)
+    row[[TRACTION, FIRST_CONSTANT]] = traction
     row[[RESTITUTION, ROLLING, SPINNING]] = law.restitution, law.rolling_arm, law.spinning_arm
     row[[BILATERAL, COMPLIANT]] = law.bilateral, law.compliant
     row[[STIFFNESS, DAMPING]] = law.spring

@@ -43,6 +43,7 @@ from rb_sim.contact.stepping.scene_tables import (
     CYLINDER_SPHERE,
     FIRST,
     KIND,
+    LOADS,
     PARENT,
     RESTS,
 )
@@ -70,7 +71,7 @@ from rb_sim.contact.stepping.step_workspace import (
     WORK,
 )
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
-from rb_sim.numerics.kernels import entry, inline
+from rb_sim.numerics.kernels import call_law, entry, inline, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
 # Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
@@ -436,9 +437,24 @@ def note_aims(memory, workspace, t):
 
 
 @inline
+def add_loads(tables, workspace, t, y):
+    """Add the loads of all effects but gravity at (t, y)."""
+    law, n = tables.addresses[LOADS], tables.bodies.shape[0]
+    if law == 0:
+        return
+    loads = pointer(workspace.loads)
+    call_law(law, t, pointer(y), pointer(tables.inputs), loads)
+    for i in range(n):
+        for j in range(6):
+            tables.bodies[i, LOAD + j] += loads[6 * i + j]
+
+
+@inline
 def to_middle(tables, memory, workspace, t, y, h):
-    """Half a drift, and the spots there."""
+    """Half a drift, and the loads and the spots there."""
+    load_gravity(tables)
     drift(tables, y, 0.5 * h)
+    add_loads(tables, workspace, t + 0.5 * h, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
     leave_out(workspace)
@@ -501,7 +517,6 @@ def one_step(tables, memory, workspace, t, y, h):
 @inline
 def one_part(tables, memory, workspace, t, y, h):
     """A part of length h of a step, as it is a step; y in place."""
-    load_gravity(tables)
     to_middle(tables, memory, workspace, t, y, h)
     to_end(tables, memory, workspace, y, h)
     apart = False
@@ -545,7 +560,7 @@ def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memor
 
 
 STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP, STRAYED = range(10)
-"""Tasks of `run`: whole steps; to the middle of a step, with loads of gravity and spots there, to
+"""Tasks of `run`: whole steps; to the middle of a step, with loads and spots there, to
 which the rest is added from Python; from there to its end, where bodies may still overlap; spots
 there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
 places and velocities of the points, and the energy of what was lifted; length of the next part of a
@@ -564,7 +579,6 @@ def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory
     if task == STEPS:
         return steps(tables, memory, workspace, t, first, count, h, y, y_before, memory_before)
     if task == BEGIN:
-        load_gravity(tables)
         to_middle(tables, memory, workspace, t, y, h)
     elif task == FINISH:
         to_end(tables, memory, workspace, y, h)

@@ -125,6 +125,10 @@ class Workspace(NamedTuple):
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
     """impulses of the joints in them."""
+    loads: np.ndarray
+    """force (world) and torque (body) of the effects but gravity on each body, shape (6 N,)."""
+    traction: np.ndarray
+    """slip of a point and what its law of traction gives, shape (9,)."""
 
 
 def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
@@ -157,6 +161,8 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.full(points, -1.0),
         np.zeros((points, 6)),
         np.zeros(joints),
+        np.zeros(6 * bodies),
+        np.zeros(9),
     )
 
 

@@ -21,7 +21,14 @@ from rb_sim.catalogue.geometry.solids import Box
 from rb_sim.contact.grid_motion import GridMotion
 from rb_sim.contact.stepping import geometry, step_kernels
 from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
-from rb_sim.contact.stepping.scene_tables import BODY, FIRST, PARENT, tables_of
+from rb_sim.contact.stepping.scene_tables import (
+    BODY,
+    FIRST,
+    PARENT,
+    Tractions,
+    addresses,
+    tables_of,
+)
 from rb_sim.contact.stepping.step_workspace import (
     ASTRAY,
     ASTRAY_AT,
@@ -47,8 +54,9 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.independent import Dependent
-from rb_sim.mechanics.laws import CompiledLaws
+from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import (
@@ -56,7 +64,6 @@ from rb_sim.mechanics.systems.many_bodies import (
     MULTIPLIERS,
     MultiBody,
     anchor_all,
-    apply_effects,
     energetics,
     state_of,
 )
@@ -164,6 +171,11 @@ def joint_system(system: Any, rows: int) -> MultiBody:
     )
 
 
+def other_effects(system: Any) -> tuple[Any, ...]:
+    """The effects but gravity, whose loads the kernels know themselves."""
+    return tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+
+
 SUNK_IN_STEPS = 1e-3
 """Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
 MOST_AT_ONCE = 4096
@@ -174,24 +186,33 @@ class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        self._fixed, self._fixed_pairs = tables_of(compiled)
-        self._tables, self._pairs = self._fixed, self._fixed_pairs
+        tractions = Tractions()
+        tables, self._fixed_pairs = tables_of(compiled, tractions)
+        system = compiled.system
+        self._others = other_effects(system)
+        alone = system._replace(effects=self._others)
+        self._loads = ContactLaws(alone)
+        if self._others:
+            inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
+            found = [reference(self._loads.loads), *tables.addresses[1:]]
+            tables = tables._replace(addresses=addresses(found), inputs=inputs)
+        self._fixed = self._tables = tables
+        self._pairs = self._fixed_pairs
         between = compiled.between
-        self._near = None if between is None else Neighbours(compiled, between, self._fixed)
+        near = between is not None
+        self._near = Neighbours(compiled, between, tables, tractions) if near else None
         self._sides = tuple(
             sides
             for sides in compiled.sides
             if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
         )  # two boxes touch with their edges as well
-        system = compiled.system
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
         self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
     @property
     def plain(self) -> bool:
         """Whether all of the scene is in the tables."""
-        return not self._others and self._joints is None and not any(self._pairs)
+        return self._joints is None and not any(self._pairs)
 
     @property
     def unsolved_steps(self) -> int:
@@ -252,6 +273,7 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
+        self._take_inputs()
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
@@ -293,9 +315,16 @@ class SteppedContacts(GridMotion):
         for note in (LENGTH, FRESH):
             self._workspace.notes[note] = run._workspace.notes[note]
 
-    def change_law(self, system: Any) -> None:
-        super().change_law(system)
-        self._others = tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _take_inputs(self) -> None:
+        """Commands and tables from now on."""
+        self._others = other_effects(self.system)
+        if self._others:
+            system = self.system._replace(effects=self._others)
+            self._fixed.inputs[:-1] = self._loads.inputs.values(system, self.time)
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -423,7 +452,6 @@ class SteppedContacts(GridMotion):
         tables = self._tables
         self._do(step_kernels.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
-        self._add_loads(t + 0.5 * h, y)
         if self._joints is not None:
             tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
         self._do(step_kernels.FINISH, memory, t, y, h)
@@ -459,7 +487,7 @@ class SteppedContacts(GridMotion):
             A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
             try:
                 at, spots, c = touching(pair, B, A), self._workspace.spots, int(kind[FIRST])
-            except ArithmeticError:  # Python divides by no number; see _add_loads
+            except ArithmeticError:  # Python refuses what is no number; the step is refused then
                 y[:] = np.nan
                 return
             geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
@@ -467,15 +495,6 @@ class SteppedContacts(GridMotion):
     @property
     def _rows(self) -> list[Any]:
         return [placed for group in self.system.contacts for placed in group]
-
-    def _add_loads(self, t: float, y: Array) -> None:
-        """Loads of effects other than gravity."""
-        if not self._others:
-            return
-        try:
-            apply_effects(self._others, t, self._carrying(), y)
-        except ArithmeticError:  # Python refuses what is no number; the step that led here has none
-            y[:] = np.nan
 
     def _carrying(self) -> Any:
         """The system with the bodies of the tables, for effects to act on."""

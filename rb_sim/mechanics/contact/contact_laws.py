@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.catalogue.contacts.friction import traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
 from rb_sim.catalogue.types import WORLD, BodyState
@@ -86,6 +87,30 @@ def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
         opened = compile_law(_traced(row, in_world, False))
         _KINDS[key] = opened, compile_law(_traced(row, in_world, True))  # type: ignore[assignment]
     return _KINDS[key]
+
+
+_TRACTIONS: dict[Any, Any] = {}
+"""Laws of traction by what their kind is."""
+
+
+def traction_law(rubs: Any) -> Any:
+    """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
+
+    slip: 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers each.
+    """
+    key = skeleton(rubs)
+    if key not in _TRACTIONS:
+        graph = Graph()
+        places = [place for place, _ in numbers(rubs)]
+        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
+        symbolic = with_numbers(rubs, constants) if places else rubs
+        slip = graph.vector("y", 3)
+
+        def found(s: Any) -> Any:
+            return traction(symbolic, s, s, 0.0, False)
+
+        _TRACTIONS[key] = compile_law(list(leaves(explored(found, slip))))
+    return _TRACTIONS[key]
 
 
 def _traced(row: Any, in_world: bool, closed: bool) -> list[Any]:
