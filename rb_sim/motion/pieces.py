@@ -106,7 +106,7 @@ class Forecast:
 def in_words(seconds: float) -> str:
     """A time in the largest unit of which it has more than one."""
     if not math.isfinite(seconds):
-        return "infinitely long"
+        return "infinite time"
     for size, unit in UNITS:
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"

@@ -75,7 +75,7 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
         assert row["first_above"] is None and row["growth"] is None
     told = [f"{table[q]['interpolation']:.2g} m" for q in ("position", "velocity") if turn > 1.0]
     assert len(found.notes) == (turn > 1.0) and all(part in found.notes[0] for part in told)
-    assert "interpolation may" in summary(found, {"angle": 0.0})["exceeded"][0]
+    assert "of which interpolation" in summary(found, {"angle": 0.0})["exceeded"][0]
     beyond = replace(b, position=b.position + [0.5, 0.0, 0.0])
     found, table = beside(a, beyond)
     assert table["position"]["first_above"] == 5.0

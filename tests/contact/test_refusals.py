@@ -67,7 +67,7 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
     "in the middle of a bowl": (
         body({"type": "ellipsoid", "semi_axes": [0.1, 0.12, 0.14]}, [0, 0, 1]),
         touch(surface={"type": "sphere", "center": [0, 0, 1], "radius": 1.0, "side": "inside"}),
-        ("middle", "bodies.body.position"),
+        ("centre of the round surface", "bodies.body.position"),
     ),
     "on a parent without shape": (
         {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},

@@ -197,7 +197,7 @@ def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
     found = analyze(tmp_path / "x.mcap")
     assert found.figures["/body"].rates.count == len(T) - 1
     (line,) = found.notes
-    assert line == f"/body: 1 message left out: a message of {cut} bytes is no {POSE}"
+    assert line == f"/body: 1 message skipped: a message of {cut} bytes is no {POSE}"
 
 
 def test_a_frame_of_its_own_in_each_message(tmp_path):
@@ -206,7 +206,7 @@ def test_a_frame_of_its_own_in_each_message(tmp_path):
             bag.add("/body", POSE, pose(t, p, q, f"frame{k}"), t)
     found = analyze(tmp_path / "x.mcap")
     assert len(found.figures) == 16
-    assert "/body: the rest is left out: it has more than 16 frames" in found.notes
+    assert "/body: the rest is skipped: it has more than 16 frames" in found.notes
 
 
 def test_a_pose_that_comes_twice_is_one(tmp_path):

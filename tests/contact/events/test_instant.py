@@ -160,7 +160,7 @@ def test_a_drag_that_lifts_what_would_push_again_is_refused(
     system: Any = SimpleNamespace(touch=touch, length=0.5, speed=2.0)
     law: Any = SimpleNamespace(compliant=soft, drags=drags)
     if refused:
-        with pytest.raises(SimulationError, match="viscous contact a neither"):
+        with pytest.raises(SimulationError, match="viscous contact a can neither"):
             limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
     else:
         limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))

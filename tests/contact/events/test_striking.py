@@ -192,7 +192,7 @@ def test_a_jam_without_impulses_is_leapt_over_where_nothing_slips(jams: Any) -> 
 
 def test_a_jam_that_nothing_ends_is_refused(jams: Any) -> None:
     jams["leaps"] = False
-    with pytest.raises(SimulationError, match="no force of b keeps"):
+    with pytest.raises(SimulationError, match="no force of b satisfies"):
         Motion()._jam(At(), None)  # type: ignore[arg-type]
     with pytest.raises(SimulationError, match="no force of c keeps"):
         Motion()._jam(At(), 2)  # type: ignore[arg-type]
