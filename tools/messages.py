@@ -184,5 +184,7 @@ def checks_that_are_named() -> set[str]:
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 if node.func.id in ("Finding", "_counted") and node.args:
                     first = ast.walk(node.args[0])
-                    names |= {n.value for n in first if isinstance(n, ast.Constant)} - {"linear"}
+                    names |= {str(n.value) for n in first if isinstance(n, ast.Constant)} - {
+                        "linear"
+                    }
     return names
