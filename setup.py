@@ -66,7 +66,11 @@ setup(
     ],
     python_requires=">=3.11",
     packages=find_packages(include=["rb_sim", "rb_sim.*"]),
-    package_data={"rb_sim": ["py.typed"], "": ["loops.json"]},
+    package_data={
+        "rb_sim": ["py.typed"],
+        "": ["loops.json"],
+        "rb_sim.io.page": ["*.css", "*.html", "*.js"],
+    },
     cmdclass={"build_py": BuildPy, "develop": Develop},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/rb_sim"]),

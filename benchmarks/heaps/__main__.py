@@ -1,12 +1,12 @@
 """`python -m benchmarks.heaps`: heaps in rb_sim beside MuJoCo and Drake, in one run.
 
-Each heap is stepped at 1 ms from its start for two seconds, in four parts; told are the CPU time
+Each heap is stepped at 1 ms from its start for two seconds, in four parts. Printed are the CPU time
 of a step in the first part (falling, settling) and the least of the others, the deepest overlap at
 the ends of the parts, how far any body moved in the last half second, and of rb_sim how many steps
-its solver left unsolved, and how far the law of a contact gave way.  Then what effects cost a stack of
-five, a cube of 216 balls that falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at three steps, which takes some ten
-minutes of CPU time: `--part` runs one of the four alone.  The tables are
-written to docs/heaps.md as they come; a part that is not run stays.
+its solver left unsolved, and how far the law of a contact gave way. Then what effects cost a stack
+of five, a cube of 216 balls that falls apart, and stacks of 2 to 10 boxes for `--stand` seconds at
+three steps, which takes some ten minutes of CPU time: `--part` runs one of the four alone. The
+tables are written to docs/heaps.md as they come; a part that is not run stays.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
     motion = runner.motion(setting)
     rows = np.zeros((len(coordinates), motion.width))
     for i, (t, y) in enumerate(zip(runner.times, coordinates, strict=True)):
-        motion.reset(tuple(float(v) for v in y), float(t))
+        motion.reset(np.array(y, dtype=float), float(t))
         rows[i] = motion.sample()[0]
     return rows
 

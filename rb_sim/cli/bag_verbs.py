@@ -73,6 +73,31 @@ def replay(
     return 0
 
 
+def show(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT|BAG|SCENE",
+            help="The folder of a run, a bag (of others, too), or a scene, which is simulated.",
+        ),
+    ],
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html", help="The page.", show_default="OUT/show.html, else NAME.html"
+        ),
+    ] = None,
+    browse: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
+) -> None:
+    """Write one HTML page that shows a run in 3D with a time slider, forces and plots.
+
+    The page is one file under 3 MB that works without a network and without rb_sim.
+    """
+    from rb_sim.cli.verbs.replay import show as write_page
+
+    write_page(source, save, browse=browse)
+
+
 def info(bag: AnyBag, json: Json = False) -> int:
     """List the contents of a bag: scene, settings, versions, topics, rates, gaps, damage."""
     from rb_sim.cli.verbs.info import info as tell
@@ -238,5 +263,5 @@ def fit(
 
 def register(verb: Callable[..., Any]) -> None:
     """Make each of them a verb of the program."""
-    for function in (replay, info, analyze, resim, compare, fit):
+    for function in (replay, show, info, analyze, resim, compare, fit):
         verb()(function)

@@ -286,6 +286,23 @@ def scenes(
 
 
 @verb()
+def layout(
+    scene: opt.Scene,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where to.", show_default="the current folder"),
+    ] = None,
+) -> int:
+    """Write layouts for Foxglove, RViz and PlotJuggler with the topics of a scene.
+
+    They fit the node (rb_sim node SCENE) and the bags of rb_sim run SCENE.
+    """
+    from rb_sim.cli.verbs.scenes import layout as write_layouts
+
+    return write_layouts(scene, out)
+
+
+@verb()
 def warm(
     scene: Annotated[
         list[str] | None,

@@ -6,6 +6,12 @@ from typing import Any
 
 import numpy as np
 
+THIN_DISK = 0.03
+"""Thickness to draw a disk with, in radii."""
+
+THIN_ROD = 0.03
+"""Radius to draw a rod with that gives none, in lengths."""
+
 
 def reach(shape: Any | None) -> float:
     """Distance from the shape's centre to its farthest point [m]; 0 for no shape."""

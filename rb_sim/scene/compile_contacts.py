@@ -41,11 +41,9 @@ from rb_sim.mechanics.contact.contact_table import (
     LEAN_BEFORE,
     LEAN_SIGN,
     NORMAL_SIGN,
-    PER_SLIP,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
-    ROUNDED,
     SLIP,
     SPINNING_ARM,
     STATIC,
@@ -125,7 +123,6 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
             law.spinning_arm,
         )
         touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
-        touch[c, [PER_SLIP, ROUNDED]] = law.per_slip, law.rounded
         touch[c, [BILATERAL, COMPLIANT, NORMAL_SIGN]] = law.bilateral, law.compliant, 1.0
         touch[c, [LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
     return touch

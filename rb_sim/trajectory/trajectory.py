@@ -15,6 +15,7 @@ from rb_sim.trajectory.states import EventState, State, beside, roll_pitch_yaw, 
 from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches, resultant
 
 if TYPE_CHECKING:
+    from rb_sim.io.bag.reader import BagReader
     from rb_sim.trajectory.views import Pages
 
 
@@ -32,19 +33,12 @@ class Trajectory(Record):
         is broken and left out, between which times; an AccuracyWarning what the run had lost.
         Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
         """
-        from rb_sim.io.bag.as_run import scene_as_run
         from rb_sim.io.bag.reader import BagReader
 
         reader = BagReader(Path(bag))
-        block = concatenate(reader.blocks(), reader.layout)
-        findings = findings_in(reader.summary)
-        tell(reader.left_out, findings, stacklevel=2)
-        try:
-            scene: Any = scene_as_run(reader)
-        except RbSimError:  # a newer or older version's; bodies and names are in the bag
-            scene = reader.scene
-        method, error = method_text(reader.scene.simulation), global_error_in(reader.summary)
-        return cls(block, reader.layout, scene, method, findings, error)
+        run = recorded(reader)
+        tell(reader.left_out, run.findings, stacklevel=2)
+        return cls(run.block, run.layout, run.scene, run.method, run.findings, run.global_error)
 
     def __repr__(self) -> str:
         name = f" of {self.scene.name}" if self.scene is not None else ""
@@ -191,6 +185,19 @@ class Trajectory(Record):
         from rb_sim.trajectory.views import view
 
         view(self, None if save is None else Path(save))
+
+
+def recorded(reader: BagReader) -> Trajectory:
+    """The samples of a bag of rb_sim; what is broken in it stands in the reader's `left_out`."""
+    from rb_sim.io.bag.as_run import scene_as_run
+
+    block = concatenate(reader.blocks(), reader.layout)
+    try:
+        scene: Any = scene_as_run(reader)
+    except RbSimError:  # a newer or older version's; bodies and names are in the bag
+        scene = reader.scene
+    method, error = method_text(reader.scene.simulation), global_error_in(reader.summary)
+    return Trajectory(block, reader.layout, scene, method, findings_in(reader.summary), error)
 
 
 def method_text(options: Any) -> str:

@@ -12,6 +12,8 @@ import pytest
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.exact import Exact
 from rb_sim.accuracy.differences import turn_between
+from rb_sim.accuracy.ladder import reference
+from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import ball, box, scene, touch
@@ -117,6 +119,13 @@ def test_closed_form_is_the_motion(name: str) -> None:
 )  # fmt: skip
 def test_shipped_scene_has_its_closed_form(name: str) -> None:
     assert closed_form(compile_scene(load_scene(CONFIG / f"{name}.yaml"))) is not None
+
+
+def test_a_ladder_measures_contacts_by_their_closed_form() -> None:
+    scene = load_scene(CONFIG / "bouncing_ball.yaml", duration=0.6)
+    runner = Runner(compile_scene(scene), 0.6, sample_times(scene.simulation))
+    true = reference(runner, 30.0)
+    assert "closed form" in true.kind and true.agreement.pose < 1e-9
 
 
 def test_what_is_beyond_the_closed_forms_is_not_taken_for_them() -> None:

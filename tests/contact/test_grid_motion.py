@@ -19,11 +19,9 @@ from rb_sim.mechanics.contact.contact_table import (
     LEAN_BEFORE,
     LEAN_SIGN,
     NORMAL_SIGN,
-    PER_SLIP,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
-    ROUNDED,
     SPINNING_ARM,
     STATIC,
 )
@@ -88,19 +86,19 @@ def test_a_new_grid_keeps_the_low_digits_of_what_stays() -> None:
 def test_the_table_of_contacts_at_the_start() -> None:
     law = SimpleNamespace(
         static=0.5, rolling_arm=0.1, spinning_arm=0.2, restitution=0.6, kinetic=0.4, drags=True,
-        per_slip=3.0, rounded=0.01, bilateral=True, compliant=True,
+        bilateral=True, compliant=True,
     )  # fmt: skip
     other = SimpleNamespace(**vars(law) | {"drags": False, "bilateral": False, "compliant": False})
     placed: Any = [SimpleNamespace(row=SimpleNamespace(pair=None))] * 2
     touch = touch_table([law, other], placed)  # type: ignore[list-item]
-    columns = [STATIC, ROLLING_ARM, SPINNING_ARM, RESTITUTION, KINETIC, PER_SLIP, ROUNDED]
-    assert touch[:, columns].tolist() == [[0.5, 0.1, 0.2, 0.6, 0.4, 3.0, 0.01]] * 2
+    columns = [STATIC, ROLLING_ARM, SPINNING_ARM, RESTITUTION, KINETIC]
+    assert touch[:, columns].tolist() == [[0.5, 0.1, 0.2, 0.6, 0.4]] * 2
     assert touch[:, [DRAGS, BILATERAL, COMPLIANT]].tolist() == [[1.0] * 3, [0.0] * 3]
     assert (
         touch[:, [RIM, NORMAL_SIGN, LEAN_SIGN, LEAN_BEFORE + 6]].tolist()
         == [[-1.0, 1.0, 1.0, 1.0]] * 2
     )
-    assert np.count_nonzero(touch) == 7 * 2 + 3 + 4 * 2
+    assert np.count_nonzero(touch) == 5 * 2 + 3 + 4 * 2
 
 
 def test_points_of_one_rim_know_the_first_of_them() -> None:

@@ -64,10 +64,11 @@ print("stepped")
 """
 
 
-def test_the_wheel_brings_the_loops_of_both_machines(installed: Path):
+def test_the_wheel_brings_the_loops_of_both_machines_and_the_page(installed: Path):
     (wheel,) = installed.parent.glob("rb_sim-*.whl")
     names = {Path(name).name for name in zipfile.ZipFile(wheel).namelist()}
     assert {"loops.json", "loops-x86_64-linux.bin", "loops-aarch64-linux.bin"} <= names
+    assert {"page.html", "page.css", "page.js", "plots.js", "solids.js"} <= names  # rb_sim show
 
 
 def test_a_first_start_compiles_no_loop(installed: Path, environment, tmp_path: Path):

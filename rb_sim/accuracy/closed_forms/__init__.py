@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rb_sim.accuracy.closed_forms.exact import Exact, falling_body
 from rb_sim.accuracy.closed_forms.impacts_and_sliding import (
     bouncing_ball,
@@ -15,7 +17,12 @@ from rb_sim.accuracy.closed_forms.rolling import (
     turntable,
 )
 from rb_sim.accuracy.closed_forms.rotors import free_rotor, pendulum, steady_top, symmetric_rotor
+from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.methods import build
+from rb_sim.mechanics.samples import Array, SampleBlock, block_of
+from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
+from rb_sim.scene.schema import DEFAULT_TOLERANCE, Scene
 
 # Closed forms of motions in contact: one file each, as those without.
 
@@ -50,3 +57,23 @@ def closed_form(compiled: Compiled) -> Exact | None:
         if exact is not None:
             return exact
     return None
+
+
+def exact_samples(scene: Scene, times: Array) -> tuple[str, SampleBlock] | None:
+    """Name of the closed form of a scene, and its samples at these times; None where there is none.
+
+    times: from the scene's start, increasing [s].
+    """
+    compiled = compile_scene(scene)
+    exact = closed_form(compiled)
+    if exact is None:
+        return None
+    span = scene.simulation.duration
+    method = build("dopri853", step=None, tolerance=DEFAULT_TOLERANCE, largest_step=span)
+    motion = motion_of(compiled, method)
+    rows = np.zeros((len(times), motion.width))
+    for i, (t, y) in enumerate(zip(times, exact.coordinates(times), strict=True)):
+        motion.reset(np.array(y, dtype=float), float(t))
+        rows[i] = motion.sample()[0]
+    command = np.zeros((len(times), len(compiled.layout.commanded), 6))
+    return exact.name, block_of(times, rows, compiled.layout, command)

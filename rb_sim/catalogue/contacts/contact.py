@@ -108,9 +108,6 @@ class RoughLaw(Spec):
         return friction.Rough()
 
 
-CORNERLESS = (friction.Regularised, friction.ViscousPerNormal)
-"""Laws that cannot stick, but whose traction grows with the push, in an impact without bound."""
-
 LAWS: dict[str, type[Spec]] = {
     "smooth": SmoothLaw,
     "coulomb": CoulombLaw,
@@ -240,6 +237,11 @@ class Contact(Touching):
         if self.points is not None and len(self.points) > MOST_POINTS:
             allowed = refuse(f"at most {MOST_POINTS} points")
             raise refuse_at((("points",), len(self.points), allowed))
+        if not friction.is_whole(law := self.friction.law()):
+            allowed = refuse(
+                "a law whose class has `static` and a function under traction.register"
+            )
+            raise refuse_at((("friction",), type(law).__name__, allowed))
         if self.compliance is not None and self.mode == "bilateral":
             allowed = refuse("unilateral for a compliant support")
             raise refuse_at((("mode",), self.mode, allowed))
@@ -274,19 +276,16 @@ class Contact(Touching):
 
     def law(self) -> ContactLaw:
         law, soft = self.friction.law(), self.compliance
-        kinetic = law.kinetic if isinstance(law, friction.Coulomb) else 0.0
         return ContactLaw(
             self.restitution,
             self.mode == "bilateral",
             self.compliance is not None,
             law.static,
-            math.inf if isinstance(law, friction.Rough) else kinetic,
+            friction.at_begin_of_slip(law),
             self.rolling_resistance,
             self.spinning_resistance,
             (0.0, 0.0) if soft is None else soft.spring,
-            drags=isinstance(law, friction.Viscous),
-            per_slip=law.coefficient if isinstance(law, CORNERLESS) else 0.0,
-            rounded=law.speed if isinstance(law, friction.Regularised) else 0.0,
+            drags=friction.drags(law),
         )
 
     def parts(self, place: Place) -> list[Part]:

@@ -9,7 +9,7 @@ smooth until the event "slip vanishes" has been located (Hairer, Norsett, Wanner
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rb_sim.catalogue.types import Vec3
 from rb_sim.numerics.kernels import branching, dispatch
@@ -130,6 +130,28 @@ def viscous_per_normal_traction(law, s, ahead, least, gives):
 def regularised_traction(law, s, ahead, least, gives):
     rounded = sqrt(dot(s, s) + law.speed * law.speed)
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
+
+
+def is_whole(law: Any) -> bool:
+    """Whether a law has what each method needs: its bound at rest and its traction."""
+    return hasattr(law, "static") and type(law) in traction.kernels
+
+
+SLOW: Vec3 = (2.0**-30, 0.0, 0.0)
+"""[m/s]: a slip that has just begun."""
+
+
+def at_begin_of_slip(law: Friction) -> float:
+    """|T| over N as a contact that stuck begins to slip; 0 of a law that does not stick."""
+    if not 0.0 < law.static < math.inf:
+        return float(law.static)
+    return norm(traction(law, SLOW, (1.0, 0.0, 0.0), 0.0, False)[0])
+
+
+def drags(law: Friction) -> bool:
+    """Whether traction remains as N vanishes."""
+    ahead = (1.0, 0.0, 0.0)
+    return norm(traction(law, ahead, ahead, 0.0, False)[1]) > 0.0
 
 
 class Resistance(NamedTuple):

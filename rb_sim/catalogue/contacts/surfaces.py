@@ -73,6 +73,7 @@ SURFACES: dict[str, type[Spec]] = {
     "cylinder": CylinderSurface,
     "shape": BodySurface,
 }
+"""By name. A surface with a method `pairs(place, body, parent, points)` makes its own pairs."""
 
 
 RIM_POINTS = 6
@@ -139,6 +140,8 @@ def pairs_of(
         whose contact `opens_rigidly`.
     bilateral: of the two points that a rim may have on a cylinder it keeps to one.
     """
+    if hasattr(surface, "pairs"):
+        return surface.pairs(place, body, parent, points)
     support = support_of(place, parent, surface)
     shape = place.shape(body)
     has_rims = points is None and shape is not None and shape.type in RIMS

@@ -113,7 +113,7 @@ class ContactLaw(NamedTuple):
     static: float
     """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
     kinetic: float
-    """of a law with a corner (Coulomb), used in impacts as well."""
+    """traction over N as a slip begins, of a law that can stick; inf where it never slips."""
     rolling_arm: float
     spinning_arm: float
     spring: tuple[float, float] = (0.0, 0.0)
@@ -124,10 +124,6 @@ class ContactLaw(NamedTuple):
     """what it is called when it ceases to."""
     drags: bool = False
     """whether its traction does not vanish as the push does."""
-    per_slip: float = 0.0
-    """of a law whose traction grows with the push but has no corner: coefficient [1], or [s/m]."""
-    rounded: float = 0.0
-    """slip at which its corner is rounded [m/s]; 0 where it grows with the slip without bound."""
 
 
 class Touching(Spec):

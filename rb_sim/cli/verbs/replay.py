@@ -1,20 +1,24 @@
-"""`rb_sim replay` and `rb_sim recover`: what was recorded, to look at again."""
+"""`rb_sim replay`, `show` and `recover`: what was recorded, to look at again."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.base import __version__
+from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
+    from rb_sim.trajectory.trajectory import Trajectory
 
 
 MOST_RATE = 1e4
@@ -206,3 +210,97 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
         ends = [ends[0] if ends else float(times[0]), float(times[-1])]
     sink.close(reader.summary)
     return ends[1] - ends[0] if ends else 0.0
+
+
+def show(source: str, save: Path | None = None, *, browse: bool = False) -> None:
+    """Write a page (.html) that shows a run in 3D: of an output folder, any bag, or a scene.
+
+    save: where to; None: show.html in the output folder, else NAME.html here. browse: open it.
+    A scene is simulated; a bag of somebody else has poses only. Raises RbSimError.
+    """
+    from rb_sim.io.page.write import save as write_page
+
+    check_ending(save, ".html")
+    path = Path(source)
+    if (path / "bag").is_dir():
+        target, bag = path / "show.html", path / "bag"
+    elif (path / "summary.json").is_file():
+        raise RbSimError(f"{source}: this run has no bag, so nothing to show; run without --no-bag")
+    elif path.is_dir() or path.suffix in (".mcap", ".db3"):
+        target, bag = Path(f"{path.absolute().stem}.html"), path
+    else:
+        target, bag = Path(f"{path.stem}.html"), None
+    page = _page_of_scene(source) if bag is None else _page_of_bag(bag)
+    target = save or target
+    write_page(page, target)
+    print(f"wrote {target}: {target.stat().st_size / 1e6:.2g} MB")
+    if browse:
+        import webbrowser
+
+        webbrowser.open(target.absolute().as_uri())
+
+
+def _page_of_scene(source: str) -> dict[str, Any]:
+    from rb_sim.cli.verbs.run import progress_bar
+    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.load import load_scene
+    from rb_sim.simulation.shown import page_of_run
+    from rb_sim.simulation.simulation import Simulation
+
+    simulation = Simulation(load_scene(find_moving(source)))
+    with (
+        warnings.catch_warnings(),
+        progress_bar(simulation.scene.simulation.duration, False) as show,
+    ):
+        warnings.simplefilter("ignore", AccuracyWarning)  # they stand on the page
+        run = simulation.run(progress=lambda t, end: show(t))
+    return page_of_run(run, _facts(run, {}), [f"warning: {f}" for f in run.findings])
+
+
+def _page_of_bag(bag: Path) -> dict[str, Any]:
+    """Of a bag that was never finished, what can be read of it."""
+    from rb_sim.io.bag.reader import reader_of
+    from rb_sim.io.bag.records import is_complete
+    from rb_sim.simulation.shown import page_of_run
+    from rb_sim.trajectory.trajectory import recorded
+
+    reader = reader_of(bag, unfinished=True)
+    if reader is None:
+        return _page_of_others(bag)
+    run = recorded(reader)
+    lines = [f"warning: {line}" for line in (*run.findings, *reader.left_out)]
+    if not all(is_complete(path) for path in reader.paths):
+        lines.append(f"warning: the bag was never finished; the last sample that can be read is of "
+                     f"t = {run.t[-1] if len(run) else 0.0:.6g} s")  # fmt: skip
+    warn(line.removeprefix("warning: ") for line in lines[len(run.findings) :])
+    return page_of_run(run, _facts(run, reader.summary or {}, reader.record), lines)
+
+
+def _page_of_others(bag: Path) -> dict[str, Any]:
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.bags.tracks_page import page_of_tracks
+
+    tracks = tracks_of_bag(bag)
+    warn(tracks.notes)
+    facts = [("bag", bag.name), ("page by", f"rb_sim {__version__}")]
+    return page_of_tracks(tracks, bag.absolute().stem, facts, tracks.notes)
+
+
+def _facts(
+    run: Trajectory, summary: Mapping[str, Any], record: Mapping[str, str] | None = None
+) -> list[tuple[str, str]]:
+    """What the page tells of a run: method, error, balances, versions."""
+    first, last = float(run.t[0]), float(run.t[-1])
+    rows = [("method", run.method), ("simulated", f"{last - first:.6g} s")]
+    if summary.get("outcome") not in (None, "finished"):
+        rows.append(("outcome", summary["outcome"]))
+    error = run.global_error
+    rows.append(("global error", "not measured" if error is None else str(error)))
+    energy = summary.get("energy")
+    if energy and energy.get("relative") is not None:
+        text = f"{energy['error']:.2g} J, {energy['relative']:.2g} of {energy['scale']:.3g} J"
+        rows.append(("energy error", text))
+    rows.append(("constraint violation", f"at most {run.residual.max():.2g} of the scene's scale"))
+    versions = json.loads((record or {}).get("versions", "{}")) or {"rb_sim": __version__}
+    rows.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
+    return rows

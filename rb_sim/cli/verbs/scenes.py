@@ -1,4 +1,4 @@
-"""`rb_sim scenes`: what comes with the package, one line each."""
+"""`rb_sim scenes`, `warm` and `layout`: what is done with scenes but run them."""
 
 from __future__ import annotations
 
@@ -48,6 +48,37 @@ def warm(names: list[str], method: str | None = None) -> int:
         for note in notes[1:]:
             print(note, file=sys.stderr, flush=True)
     return 1 if failed else 0
+
+
+# `rb_sim layout`: how other programs are to show the topics of a scene.
+
+
+def layout(name: str, out: Path | None = None) -> int:
+    """Write the layouts of a scene for Foxglove, RViz and PlotJuggler into `out`, or here.
+
+    Raises SceneError, RbSimError for a folder that cannot be written.
+    """
+    from rb_sim.io.layouts import foxglove, plotjuggler, rviz
+    from rb_sim.io.layouts.shown import shown
+    from rb_sim.scene.compile import compile_scene
+    from rb_sim.scene.load import load_scene
+    from rb_sim.simulation.outputs import writing
+
+    scene = load_scene(find_moving(name))
+    topics = shown(scene, compile_scene(scene).layout)
+    folder = Path() if out is None else out
+    texts = {
+        f"{scene.name}.foxglove.json": foxglove.text_of(topics),
+        f"{scene.name}.rviz": rviz.text_of(topics),
+        f"{scene.name}.plotjuggler.xml": plotjuggler.text_of(topics),
+    }
+    with writing(folder):
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding="utf-8")
+            print(f"wrote {folder / file}")
+    for line in topics.left_out:
+        print(f"note: {line}", file=sys.stderr, flush=True)
+    return 0
 
 
 STATICS = "statics"

@@ -42,16 +42,15 @@ from rb_sim.contact.problem.forces import (
     add_line,
     solve_in,
 )
+from rb_sim.mechanics.contact.constraint_tables import traction_over_push
 from rb_sim.mechanics.contact.contact_bodies import line_of
 from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
     CLOSED,
     GAP_RATE,
     KINETIC,
-    PER_SLIP,
     RESTITUTION,
     ROLLING_ARM,
-    ROUNDED,
     SPINNING_ARM,
     STATIC,
 )
@@ -115,14 +114,10 @@ def grips(system, c, v):
 
 @inline
 def rubs_up_to(system, c, v):
-    """Largest tangential over normal impulse of contact c: Coulomb's, or of a law that has no
-    corner what it gives at the slip before the impact."""
-    touch, k = system.touch, line_of(system, c)
-    if touch[c, PER_SLIP] == 0.0:
-        return touch[c, KINETIC]
-    slip, rounded = math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2), touch[c, ROUNDED]
-    most = touch[c, PER_SLIP] * slip
-    return most / math.sqrt(slip**2 + rounded**2) if rounded > 0.0 else most
+    """Largest tangential over normal impulse of contact c: what its law gives at the slip before
+    the impact."""
+    k = line_of(system, c)
+    return traction_over_push(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
 @inline

@@ -39,6 +39,10 @@ bounds the friction of what slips; FIRST_CONSTANT: where the constants of that l
 whether the contact has this point only."""
 LOADS = 0
 """Place in Tables.addresses of the law of the effects other than gravity."""
+ROWS, UNIT, GAPS, POSITIONS, VELOCITIES, JOINT_LAWS = range(6)
+"""Places in Tables.joint_laws: laws of the rows of the joints, of y with unit quaternions, of the
+largest error of position, of a step to the manifold, of y with admissible velocities and the
+impulses that give them."""
 PERFECTLY_ROUGH = 1e300
 """Coefficient of what may not slip, which is infinite elsewhere."""
 
@@ -80,6 +84,10 @@ class Tables(NamedTuple):
     """of the law of the loads, see mechanics.inputs; the last is not used."""
     constants: np.ndarray = np.zeros(1)
     """of the laws of traction; the last is not used."""
+    joint_laws: np.ndarray = np.zeros(JOINT_LAWS, np.int64)
+    """traced laws of the joints, 0 without joints."""
+    joint_inputs: np.ndarray = np.zeros(1)
+    """of these laws; the last is not used."""
 
 
 def flat(row: Any) -> list[float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,10 +43,15 @@ from rb_sim.contact.stepping.scene_tables import (
     COMPLIANT,
     CYLINDER_SPHERE,
     FIRST,
+    GAPS,
     KIND,
     LOADS,
     PARENT,
+    POSITIONS,
     RESTS,
+    ROWS,
+    UNIT,
+    VELOCITIES,
 )
 from rb_sim.contact.stepping.step import (
     STATE,
@@ -70,6 +76,7 @@ from rb_sim.contact.stepping.step_workspace import (
     STUCK,
     WORK,
 )
+from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
 from rb_sim.numerics.kernels import call_law, entry, inline, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
@@ -449,12 +456,75 @@ def add_loads(tables, workspace, t, y):
             tables.bodies[i, LOAD + j] += loads[6 * i + j]
 
 
+class JointWay(NamedTuple):
+    """The way back to the manifold of the joints, by their laws."""
+
+    laws: np.ndarray
+    inputs: np.ndarray
+    out: np.ndarray
+    n: int
+    """coordinates."""
+
+
+@position_error.register(JointWay)
+def error_of_joints(way, t, y):
+    call_law(way.laws[GAPS], t, pointer(y), pointer(way.inputs), pointer(way.out))
+    return way.out[0], 0
+
+
+@correct_positions.register(JointWay)
+def correct_joints(way, t, y, lines):
+    call_law(way.laws[POSITIONS], t, pointer(y), pointer(way.inputs), pointer(way.out))
+    for i in range(way.n):
+        y[i] = way.out[i]
+
+
+@inline
+def write_joint_rows(tables, workspace, t, y):
+    """Rows of the joints at (t, y)."""
+    rows, out = tables.joint_rows, workspace.joint_out
+    if rows.shape[0] == 0:
+        return
+    inputs = pointer(tables.joint_inputs)
+    call_law(tables.joint_laws[ROWS], t, pointer(y), inputs, pointer(out))
+    width = rows.shape[1]
+    for k in range(rows.shape[0]):
+        for j in range(width):
+            rows[k, j] = out[width * k + j]
+
+
+@inline
+def settle_joints(tables, workspace, t, y):
+    """y with unit quaternions and on the manifold of the joints, in place, position first; the
+    impulses that bring the velocities there are added to those that do so in the step [N s].
+
+    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+    """
+    rows, out, n = tables.joint_rows, workspace.joint_out, STATE * tables.bodies.shape[0]
+    if rows.shape[0] == 0:
+        return
+    laws, inputs = tables.joint_laws, tables.joint_inputs
+    call_law(laws[UNIT], t, pointer(y), pointer(inputs), pointer(out))
+    for i in range(n):
+        y[i] = out[i]
+    length = tables.scales[0]
+    worst, _ = return_to_positions(JointWay(laws, inputs, out, n), t, y, length, 0.0)
+    if not worst <= LOST * length:
+        y[0] = math.nan
+    call_law(laws[VELOCITIES], t, pointer(y), pointer(inputs), pointer(out))
+    for i in range(n):
+        y[i] = out[i]
+    for k in range(rows.shape[0]):
+        workspace.joint_back[k] += out[n + k]
+
+
 @inline
 def to_middle(tables, memory, workspace, t, y, h):
-    """Half a drift, and the loads and the spots there."""
+    """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
     add_loads(tables, workspace, t + 0.5 * h, y)
+    write_joint_rows(tables, workspace, t + 0.5 * h, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
     leave_out(workspace)
@@ -473,6 +543,8 @@ def to_end(tables, memory, workspace, y, h):
 
 @inline
 def find_at_end(tables, memory, workspace, t, y, h):
+    """Spots at the end of a step, where the joints hold."""
+    settle_joints(tables, workspace, t, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t, y, reach, True)
 
@@ -506,6 +578,8 @@ def is_finite(y):
 def one_step(tables, memory, workspace, t, y, h):
     """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
     left, at, number = h, t, 0
+    for k in range(workspace.joint_back.shape[0]):
+        workspace.joint_back[k] = 0.0
     while left > 0.0:
         part = next_part(tables, workspace, y, left, number)
         one_part(tables, memory, workspace, at, y, part)
@@ -560,7 +634,7 @@ def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memor
 
 
 STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP, STRAYED = range(10)
-"""Tasks of `run`: whole steps; to the middle of a step, with loads and spots there, to
+"""Tasks of `run`: whole steps; to the middle of a step, with loads, joints and spots there, to
 which the rest is added from Python; from there to its end, where bodies may still overlap; spots
 there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
 places and velocities of the points, and the energy of what was lifted; length of the next part of a

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
 from rb_sim.contact.stepping.geometry import MEMORY, SPOT
@@ -129,6 +130,8 @@ class Workspace(NamedTuple):
     """force (world) and torque (body) of the effects but gravity on each body, shape (6 N,)."""
     traction: np.ndarray
     """slip of a point and what its law of traction gives, shape (9,)."""
+    joint_out: np.ndarray
+    """what a law of the joints gives."""
 
 
 def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
@@ -163,6 +166,7 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.zeros(joints),
         np.zeros(6 * bodies),
         np.zeros(9),
+        np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
     )
 
 

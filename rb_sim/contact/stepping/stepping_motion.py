@@ -7,7 +7,6 @@ forgotten again.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +24,7 @@ from rb_sim.contact.stepping.scene_tables import (
     BODY,
     FIRST,
     PARENT,
+    Tables,
     Tractions,
     addresses,
     tables_of,
@@ -51,7 +51,6 @@ from rb_sim.contact.stepping.step_workspace import (
 )
 from rb_sim.contact.tunnelling import run_looking
 from rb_sim.graph.machine import evaluate_rows
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
@@ -119,20 +118,13 @@ class Joints:
 
         return self.laws.traced(kernel)
 
-    def settle(self, t: float, y: Array) -> Array:
-        """y with unit quaternions and on the manifold, in place: position first, then velocity.
-
-        Returns the impulse of each line that brings the velocities there [N s].  A state from which
-        the manifold is out of reach (the step was absurd) becomes NaN.
-        """
-        laws, length = self.laws, self.system.length
-        at = y[: laws.n]
-        at[:] = self.value(laws.settle, t, y, laws.n)
-        if not return_to_positions(self, t, at, length, 0.0)[0] <= LOST * length:
-            at[0] = math.nan
-        found = self.value(self._hastened, t, y, laws.n + len(self.system.lines))
-        at[:] = found[: laws.n]
-        return found[laws.n :]
+    def into(self, tables: Tables) -> Tables:
+        """The tables with the laws of the joints."""
+        laws = self.laws
+        found = self._written, laws.settle, laws.gap, laws.position, self._hastened
+        return tables._replace(
+            joint_laws=addresses([reference(law) for law in found]), joint_inputs=self._inputs
+        )
 
     def value(self, law: Any, t: float, y: Array, count: int) -> Array:
         """What the law gives at (t, y), so many numbers."""
@@ -140,16 +132,6 @@ class Joints:
         state = np.ascontiguousarray(y[None, : self.laws.n])
         evaluate_rows(law, np.array([t]), state, self._inputs, out)
         return out[0]
-
-
-@position_error.register(Joints)
-def error_of_joints(way: Joints, t: float, y: Array) -> tuple[float, None]:
-    return float(way.value(way.laws.gap, t, y, 1)[0]), None
-
-
-@correct_positions.register(Joints)
-def correct_joints(way: Joints, t: float, y: Array, lines: None) -> None:
-    y[:] = way.value(way.laws.position, t, y, way.laws.n)
 
 
 def joint_system(system: Any, rows: int) -> MultiBody:
@@ -196,6 +178,9 @@ class SteppedContacts(GridMotion):
             inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
             found = [reference(self._loads.loads), *tables.addresses[1:]]
             tables = tables._replace(addresses=addresses(found), inputs=inputs)
+        self._joints = Joints(system) if system.constraints else None
+        if self._joints is not None:
+            tables = self._joints.into(tables)
         self._fixed = self._tables = tables
         self._pairs = self._fixed_pairs
         between = compiled.between
@@ -206,13 +191,12 @@ class SteppedContacts(GridMotion):
             for sides in compiled.sides
             if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
         )  # two boxes touch with their edges as well
-        self._joints = Joints(system) if system.constraints else None
         super().__init__(compiled, method)
 
     @property
     def plain(self) -> bool:
         """Whether all of the scene is in the tables."""
-        return self._joints is None and not any(self._pairs)
+        return not any(self._pairs)
 
     @property
     def unsolved_steps(self) -> int:
@@ -449,15 +433,10 @@ class SteppedContacts(GridMotion):
 
     def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
         """A part of length h, task by task; y and memory in place."""
-        tables = self._tables
         self._do(step_kernels.BEGIN, memory, t, y, h)
         self._find_others(t + 0.5 * h, y)
-        if self._joints is not None:
-            tables.joint_rows[...] = self._joints.rows(t + 0.5 * h, y)
         self._do(step_kernels.FINISH, memory, t, y, h)
         for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
-            if self._joints is not None:
-                self._workspace.joint_back[:] += self._joints.settle(t + h, y)
             self._do(step_kernels.FIND, memory, t + h, y, h)
             self._find_others(t + h, y)
             if self._do(

@@ -200,6 +200,13 @@ def unit(vectors: Array) -> Array:
     return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
+def drawn_reactions(layout: SampleLayout) -> list[int]:
+    """Reactions to draw: bearings, but not the total that they add up to."""
+    names = layout.reactions
+    parts = {name.rpartition("/")[0] for name in names}
+    return [k for k, name in enumerate(names) if name not in parts]
+
+
 def nice(value: float) -> float:
     """The greatest 1, 2 or 5 times a power of ten that is not over 1.3 value; 1 for nothing."""
     if not np.isfinite(value) or value <= 0:

@@ -9,7 +9,8 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from rb_sim.io.contact_power import contacts_of
-from rb_sim.io.extent import inertia_box, reach_of
+from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
+from rb_sim.io.rerun.arrow_scales import drawn_reactions
 
 if TYPE_CHECKING:
     from rb_sim.io.rerun.arrow_scales import Scales
@@ -18,13 +19,6 @@ if TYPE_CHECKING:
 
 
 # Shapes of bodies as Rerun draws them, in body axes from the body origin.
-
-
-THIN_DISK = 0.03
-"""Thickness to draw a disk with, in radii."""
-
-THIN_ROD = 0.03
-"""Radius to draw a rod with that gives none, in lengths."""
 
 
 def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
@@ -224,13 +218,6 @@ class Static:
 def entity_path(entity: str) -> str:
     """The path with what Rerun does not take as it is, a space for one, escaped."""
     return "/".join(map(rr.escape_entity_path_part, entity.split("/")))
-
-
-def drawn_reactions(layout: SampleLayout) -> list[int]:
-    """Reactions to draw: bearings, but not the total that they add up to."""
-    names = layout.reactions
-    parts = {name.rpartition("/")[0] for name in names}
-    return [k for k, name in enumerate(names) if name not in parts]
 
 
 def _lines(names: list[str], colors: Any) -> Any:

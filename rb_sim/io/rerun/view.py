@@ -32,8 +32,15 @@ from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import half_box
 from rb_sim.io.frames import centers_of_mass, origins, rotate
 from rb_sim.io.plots.panels import BODY_TITLES, FORCE_TITLE, TORQUE_TITLE
-from rb_sim.io.rerun.arrow_scales import Extent, Lengths, Resolved, clear_of, scales_of
-from rb_sim.io.rerun.static import Static, drawn_reactions, entity_path
+from rb_sim.io.rerun.arrow_scales import (
+    Extent,
+    Lengths,
+    Resolved,
+    clear_of,
+    drawn_reactions,
+    scales_of,
+)
+from rb_sim.io.rerun.static import Static, entity_path
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline
 

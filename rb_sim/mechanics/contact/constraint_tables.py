@@ -6,6 +6,7 @@ Traced laws give them in loops; interpreted, the same Python is called as it is.
 from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
+from rb_sim.catalogue.contacts.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.graph.functions import leaves
 from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
@@ -20,6 +21,7 @@ from rb_sim.mechanics.contact.contact_table import (
     FORCES_WIDTH,
     GAP,
     GEOMETRY_WIDTH,
+    KINETIC,
     LEAN_BEFORE,
     LEAN_WIDTH,
     LOW,
@@ -46,6 +48,7 @@ from rb_sim.mechanics.systems.many_bodies import (
 )
 from rb_sim.mechanics.systems.multipliers import write_rows
 from rb_sim.numerics.kernels import call_law, dispatch, inline, part, pointer
+from rb_sim.numerics.vectors import norm
 
 # Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
 #
@@ -67,9 +70,11 @@ MOST_LINES = 6
 OUTPUTS = FORCES + 28 * MOST_LINES
 WORKSPACE = ARGUMENTS + OUTPUTS
 
-OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER, CONTACT_COLUMNS = range(6)
+OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER = range(5)
+TRACTION_LAW, FIRST_OF_TRACTION, CONTACT_COLUMNS = range(5, 8)
 """Columns of `contacts`: addresses of the laws of the contact, its bodies, where its constants
-begin in `parameters`."""
+begin in `parameters`; address of the law of its traction, 0 where `kinetic` is its bound at each
+slip, and where the constants of that begin."""
 
 LAYOUT = Layout(
     {
@@ -207,6 +212,33 @@ def write_contact_by_law(system, t, y, c):
         call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
         put_geometry(system.touch, c, out)
         put_forces(system, c, out)
+
+
+@dispatch
+def traction_over_push(system, c, slip):
+    """Largest tangential over normal force or impulse of contact c at a slip [m/s]."""
+
+
+@traction_over_push.register(ContactBodies)
+def traction_over_push_plainly(system, c, slip):
+    rows = [placed.row for group in system.contacts for placed in group]
+    if isinstance(rows[c].friction, BOUNDED):
+        return system.touch[c, KINETIC]
+    ahead = (1.0, 0.0, 0.0)
+    return norm(traction(rows[c].friction, (slip, 0.0, 0.0), ahead, 0.0, False)[0])
+
+
+@traction_over_push.register(PackedSystem)
+def traction_over_push_by_law(system, c, slip):
+    law = system.contacts[c, TRACTION_LAW]
+    if law == 0:
+        return system.touch[c, KINETIC]
+    at = pointer(system.workspace)
+    found = part(at, 3)
+    at[0], at[1], at[2] = slip, 0.0, 0.0
+    constants = part(pointer(system.parameters), system.contacts[c, FIRST_OF_TRACTION])
+    call_law(law, 0.0, at, constants, found)
+    return norm((found[0], found[1], found[2]))
 
 
 def write_contacts(groups, t, system, y, c, everywhere):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.contacts.friction import traction
+from rb_sim.catalogue.contacts.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
 from rb_sim.catalogue.types import WORLD, BodyState
@@ -23,9 +23,16 @@ from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact.accelerations import accelerations_in, unconstrained_here
 from rb_sim.mechanics.contact.constraint_tables import (
     ARGUMENTS,
+    CLOSED_LAW,
+    CONTACT_BODY,
     CONTACT_COLUMNS,
+    CONTACT_PARENT,
+    FIRST_OF_TRACTION,
+    FIRST_PARAMETER,
     KEPT,
     LAYOUT,
+    OPEN_LAW,
+    TRACTION_LAW,
     WORKSPACE,
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
@@ -96,7 +103,8 @@ _TRACTIONS: dict[Any, Any] = {}
 def traction_law(rubs: Any) -> Any:
     """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
 
-    slip: 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers each.
+    slip: along x, 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers
+    each.
     """
     key = skeleton(rubs)
     if key not in _TRACTIONS:
@@ -107,7 +115,7 @@ def traction_law(rubs: Any) -> Any:
         slip = graph.vector("y", 3)
 
         def found(s: Any) -> Any:
-            return traction(symbolic, s, s, 0.0, False)
+            return traction(symbolic, s, (1.0, 0.0, 0.0), 0.0, False)
 
         _TRACTIONS[key] = compile_law(list(leaves(explored(found, slip))))
     return _TRACTIONS[key]
@@ -217,9 +225,15 @@ class ContactLaws:
         for c, contact in enumerate(placed):
             row = with_packed_hulls(contact.row, self._kept)
             opened, closed = laws_of_kind(row, contact.parent < 0)
-            ends = contact.body, contact.parent
-            table[c] = opened.address, closed.address, *ends, len(constants)
+            rubs = contact.row.friction
+            table[c, [OPEN_LAW, CLOSED_LAW]] = opened.address, closed.address
+            table[c, [CONTACT_BODY, CONTACT_PARENT]] = contact.body, contact.parent
+            table[c, FIRST_PARAMETER] = len(constants)
             constants += [value for _, value in numbers(row)]
+            if not isinstance(rubs, BOUNDED):
+                table[c, TRACTION_LAW] = traction_law(rubs).address
+                table[c, FIRST_OF_TRACTION] = len(constants)
+                constants += [value for _, value in numbers(rubs)]
         return table, np.array(constants)
 
     def packed(self, system: ContactBodies, inputs: np.ndarray) -> tuple[np.ndarray, Any]:

@@ -38,10 +38,8 @@ PARAMETERS = (
     Column("compliant", 1, "0 or 1", "whether the support gives way"),
     Column("rim", 1, "number", "first contact that is a point of the same rim; -1: of no rim"),
     Column("restitution", 1, "1", "e of impacts"),
-    Column("kinetic", 1, "1", "bound of the traction in impacts over N; inf: it never slips"),
+    Column("kinetic", 1, "1", "traction over N as a slip begins after rest; inf: it never slips"),
     Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
-    Column("per_slip", 1, "1 or s/m", "coefficient of a law without a corner that grows with N"),
-    Column("rounded", 1, "m/s", "slip at which its corner is rounded; 0: it has no bound"),
 )
 
 STATE = (
@@ -115,7 +113,6 @@ _AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
 STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
 RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
-PER_SLIP, ROUNDED = _AT["per_slip"], _AT["rounded"]
 CLOSED, SLIDE, ROLL, SPIN, NORMAL_SIGN = (
     _AT[n] for n in ("closed", "slide", "roll", "spin", "normal_sign")
 )

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +21,7 @@ from rb_sim.cli.verbs.analyze import AnalyzeOptions
 from rb_sim.cli.verbs.analyze import analyze as verb
 from tests.bags.analysis import foreign
 from tests.bags.scenes import PUSHED, record_run
+from tests.browser import dom_of
 from tests.interpreted import interpreted
 
 CUBE = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
@@ -226,20 +225,12 @@ def test_the_report_stands_alone(results):
     tags = re.sub(r"(<script[^>]*>).*?</script>", r"\1", text, flags=re.DOTALL)
     assert 'src="http' not in tags and "cdn.plot.ly" not in tags
     assert "inverse dynamics" not in text  # no mass was given
-    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
-    if chromium is None:
-        pytest.skip("no chromium")
-    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
-               "--virtual-time-budget=10000", (results / "report.html").as_uri()]  # fmt: skip
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    dom = dom_of(results / "report.html")
     assert dom.count('class="main-svg"') >= 2  # drawn by its own JavaScript
 
 
 def test_a_narrow_window_holds_the_report(tmp_path):
     """Wide tables scroll by themselves; the page does not."""
-    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
-    if chromium is None:
-        pytest.skip("no chromium")
     from rb_sim.bags.analysis.report import STYLE, _table
 
     heads = [f"quite a long head {k}" for k in range(12)]
@@ -248,9 +239,7 @@ def test_a_narrow_window_holds_the_report(tmp_path):
     page = tmp_path / "page.html"
     page.write_text(f"<head><title></title><style>{STYLE}</style></head><body>{table}"
                     f"<script>{measure}</script></body>")  # fmt: skip
-    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
-               "--window-size=600,900", page.as_uri()]  # fmt: skip
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    dom = dom_of(page, "--window-size=600,900")
     assert int(dom.partition("<title>")[2].partition("</title>")[0]) <= 0
 
 

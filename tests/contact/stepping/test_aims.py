@@ -25,7 +25,12 @@ SHAKEN: dict[str, Any] = {
 
 
 def sent_off(
-    beside: float, step: float, parent: bool, speed: float = SPEED, effects: Any = None, **more: Any
+    beside: float,
+    step: float,
+    parent: bool,
+    speed: float = SPEED,
+    far_away: Any = None,
+    **more: Any,
 ) -> tuple[Simulation, np.ndarray, list[str]]:
     """A smooth, elastic ball strikes a round post, fixed or free to move, or passes it: what it
     does then, and what the watches say."""
@@ -44,11 +49,14 @@ def sent_off(
     scene = {
         "bodies": bodies,
         "constraints": {"strikes": contact | more},
-        "effects": effects or {},
         "simulation": {
             "method": "time_stepping", "step": step, "duration": duration, "rate": 1.0 / duration,
         },
     }  # fmt: skip
+    if far_away:
+        bodies["egg"] = {"mass": 1.0, "shape": far_away, "position": [50.0, 0.0, 0.0]}
+        ground = {"type": "sphere", "radius": 1.0, "center": [60.0, 0.0, 0.0]}
+        scene["constraints"] |= {"far": {"type": "contact", "body": "egg", "surface": ground}}  # type: ignore[operator]
     simulation = Simulation(load_scene(scene), announce=None)
     run = simulation.run(watched=False)
     found = found_in(run.block, effort_of(simulation), 1.0 / duration, 1.0)
@@ -132,11 +140,11 @@ def test_one_that_something_else_sends_at_a_post_does_not_end_in_it() -> None:
 
 
 def test_what_python_adds_to_does_the_same_steps() -> None:
-    """A scene with an effect that the kernels do not know goes through the tasks one by one."""
-    none = {"nothing": {"type": "wrench", "body": "ball", "force": [0.0, 0.0, 1e-9]}}
+    """A scene with a pair that the kernels do not know goes through the tasks one by one."""
+    egg = {"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.2]}
     for beside in (0.03, 0.0701):
         alone, velocity, _ = sent_off(beside, 1e-2, True)
-        other, also, _ = sent_off(beside, 1e-2, True, effects=none)
+        other, also, _ = sent_off(beside, 1e-2, True, far_away=egg)
         assert alone._motion.plain and not other._motion.plain  # type: ignore[attr-defined]
         np.testing.assert_allclose(velocity, also, rtol=0.0, atol=1e-8)
         assert alone.steps == other.steps

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.stepping.normal_change import CROWD, find_crowds
-from rb_sim.contact.stepping.scene_tables import LAW, LAWS, REGULARISED, STATIC
+from rb_sim.contact.stepping.scene_tables import LAWS, STATIC, TRACTION
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import G, ball, body, scene, touch
 from tests.interpreted import interpreted
@@ -85,7 +85,7 @@ def test_bodies_that_many_points_hold_are_a_crowd_with_all_that_touch_them() -> 
         [[0, -1], [0, -1], [0, -1], [2, 3], [2, 1], [1, -1], [1, -1], [4, 5], [4, -1], [5, -1]]
     )
     laws = np.zeros((len(ends), LAWS))
-    laws[:6, STATIC], laws[6, LAW], laws[7:9, STATIC] = 0.3, REGULARISED, 0.3
+    laws[:6, STATIC], laws[6, TRACTION], laws[7:9, STATIC] = 0.3, 1.0, 0.3
     held = np.full(6, 7.0)
     find_crowds(laws, np.arange(len(ends)), ends, held, len(ends))
     assert (held == CROWD).tolist() == [False, True, True, True, False, False]

@@ -62,7 +62,7 @@ def spots(shape: str, support: str, motion: str, seed: int) -> Any:
     spin there, kinds) at a random state."""
     compiled = compiled_pair(shape, support, motion)
     system, rng = compiled.system, np.random.default_rng(seed)
-    tables, _ = tables_of(compiled)
+    tables, _ = tables_of(compiled, columns.Tractions())
     y = compiled.y.copy()
     for i in range(2):
         y[13 * i : 13 * i + 13] = *rng.normal(size=3), *unit(rng, 4), *rng.normal(size=6)
@@ -131,7 +131,11 @@ def test_the_tables_know_most_pairs() -> None:
 
 
 def kinds_of(shape: str, support: str) -> list[int]:
-    return tables_of(compiled_pair(shape, support, ""))[0].entries[:, KIND].tolist()
+    return (
+        tables_of(compiled_pair(shape, support, ""), columns.Tractions())[0]
+        .entries[:, KIND]
+        .tolist()
+    )
 
 
 LAWS_GIVEN: dict[str, dict[str, Any]] = {
@@ -154,13 +158,9 @@ LAWS_TOLD: dict[str, dict[int, float]] = {
         columns.ROLLING: 0.01,
         columns.SPINNING: 0.02,
     },
-    "viscous": {columns.LAW: columns.VISCOUS, columns.COEFFICIENT: 0.7},
-    "per normal": {columns.LAW: columns.VISCOUS_PER_NORMAL, columns.COEFFICIENT: 0.8},
-    "regularised": {
-        columns.LAW: columns.REGULARISED,
-        columns.COEFFICIENT: 0.4,
-        columns.SLOW: 0.1,
-    },
+    "viscous": {columns.TRACTION: 1.0},
+    "per normal": {columns.TRACTION: 1.0},
+    "regularised": {columns.TRACTION: 1.0},
     "soft": {columns.COMPLIANT: 1.0, columns.STIFFNESS: 1e4, columns.DAMPING: 3.0},
 }
 
@@ -181,7 +181,7 @@ def table_of(law: str, shape: dict[str, Any]) -> tuple[Any, ...]:
         "effects": {"weight": weight, "wind": wind},
         "simulation": {"duration": 1.0, "project_initial": True},
     }
-    tables, _ = tables_of(compile_scene(load_scene(mapping)))
+    tables, _ = tables_of(compile_scene(load_scene(mapping)), columns.Tractions())
     return tables.laws, tables.owners, tables.entries, tables.gravity
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
 from rb_sim.contact.stepping.geometry import MEMORY, SPOT
@@ -18,7 +19,8 @@ SHAPES = {
     "x": (LINES * C,), "joint_rows": (J, WIDTH), "joint_targets": (J,), "joint_x": (J,),
     "joint_back": (J,), "joint_factor": (J, J), "joint_spare": (2, J), "u": (N, 6),
     "turning": (N, 6), "before": (13 * N + 1,), "notes": (NOTES,), "meets": (C,),
-    "summed": (C, 6), "joint_summed": (J,),
+    "summed": (C, 6), "joint_summed": (J,), "loads": (6 * N,), "traction": (9,),
+    "joint_out": (13 * N + ROW_WIDTH * J + 1,),
 }  # fmt: skip
 
 

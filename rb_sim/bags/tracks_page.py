@@ -1,0 +1,107 @@
+"""The poses in a bag of somebody else as an HTML page: axes, traces, curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rb_sim.bags.compare import CALENDAR
+from rb_sim.bags.comparison_views import drawn
+from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.io.page.motion_page import BODIES, COLORS
+from rb_sim.io.page.supports import ground
+from rb_sim.io.page.write import packed, spread
+
+AXES = 0.12
+"""Length of the axes of a pose, in sizes of the motion."""
+SMALLEST = 0.1
+"""Size of a motion [m], at least: of a body that only turns."""
+
+
+def page_of_tracks(
+    tracks: Tracks, title: str, facts: Sequence[tuple[str, str]], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """The data of the page, at instants that all poses have in common; between messages on straight
+    lines."""
+    names = drawn(tracks)
+    shown = [tracks.bodies[name] for name in names]
+    t, left_out = _instants(shown)
+    zero = float(t[0]) if abs(t[0]) > CALENDAR else 0.0
+    position = np.stack([_between(t, track.t, track.position) for track in shown], axis=1)
+    orientation = np.stack([_turned(t, track) for track in shown], axis=1)
+    places = np.concatenate([track.position for track in shown])
+    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    center, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), SMALLEST)
+    rows = [*facts, ("poses", f"{sum(len(track.t) for track in shown)}{left_out}")]
+    if zero:
+        rows.append(("t = 0", f"{zero:.6f} s by the stamps"))
+    torques = [w.values[:, 3:] for w in tracks.reactions.values()]
+    forces = [w.values[:, :3] for w in tracks.reactions.values()]
+    plane = ground(center, size, float(low[2]))
+    return {
+        "title": title,
+        "description": "",
+        "facts": rows,
+        "warnings": list(warnings),
+        "legend": [f"grid {plane['step']:g} m"],
+        "view": {"center": center.tolist(), "size": size * (1.0 + 2.0 * AXES)},
+        "colors": COLORS,
+        "bodies": [
+            {"name": name, "solid": None, "color": BODIES[i % len(BODIES)], "reach": AXES * size}
+            for i, name in enumerate(names)
+        ],
+        "supports": {"solids": [], "planes": [plane], "lines": [], "links": [], "joints": []},
+        "t": packed(t - zero, "float64"),
+        "position": packed(position),
+        "orientation": packed(orientation),
+        "groups": {},
+        "arrows": [],
+        "curves": {
+            "t": packed(t - zero, "float64"),
+            "energy": None,
+            "scale": {"force": _largest(forces), "torque": _largest(torques)},
+        },
+        "reactions": [
+            {
+                "name": name,
+                "body": wrench.frame or "its frame",
+                "about": "its frame's origin",
+                "force": packed(_between(t, wrench.t, wrench.values[:, :3])),
+                "torque": packed(_between(t, wrench.t, wrench.values[:, 3:])),
+            }
+            for name, wrench in tracks.reactions.items()
+        ],
+        "exact": None,
+        "events": [],
+        "point": "origin of its frame",
+        "trace": True,
+        "axes": True,
+        "names": True,
+    }
+
+
+def _instants(tracks: list[Track]) -> tuple[np.ndarray, str]:
+    """Those of all poses, as many as a page has room for; what is left out, in words."""
+    every = np.unique(np.concatenate([track.t for track in tracks]))
+    rows = spread(len(every), 28.0 * len(tracks))
+    if len(rows) == len(every):
+        return every, ""
+    return every[rows], f"; the page shows {len(rows)} of {len(every)} instants"
+
+
+def _between(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(t, at, column) for column in values.T], axis=1)
+
+
+def _turned(t: np.ndarray, track: Track) -> np.ndarray:
+    """Unit quaternions; one and its negative are the same attitude, so neighbours get one sign."""
+    q = track.orientation
+    signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+    q = _between(t, track.t, q * np.cumprod(np.concatenate([[1.0], signs]))[:, None])
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def _largest(vectors: list[np.ndarray]) -> float:
+    return max((float(np.nanmax(np.abs(v), initial=0.0)) for v in vectors), default=0.0)

@@ -1,0 +1,1 @@
+"""Layouts of Foxglove, RViz and PlotJuggler for the topics of a scene."""

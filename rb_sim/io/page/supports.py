@@ -1,0 +1,334 @@
+"""What a page draws of a scene beside its curves: solids of the bodies, and what holds them.
+
+Solids: {kind, sizes, center, axis or axes}, in body axes from the centre of mass, or in the world.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rb_sim.io.extent import THIN_DISK, THIN_ROD, half_box, inertia_box, reach_of
+from rb_sim.io.frames import conjugate, rotate
+from rb_sim.io.rerun.arrow_scales import nice
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
+
+CELLS = 12.0
+"""Of a grid, across the scene."""
+ARM = 0.004
+"""Radius of the arm between a body and its joint, in sizes of the scene."""
+
+
+def solid_of(body: Any) -> dict[str, Any]:
+    """The shape of a body; of one without a shape the box of its mass and inertia, see-through."""
+    shape = body.shape
+    if shape is None:
+        half, axes = inertia_box(body)
+        about = {"center": [0.0, 0.0, 0.0], "axes": axes.T.tolist(), "ghost": True}
+        return {"kind": "box", "half": half.tolist(), **about}
+    center = (np.array(shape.center_B) - np.array(body.center_of_mass)).tolist()
+    return {"center": center, **_sizes(shape)}
+
+
+def _sizes(shape: Any) -> dict[str, Any]:
+    match shape.type:
+        case "sphere":
+            return {"kind": "ball", "radius": shape.radius}
+        case "box":
+            return {"kind": "box", "half": (0.5 * np.array(shape.size)).tolist()}
+        case "ellipsoid":
+            return {"kind": "ellipsoid", "half": list(shape.semi_axes)}
+        case "disk":
+            length, radius = THIN_DISK * shape.radius, shape.radius
+        case _:
+            length = shape.length
+            radius = THIN_ROD * length if shape.radius is None else shape.radius
+    along = {"axis": list(shape.axis_B)}
+    return {"kind": "cylinder", "radius": radius, "length": length, **along}
+
+
+class Supports:
+    """Pivots, axes, rails, planes, rods, springs of a scene, as a page takes them.
+
+    block: samples, of which the first one tells where joints are. center, size: of the scene [m];
+    origin: from which the page counts places in the world [m].
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        layout: SampleLayout,
+        block: SampleBlock,
+        view: tuple[Array, float],
+        origin: Array,
+    ) -> None:
+        self._scene, self._layout, self._block = scene, layout, block
+        (self._center, self._size), self._origin = view, origin
+        self.solids: list[dict[str, Any]] = []
+        self.planes: list[dict[str, Any]] = []
+        self.lines: list[dict[str, Any]] = []
+        self.links: list[dict[str, Any]] = []
+        self.joints: list[dict[str, Any]] = []
+        specs = [*scene.constraints.values(), *getattr(scene, "effects", {}).values()]
+        for spec in specs:
+            draw = getattr(self, f"_draw_{spec.type}", None)
+            if draw is not None:
+                draw(spec)
+        if not any(plane["on"] < 0 and plane["normal"][2] > 0.5 for plane in self.planes):
+            self._ground()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the page."""
+        names = ("solids", "planes", "lines", "links", "joints")
+        return {name: getattr(self, name) for name in names}
+
+    # Places: at the first sample in the world, then in the frame that carries them.
+
+    def _world(self, body: str | None, point: Any) -> Array:
+        """A point given from the origin of a body, or in the world, at the start [m]."""
+        if body is None:
+            return np.array(point, dtype=float) - self._origin
+        i = self._layout.bodies.index(body)
+        arm = np.array(point, dtype=float) - np.array(self._scene.bodies[body].center_of_mass)
+        return self._block.position[0, i] + rotate(self._block.orientation[0, i], arm)
+
+    def _turned(self, body: str | None, axis: Any) -> Array:
+        """A direction of a body, or of the world, at the start."""
+        axis = np.array(axis, dtype=float)
+        if body is None:
+            return axis
+        return rotate(self._block.orientation[0, self._layout.bodies.index(body)], axis)
+
+    def _in(self, body: str | None, point: Array) -> list[float]:
+        """A point of the world at the start, from the centre of mass of a body in its axes."""
+        if body is None:
+            return point.tolist()
+        i = self._layout.bodies.index(body)
+        return self._direction_in(body, point - self._block.position[0, i])
+
+    def _direction_in(self, body: str | None, axis: Array) -> list[float]:
+        if body is None:
+            return axis.tolist()
+        q = self._block.orientation[0, self._layout.bodies.index(body)]
+        return rotate(conjugate(q), axis).tolist()
+
+    def _on(self, body: str | None) -> int:
+        return -1 if body is None else self._layout.bodies.index(body)
+
+    def _joint(self, body: str, point: Any) -> dict[str, Any]:
+        return {"on": self._on(body), "point": self._in(body, self._world(body, point))}
+
+    def _hinge(self, body: str, point: Any) -> None:
+        """A joint, and an arm to it where it lies beside the shape of the body."""
+        joint = self._joint(body, point)
+        self.joints.append(joint)
+        shape = self._scene.bodies[body].shape
+        if shape is None:
+            return
+        center = np.array(shape.center_B) - np.array(self._scene.bodies[body].center_of_mass)
+        arm = np.array(joint["point"]) - center
+        if (np.abs(arm) <= 1.05 * half_box(shape)).all():
+            return
+        sizes = {"radius": ARM * self._size, "length": float(np.linalg.norm(arm)), "plain": True}
+        about = {"center": (center + 0.5 * arm).tolist(), "axis": (arm / sizes["length"]).tolist()}
+        self.solids.append({"kind": "cylinder", **sizes, **about, "on": self._on(body)})
+
+    # One for each kind of constraint or effect that has something to see.
+
+    def _draw_fixed_point(self, spec: Any) -> None:
+        point = self._world(spec.body, spec.point_B)
+        self._hinge(spec.body, spec.point_B)
+        if _parent(spec) is None:  # a cone, on whose tip the body stands
+            length = 0.07 * self._size
+            cone = {"kind": "cone", "radius": 0.45 * length, "length": length, "on": -1}
+            center = (point - [0.0, 0.0, 0.5 * length]).tolist()
+            self.solids.append({**cone, "center": center, "axis": [0.0, 0.0, 1.0]})
+
+    def _draw_fixed_axis(self, spec: Any) -> None:
+        """The axis as a line, and in the world a bearing at each end of it."""
+        point = self._world(spec.body, spec.point_B)
+        axis = self._turned(spec.body, spec.axis_B)
+        half = 1.15 * max(reach_of(self._scene.bodies[spec.body]), 0.12 * self._size)
+        ends = [point - half * axis, point + half * axis]
+        line = [self._in(_parent(spec), end) for end in ends]
+        self.lines.append({"on": self._on(_parent(spec)), "points": line, "dash": True})
+        if _parent(spec) is None:
+            sizes = {"radius": 0.018 * self._size, "length": 0.04 * self._size, "plain": True}
+            for end in ends:
+                about = {"center": end.tolist(), "axis": axis.tolist(), "on": -1}
+                self.solids.append({"kind": "cylinder", **sizes, **about})
+        self._hinge(spec.body, spec.point_B)
+
+    def _draw_translation(self, spec: Any) -> None:
+        guide = spec.guide
+        if guide is None:
+            return
+        start = self._world(spec.body, spec.point_B)
+        if guide.type == "line":
+            axis = self._turned(_parent(spec), guide.direction)
+            points = [start + s * self._size * axis for s in (-0.75, 0.75)]
+        elif guide.type == "circle":
+            center = self._world(_parent(spec), guide.center)
+            normal = self._turned(_parent(spec), guide.normal)
+            points = _circle(center, normal, start - center)
+        else:
+            points = [self._world(_parent(spec), p) for p in guide.points]
+        line = [self._in(_parent(spec), point) for point in points]
+        self.lines.append({"on": self._on(_parent(spec)), "points": line})
+
+    def _link(self, kind: str, spec: Any, ends: Any) -> None:
+        from_ = self._joint(spec.body, ends.point_B)
+        there = self._in(_parent(spec), self._world(_parent(spec), ends.point_A))
+        to = {"on": self._on(_parent(spec)), "point": there}
+        self.links.append({"kind": kind, "from": from_, "to": to})
+
+    def _draw_distance(self, spec: Any) -> None:
+        self._link("rod", spec, spec)
+
+    def _draw_spring(self, spec: Any) -> None:
+        self._link("spring", spec, spec)
+
+    def _draw_string(self, spec: Any) -> None:
+        self._link("string", spec, spec)
+
+    def _draw_plane(self, spec: Any) -> None:
+        given = spec.point_A is not None
+        point = self._world(
+            *((_parent(spec), spec.point_A) if given else (spec.body, spec.point_B))
+        )
+        self._plane(_parent(spec), point, self._turned(_parent(spec), spec.normal_A))
+
+    def _draw_rolling(self, spec: Any) -> None:
+        point = self._world(_parent(spec), spec.point_A)
+        self._plane(_parent(spec), point, self._turned(_parent(spec), spec.normal_A))
+
+    def _draw_contact(self, spec: Any) -> None:
+        surface = spec.surface
+        match surface.type:
+            case "plane":
+                if (
+                    _parent(spec) is not None
+                    and self._scene.bodies[_parent(spec)].shape is not None
+                ):
+                    return  # the shape shows it
+                point = self._world(_parent(spec), surface.point)
+                normal = self._turned(_parent(spec), surface.normal)
+                self._plane(_parent(spec), point, normal, getattr(spec, "motion", None))
+            case "sphere":
+                self._ball(_parent(spec), surface)
+            case "cylinder":
+                self._pipe(_parent(spec), surface)
+            case "string":
+                self._link("string", spec, surface)
+
+    def _ball(self, parent: str | None, surface: Any) -> None:
+        """A solid; of a bowl, and of a ball that is larger than the view, lines on it."""
+        center, radius = self._world(parent, surface.center), surface.radius
+        if surface.side == "outside" and radius < self._size:
+            ball = {"kind": "ball", "radius": radius, "plain": True}
+            about = {"center": self._in(parent, center), "on": self._on(parent)}
+            self._add_once(self.solids, {**ball, **about})
+            return
+        pole = self._center - center
+        pole = pole / (np.linalg.norm(pole) or 1.0) if pole.any() else np.eye(3)[2]
+        across = _across(pole)
+        wide = min(0.5 * np.pi, 0.6 * self._size / radius)
+        for angle in np.linspace(0.0, wide, 6)[1:]:
+            middle = center + radius * np.cos(angle) * pole
+            self._wire(parent, _circle(middle, pole, radius * np.sin(angle) * across))
+        for start in _circle(np.zeros(3), pole, across)[:-1:6]:
+            angles = np.linspace(0.0, wide, 21)
+            points = [center + radius * (np.cos(a) * pole + np.sin(a) * start) for a in angles]
+            self._wire(parent, points)
+
+    def _pipe(self, parent: str | None, surface: Any) -> None:
+        axis = self._turned(parent, surface.axis)
+        point = self._world(parent, surface.point)
+        middle = point + np.dot(self._center - point, axis) * axis
+        if surface.side == "outside":
+            sizes = {"radius": surface.radius, "length": self._size, "plain": True}
+            center, along = self._in(parent, middle), self._direction_in(parent, axis)
+            about = {"center": center, "axis": along, "on": self._on(parent)}
+            self._add_once(self.solids, {"kind": "cylinder", **sizes, **about})
+            return
+        across = surface.radius * _across(axis)
+        for s in np.linspace(-0.5, 0.5, 5):
+            self._wire(parent, _circle(middle + s * self._size * axis, axis, across))
+        for point in _circle(middle, axis, across)[:-1:6]:
+            self._wire(parent, [point + s * self._size * axis for s in (-0.5, 0.5)])
+
+    def _wire(self, parent: str | None, points: list[Array]) -> None:
+        line = [self._in(parent, point) for point in points]
+        self._add_once(self.lines, {"on": self._on(parent), "points": line})
+
+    def _plane(self, parent: str | None, point: Array, normal: Array, motion: Any = None) -> None:
+        foot = self._center - np.dot(self._center - point, normal) * normal
+        plane = {
+            "on": self._on(parent),
+            "point": self._in(parent, foot),
+            "normal": self._direction_in(parent, normal),
+            "along": self._direction_in(parent, _across(normal)),
+            **_grid(self._size),
+            "thing": True,
+        }
+        if motion is not None:
+            plane |= _moves(motion, self._origin)
+        self._add_once(self.planes, plane)
+
+    def _ground(self) -> None:
+        """A faint level below all bodies, where the scene has none: what a height is seen by."""
+        heights = self._block.position[:, :, 2]
+        reach = min((reach_of(b) for b in self._scene.bodies.values()), default=0.0)
+        low = float(np.nanmin(heights)) - reach
+        joints = [s["center"][2] - 0.5 * s["length"] for s in self.solids if s["kind"] == "cone"]
+        self.planes.append(ground(self._center, self._size, min([low, *joints])))
+
+    @staticmethod
+    def _add_once(drawn: list[dict[str, Any]], one: dict[str, Any]) -> None:
+        """A floor that a hundred balls have is drawn once."""
+        if one not in drawn:
+            drawn.append(one)
+
+
+def _parent(spec: Any) -> str | None:
+    return getattr(spec, "parent", None)
+
+
+def ground(center: Array, size: float, height: float) -> dict[str, Any]:
+    """A level grid that is no thing of the scene: heights are seen by it."""
+    across = {"normal": [0.0, 0.0, 1.0], "along": [1.0, 0.0, 0.0]}
+    point = [float(center[0]), float(center[1]), height]
+    return {"on": -1, "point": point, **across, **_grid(size), "thing": False}
+
+
+def _grid(size: float) -> dict[str, float]:
+    """How far a plane is drawn, and the distance of its lines [m]."""
+    step = nice(size / CELLS)
+    return {"size": step * float(np.ceil(0.65 * size / step)), "step": step}
+
+
+def _moves(motion: Any, origin: Array) -> dict[str, Any]:
+    """How a plane of a support that is driven moves."""
+    if motion.type == "turntable":
+        spin = motion.rate * np.array(motion.axis)
+        return {"spin": spin.tolist(), "about": (np.array(motion.point) - origin).tolist()}
+    amplitude = (motion.amplitude * np.array(motion.direction)).tolist()
+    rate = 2.0 * np.pi * motion.frequency
+    return {"shaken": {"amplitude": amplitude, "frequency": rate, "phase": motion.phase}}
+
+
+def _across(axis: Array) -> Array:
+    """A unit vector perpendicular to a unit vector, along x where it can be."""
+    other = np.eye(3)[0 if abs(axis[0]) < 0.9 else 1]
+    found = other - np.dot(other, axis) * axis
+    return found / np.linalg.norm(found)
+
+
+def _circle(center: Array, normal: Array, arm: Array) -> list[Array]:
+    """Points round a circle, the first one again at its end."""
+    other = np.cross(normal, arm)
+    angles = np.linspace(0.0, 2.0 * np.pi, 61)
+    return [center + np.cos(a) * arm + np.sin(a) * other for a in angles]

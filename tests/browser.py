@@ -1,0 +1,53 @@
+"""Opens pages in headless Chromium, without a network, and asks them."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+WATCH = """<script>
+window.complaints = [];
+window.addEventListener("error", (event) => complaints.push(event.message));
+for (const kind of ["error", "warn"]) console[kind] = (...what) => complaints.push(what.join(" "));
+</script>"""
+"""Stands before all scripts of a page."""
+
+
+def dom_of(page: Path, *options: str) -> str:
+    """The page's DOM after its scripts have run; skips the test without Chromium."""
+    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
+    if chromium is None:
+        pytest.skip("no chromium")
+    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
+               "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=10000",
+               *options, page.as_uri()]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return done.stdout
+
+
+def ask(page: Path, script: str, *options: str) -> Any:
+    """What the function body `script` returns in the page, as data; fails if the page complained
+    in its console or loaded anything."""
+    asked = page.with_name(f"asked_{page.name}")
+    answer = f"""<script>
+    const answer = (() => {{ {script} }})();
+    const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
+    const told = document.createElement("pre");
+    told.id = "answer";
+    told.textContent = JSON.stringify({{answer, complaints, loaded}});
+    document.body.append(told);
+    </script></body>"""
+    text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{WATCH}", 1)
+    asked.write_text(text.replace("</body>", answer, 1), encoding="utf-8")
+    found = re.search(r'<pre id="answer">(.*?)</pre>', dom_of(asked, *options), re.DOTALL)
+    assert found is not None, "the page's scripts came to no end"
+    told = json.loads(html.unescape(found[1]))
+    assert told["complaints"] == [] and told["loaded"] == []
+    return told["answer"]
