@@ -116,7 +116,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         console.print(Text(target_line(accuracy, target), style="bold"))
 
 
-MOST_COLUMNS = 6
+MOST_COLUMNS = 5
 """Of factors: so many fit a terminal of 80 columns."""
 
 
@@ -127,13 +127,11 @@ def shown(lines: Sequence[Any], names: list[str]) -> list[str]:
     return [name for name in names if name in kept]
 
 
-SPLIT = {"dopri853": "dopri\n853", "time_stepping": "time\nstep-\nping", "adaptive": "adap-\ntive"}
-"""Names that are wider than a column of factors."""
-
-
 def heading(name: str) -> str:
-    """The name of a ladder, narrow enough for all of them to fit a terminal of 80 columns."""
-    return "\n".join(SPLIT.get(word, word) for word in name.split())
+    """The name of a ladder above a column of factors: the method, and its form if it has two."""
+    method, _, form = name.partition(" ")
+    short_form = {"fixed": "step", "adaptive": "tol"}.get(form, form)
+    return "\n".join(filter(None, (*method.replace("_", "_ ").split(), short_form)))
 
 
 def short(setting: Setting) -> str:

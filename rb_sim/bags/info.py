@@ -13,6 +13,7 @@ from rb_sim.bags.message_rates import Rates
 from rb_sim.base.errors import SceneError, SinkError
 from rb_sim.io.bag.batches import Scan, scan_of
 from rb_sim.io.bag.messages import Messages
+from rb_sim.io.bag.reader import described_in
 from rb_sim.io.bag.records import bag_paths, unlisted
 from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
@@ -53,6 +54,7 @@ class _Info:
         for path in self.paths:
             self._read_file(path)
         recorded = self.metadata.get(RECORD)
+        converted = None if recorded else described_in(self.paths[0])
         try:
             summary = summary_in(self.metadata.get(SUMMARY_RECORD))
         except ValueError as error:
@@ -66,8 +68,10 @@ class _Info:
             }
             for name in sorted(self.types)
         }
+        recorded = recorded or converted
         run = None if recorded is None else run_of(recorded, summary, self.damage)
-        ended = run is None or run["summarised"]
+        # what converts a bag keeps its messages, and with them no summary
+        ended = run is None or run["summarised"] or converted is not None
         return {
             "path": str(self.paths[0]),
             "files": len(self.paths),

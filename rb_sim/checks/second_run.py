@@ -32,7 +32,7 @@ from rb_sim.accuracy.choice import counted_time
 from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
-from rb_sim.checks.bounds import finer_step, round_down, try_step
+from rb_sim.checks.effort import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import WatchEndedError
@@ -92,6 +92,7 @@ class SecondRun:
         self._t0, self._system = motion.time, motion.system
         self._from_start = motion.as_compiled and motion.time == 0.0
         self._y = None if self._from_start else _copy(motion.coordinates)
+        self._turns = motion.kept.copy()
         self._steps, self._before = motion.steps, self._counted(motion)
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
@@ -233,6 +234,7 @@ class SecondRun:
         """Let the trial begin where the run began; it stands at the start of the scene."""
         if not self._from_start:
             trial.reset(self._y, self._t0)
+            trial.kept = self._turns
             if trial.layout.commanded:
                 trial.change_law(self._system)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.bounds import below, effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import below, effort_of
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import ADVICE, Forecast
@@ -66,9 +67,6 @@ user waits for the word."""
 MOST_TRIALS = 16
 """Smaller steps that are tried, each at most half of the one before."""
 
-LARGER = 3
-"""Doublings that are tried where no smaller step does."""
-
 STIFF = 0.02
 """Share of the step asked for at and below which one that does is of a stiff scene, for which there
 is a method of its own."""
@@ -111,10 +109,9 @@ def step_that_runs(
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
     where = "to the end" if horizon == end else f"at least to t = {horizon:.3g} s"
     trials = _Trials(simulation, horizon, None, goes_on)
-    found = _search(trials, below(step), step)
+    found = _search(trials, below(step))
     if found is not None:
-        worse = "" if found < step or trials.loud else "smaller steps fail as well; "
-        return f"{worse}use step {found:g} s, which runs {where}"
+        return f"use step {found:g} s, which runs {where}"
     if trials.loud:
         return f"step {min(trials.loud):g} s runs {where}, but with a warning"
     smallest = min(trials.failed, default=step)
@@ -139,10 +136,9 @@ def quiet_step(
     first = min(finer)
     known = frozenset(finding.watch for finding in findings if finding.finer_step is None)
     trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
-    found = _search(trials, first, step)
+    found = _search(trials, first)
     if found is not None:
-        worse = "" if found < step else "smaller steps do not help; "
-        mends = f"{worse}use step {found:g} s, which passes all checks"
+        mends = f"use step {found:g} s, which passes all checks"
         return mends + _in_longer_steps(simulation, found / step)
     tried = trials.loud + trials.failed
     if not tried:
@@ -165,20 +161,14 @@ def _otherwise(simulation: Run) -> str:
     return "use method dopri853 with a tolerance"
 
 
-def _search(trials: _Trials, first: float, step: float) -> float | None:
-    """The first step [s] that is quiet: from `first` down, then larger than `step`, unless one of
-    the smaller ones at least came to the end. None where there is none in time."""
-    smaller = first
-    try:
+def _search(trials: _Trials, first: float) -> float | None:
+    """The first step [s] from `first` down that is quiet; None where there is none in time."""
+    step = first
+    with suppress(_NoTimeError):
         for _ in range(MOST_TRIALS):
-            if trials.quiet(smaller):
-                return smaller
-            smaller = below(smaller)
-        for k in range(1, LARGER + 1):
-            if trials.quiet(step * 2**k):
-                return step * 2**k
-    except _NoTimeError:
-        pass
+            if trials.quiet(step):
+                return step
+            step = below(step)
     return None
 
 

@@ -27,6 +27,13 @@ if TYPE_CHECKING:
 # The general formulation in maximal coordinates tells it.
 
 
+RESIDUAL = 1e-9
+"""Constraints are projected after every step to round-off; this is the relative violation above
+which the scene compiler, too, takes constraints for contradictory."""
+
+CONTACT_RESIDUAL = 1e-6
+"""In contact the residual also tells overlaps, which an event's location leaves behind."""
+
 CONTRADICTORY = (
     "check for constraints that contradict each other from here on, or try method dopri853"
 )

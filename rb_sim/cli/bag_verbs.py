@@ -208,12 +208,6 @@ def analyze(
     parquet: Annotated[
         bool, typer.Option("--parquet", help="Also write DIR/samples.parquet.")
     ] = False,
-    screenshot: Annotated[
-        bool,
-        typer.Option(
-            "--screenshot/--no-screenshot", help="Include a picture of the scene in the report."
-        ),
-    ] = True,
     json: Json = False,
 ) -> int:
     """Report rates, gaps, energy, momenta, wrenches and spectra of any bag with poses."""
@@ -221,7 +215,7 @@ def analyze(
     from rb_sim.cli.verbs.analyze import analyze as read
 
     topics = tuple(topic or ())
-    return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
+    return read(AnalyzeOptions(bag, out, topics, masses, parquet, json))
 
 
 def fit(

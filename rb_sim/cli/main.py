@@ -272,13 +272,13 @@ def scenes(
     ] = False,
 ) -> int:
     """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
     from rb_sim.cli.verbs.scenes import scenes as list_them
+    from rb_sim.scene.listing import find_scene
 
     if show:
         if folder is None:
             raise RbSimError("--show: got no scene; must be the NAME of a scene")
-        text = find_moving_or_at_rest(str(folder))[0].read_text(encoding="utf-8")
+        text = find_scene(str(folder)).read_text(encoding="utf-8")
         print(text, end="" if text.endswith("\n") else "\n")
         return 0
 
@@ -342,10 +342,10 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
 
     Same as rb_sim_node; `rb_sim_node --help` lists the parameters.
     """
-    from rb_sim.cli.verbs.scenes import find_moving
     from rb_sim.ros.main import main as run_node
+    from rb_sim.scene.listing import find_scene
 
-    return run_node([str(find_moving(scene)), *context.args])
+    return run_node([str(find_scene(scene)), *context.args])
 
 
 @verb()
@@ -363,20 +363,19 @@ def statics(
 
     A scene of motion is taken at its initial pose, without velocities and commands.
     """
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
     from rb_sim.cli.verbs.statics import statics as solve
+    from rb_sim.scene.listing import find_scene
 
-    path, at_rest = find_moving_or_at_rest(scene)
-    return solve(path, out, at_rest=at_rest)
+    return solve(find_scene(scene), out)
 
 
 @verb()
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
     """List the parts of a scene and the CPU time that each one costs."""
     from rb_sim.cli.verbs.explain import explain as tell
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
 
-    return tell(find_moving(scene), out)
+    return tell(find_scene(scene), out)
 
 
 @verb()
@@ -392,12 +391,13 @@ def linearize(
 ) -> int:
     """Linearise a scene: A, B, C, D with names, eigenvalues, damping.
 
-    With --out, DIR gets linear_model.npz with arrays for python-control.
+    With --out, DIR gets linear_model.npz with arrays for python-control, the poles as poles.png
+    and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
 
-    return tell(find_moving(scene), at, axes, turning, out, json)
+    return tell(find_scene(scene), at, axes, turning, out, json)
 
 
 study_verbs.register(verb)

@@ -39,10 +39,13 @@ def accuracy(
     """
     from rb_sim.cli.verbs.accuracy import accuracy as of_motion
     from rb_sim.cli.verbs.accuracy import of_statics
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import is_statics
 
-    path, at_rest = find_moving_or_at_rest(scene)
-    return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
+    path = find_scene(scene)
+    if is_statics(path):
+        return of_statics(path, out, target)
+    return of_motion(path, out, target, budget)
 
 
 def hard_cases(
@@ -98,9 +101,6 @@ def sweep(
             "--lanes/--no-lanes", help="Compute several runs at once with vector instructions."
         ),
     ] = True,
-    device: Annotated[
-        str, typer.Option(metavar="NAME", help="cpu, or cuda (one run per GPU thread).")
-    ] = "cpu",
 ) -> int:
     """Run a scene many times with varied parameters; runs that DIR already contains are kept."""
     from rb_sim.cli.verbs import sweep as verbs
@@ -113,7 +113,7 @@ def sweep(
         return verbs.sweep_report(folder)
     if folder is not None:
         raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, lanes, device)
+    return verbs.sweep(plan, out, workers, scheduler, batch, lanes)
 
 
 def register(verb: Callable[..., Any]) -> None:

@@ -57,15 +57,15 @@ ULPS = 1e-15
 
 RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
 ALONG, SHARE, CHOICE, EXPAND, ADD, SLOPE, BEGIN, COORDINATES, STEP, LAWS = range(10, 20)
-"""Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
+"""Places in `laws`; 0 where there is nothing to call. WHOLE is a step as one law, `stepped`; BACK
 is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
-the share of the step after which a piece ends.  CHOICE writes the inputs of the next step that say
-which of too many lines get a multiplier, and two numbers more.  For a method that steps along a
-Taylor series, EXPAND and ADD write and sum it, and SLOPE is dy/dt of what has it; where that are
-not the coordinates, BEGIN gives it at the start of a step, and COORDINATES the change of y from its
-own."""
+the share of the step after which a piece ends.  CHOICE writes the inputs of a step that are kept
+from the one before or chosen for each: turns of torsion springs, and which of too many lines get a
+multiplier; two numbers more may follow.  For a method that steps along a Taylor series, EXPAND and
+ADD write and sum it, and SLOPE is dy/dt of what has it; where that are not the coordinates, BEGIN
+gives it at the start of a step, and COORDINATES the change of y from its own."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""

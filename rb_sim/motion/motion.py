@@ -71,9 +71,13 @@ class Motion(ABC):
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
 
+    kept: Any = np.zeros(0)
+    """what laws keep from step to step beside the coordinates: turns of torsion springs."""
+
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """As reset, with what laws keep from step to step as another motion of the scene has it."""
         self.reset(y, time)
+        self.kept = run.kept
 
     @property
     @abstractmethod

@@ -145,7 +145,7 @@ class Settings:
     )
     odometry: bool = setting(False, "publish BODY/odometry (nav_msgs/Odometry)")
     joint_states: bool = setting(
-        False, "publish joint_states (sensor_msgs/JointState) of the fixed axes"
+        False, "publish joint_states (sensor_msgs/JointState) of axes and linear guides"
     )
     accelerations: bool = setting(
         False,

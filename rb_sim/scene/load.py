@@ -25,6 +25,7 @@ from rb_sim.scene.schema import (
     Body,
     Scene,
     SimulationOptions,
+    StaticsScene,
 )
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
@@ -50,6 +51,8 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
         yield from _grams(name, scene.bodies[name])
+    if scene.at_rest:
+        return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
     if others := [f"{name} -> {to}" for name, to in called.items() if name != to]:
         more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
@@ -128,6 +131,30 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
     return _build(data, text, path.stem, str(path), overrides)
 
 
+def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
+    """As `load_scene`, of bodies that stand: they need neither mass nor inertia."""
+    if isinstance(source, Mapping):
+        plain = _plain(source, IN_MEMORY)
+        text = partial(yaml_reader.write, plain)
+        scene = _build(plain, text, "statics", IN_MEMORY, {}, kind=StaticsScene)
+    else:
+        path = _path_of(source)
+        text = yaml_reader.read_text(path)
+        data = yaml_reader.parse(text, str(path))
+        scene = _build(data, text, path.stem, str(path), {}, kind=StaticsScene)
+    assert isinstance(scene, StaticsScene)
+    return scene
+
+
+def is_statics(path: Path) -> bool:
+    """Whether a file is of bodies at rest: it has supports or loads.
+
+    Raises SceneError if it is no YAML file.
+    """
+    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
+
+
 def _path_of(source: str | PathLike[str]) -> Path:
     """The file meant: a bare name that is no file is one of the shipped scenes."""
     path = Path(source)
@@ -187,11 +214,12 @@ def _build(
     file: str,
     overrides: Mapping[str, Any],
     by_hand: bool = True,
+    kind: type[Scene] = Scene,
 ) -> Scene:
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
-    scene = validated(Scene, data, file).from_source(name, file, text)
+    scene = validated(kind, data, file).from_source(name, file, text)
     for line in habits(data, scene) if by_hand else ():
         warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}

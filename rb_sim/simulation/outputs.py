@@ -45,6 +45,14 @@ class Output:
             self.lost += len(block)
             self._fail(error, f"; the run continues without {self.path.name}")
 
+    def note_state(self, state: str) -> None:
+        """Record the state of the node in a bag."""
+        try:
+            if not self.failure:
+                self._sink.note_state(state)  # type: ignore[attr-defined]  # bags have it
+        except OSError as error:
+            self._fail(error, f"; the run goes on without {self.path.name}")
+
     def leave_out(self, reason: str) -> None:
         """Close without a file that only closing would write. reason: in words, for the summary."""
         self.left_out = reason

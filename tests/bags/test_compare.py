@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import Clocks, angle_between, moved, overlap
@@ -520,3 +521,46 @@ def test_a_bound_that_is_none_is_refused(bound: float, tmp_path) -> None:
     options = CompareOptions(tmp_path / "none", "none", bounds={"angle": bound})
     with pytest.raises(RbSimError, match=r"^--max-angle: got .*; must be >= 0$"):
         compare(options)
+
+
+def pictured(a: Tracks, b: Tracks, tmp_path, monkeypatch) -> Figure:
+    """The figure of compare.png."""
+    from rb_sim.bags.comparison_views import picture
+
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self))
+    picture(differences(a, b), a, b, tmp_path / "compare.png")
+    return figures[0]
+
+
+def test_the_picture_lays_both_over_each_other_and_bridges_no_gap(tmp_path, monkeypatch):
+    """A rolls through three turns about y; B has a gap of 0.6 s and is 1 mm higher."""
+    t = np.linspace(0, 2, 401)
+    half = 0.5 * 6.0 * np.pi * t
+    turns = np.c_[0 * t, np.sin(half), 0 * t, np.cos(half)]
+    a = Track(t, np.c_[t, 0 * t, 0.1 * np.sin(3 * t)], turns)
+    seen = (t < 0.7) | (t > 1.3)
+    b = Track(t[seen], a.position[seen] + [0, 0, 1e-3], -turns[seen])
+    figure = pictured(Tracks("a", {"ball": a}), Tracks("b", {"ball": b}), tmp_path, monkeypatch)
+    axes = {axis.get_ylabel(): axis for axis in figure.axes if axis.axison}
+    assert list(axes) == ["x [m]", "pitch [°]", "z [m]", "position apart [m]"]  # y, roll, yaw rest
+    for label, axis in axes.items():
+        *_, last = axis.get_lines()  # of B, or of the difference
+        times, values = last.get_xdata(), last.get_ydata()
+        within = np.isnan(values[1:]) | np.isnan(values[:-1]) | (np.diff(times) < 0.1)
+        assert within.all() and np.isnan(values).any(), label
+    one, other = axes["pitch [°]"].get_lines()
+    np.testing.assert_allclose(one.get_ydata(), 1080.0 * one.get_xdata(), atol=1e-6)
+    kept = ~np.isnan(other.get_ydata())
+    np.testing.assert_allclose(other.get_ydata()[kept], 1080.0 * other.get_xdata()[kept], atol=1e-6)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["A", "B", "ball"]
+    assert not any(axis.get_legend() for axis in figure.axes)
+
+
+def test_what_is_the_same_has_no_panel_but_a_line(tmp_path, monkeypatch):
+    t = np.linspace(0, 2, 101)
+    one, other = (Tracks(name, {"top": motion(t)}) for name in "ab")
+    figure = pictured(one, other, tmp_path, monkeypatch)
+    assert "same to rounding: position, angle" in figure.get_suptitle()
+    assert not any("apart" in axis.get_ylabel() for axis in figure.axes if axis.axison)

@@ -106,7 +106,7 @@ def test_recover_says_what_it_did(record, tmp_path, capsys):
     data = (bag / "bag_0.mcap").read_bytes()
     recover(bag, tmp_path / "whole")
     assert capsys.readouterr().out == (
-        f"wrote {tmp_path / 'whole'}: {200 * 17 + 2} messages, the bag was complete\n"
+        f"wrote {tmp_path / 'whole'}: {200 * 17 + 3} messages, the bag was complete\n"
     )
     (bag / "bag_0.mcap").write_bytes(data[:-20])
     recover(bag)

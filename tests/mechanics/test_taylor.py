@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -191,8 +192,8 @@ class Laws:
 
     velocities: tuple[float, ...] = (0.0, 1.0)
     settle = inside = sample = jacobian = along = share = None
-    splines, n, width = 0, 2, 2
-    inputs: Any = type("NoInputs", (), {"values": lambda self, *at: []})()
+    splines, n, width, carried, system = 0, 2, 2, 0, None
+    inputs: Any = SimpleNamespace(values=lambda *at: [], kept=lambda system: [])
 
     def __init__(self, f: Any) -> None:
         self._outputs = f(*Graph().vector("y", 2))

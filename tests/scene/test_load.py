@@ -91,8 +91,9 @@ MESSAGES = [
     (
         "mass: 2",
         "mas: 2",
-        "bodies.ball.mas: unknown key; must be one of angular_velocity, center_of_mass, inertia, "
-        "linear_velocity, mass, orientation, position, shape (did you mean mass?)",
+        "bodies.ball.mas: unknown key; must be one of absolute_tolerance, angular_velocity, "
+        "center_of_mass, inertia, linear_velocity, mass, orientation, position, shape "
+        "(did you mean mass?)",
     ),
     (
         "mass: 2",
@@ -203,7 +204,7 @@ MESSAGES = [
         "effects:",
         "efects:",
         "efects: unknown key; must be one of bodies, constraints, description, "
-        "effects, simulation (did you mean effects?)",
+        "effects, loads, simulation, supports (did you mean effects?)",
     ),
     ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
     (

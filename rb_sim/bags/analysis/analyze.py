@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +196,8 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
         for name in ("energy", "power", "residual"):
             _add(found, table, name, SCALAR, block.t, getattr(block, name)[:, None])
     _finish(found)
+    found.title = f"{scene.name}: {scene.description}" if scene.description else scene.name
+    found.facts = _facts(reader)
     found.notes += reader.left_out
     if any(missing.within for missing in reader.missing):
         found.notes.append("balances span the missing messages and contain their effect")
@@ -201,6 +205,19 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     found.notes += loads.notes + balances.notes
     found.contacts = balances.contacts
     found.constraints = None if constraints is None else constraints.as_dict()
+
+
+def _facts(reader: BagReader) -> list[str]:
+    """How, when and with what a run was made."""
+    options = json.loads(reader.record["simulation"])
+    knob = [f"{key} {options[key]:g}" for key in ("step", "tolerance") if options.get(key)]
+    versions = json.loads(reader.record.get("versions", "{}"))
+    written = datetime.fromtimestamp(reader.path.stat().st_mtime, UTC)
+    return [
+        f"run of {options['duration']:g} s with {' and '.join([options['method'], *knob])}",
+        f"file of {written:%d %b %Y %H:%M} UTC",
+        ", ".join(f"{name} {version}" for name, version in versions.items()),
+    ]
 
 
 def _finish(found: Analysis) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -31,7 +30,6 @@ class AnalyzeOptions:
     topics: tuple[str, ...] = ()
     masses: str | None = None
     parquet: bool = False
-    screenshot: bool = True
     as_json: bool = False
 
 
@@ -73,25 +71,10 @@ def analyze(options: AnalyzeOptions) -> int:
 
 def _report(found: Analysis, options: AnalyzeOptions) -> None:
     from rb_sim.bags.analysis.report import write_report
-    from rb_sim.cli.verbs.replay import convert
-    from rb_sim.io.bag.reader import BagReader
-    from rb_sim.io.rerun.viewer import save_screenshot
 
     assert options.out is not None
     try:
-        with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
-            picture: Path | None = Path(folder) / "scene.png"
-            try:
-                if not options.screenshot or found.balance is None:
-                    picture = None
-                else:
-                    recording = Path(folder) / "scene.rrd"
-                    convert(BagReader(options.bag, unfinished=True), recording)
-                    save_screenshot(recording, picture)
-            except RbSimError as error:  # no Rerun, no Vulkan, no driver: the rest of it stands
-                found.notes.append(f"no picture of the scene: {error}")
-                picture = None
-            write_report(found, options.out / "report.html", picture)
+        write_report(found, options.out / "report.html")
     except MissingExtraError as error:
         print(f"note: no report.html: {error}")
 

@@ -95,8 +95,6 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
 
-    tracks = tracks_of_bag(options.bag)
-    warn(tracks.notes)
     reader = reader_of(options.bag, unfinished=True)
     if options.scene is not None:
         own = {}
@@ -108,6 +106,8 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         scene = scene_as_run(reader)
     else:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
+    tracks = tracks_of_bag(options.bag, scene)
+    warn(tracks.notes)
     given = {body: name for body, _, name in (text.partition("=") for text in options.match)}
     pairs, left_out = pairs_of(tracks, list(scene.bodies), given, "--match BODY=NAME")
     warn(left_out)

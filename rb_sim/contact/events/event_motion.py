@@ -33,7 +33,6 @@ from rb_sim.contact.events.limits import (
 from rb_sim.contact.events.shares import (
     PARTED,
     JammedError,
-    LeftOpen,
     choose_modes,
     share_load,
     widest_of,
@@ -41,6 +40,7 @@ from rb_sim.contact.events.shares import (
 from rb_sim.contact.events.stepping import slow_slips
 from rb_sim.contact.events.steps import kind_of
 from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
+from rb_sim.contact.grid_motion import LeftOpen
 from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounces
 from rb_sim.contact.problem.delassus import velocities
 from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal

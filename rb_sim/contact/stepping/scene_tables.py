@@ -82,6 +82,9 @@ class Tables(NamedTuple):
     """traced laws: of the loads of all effects but gravity (0: there are none), of tractions."""
     inputs: np.ndarray = np.zeros(1)
     """of the law of the loads, see mechanics.inputs; the last is not used."""
+    loads: np.ndarray = np.zeros(0)
+    """what that law gives: force and torque of each body, then, where some are kept from step to
+    step, the inputs of the next step."""
     constants: np.ndarray = np.zeros(1)
     """of the laws of traction; the last is not used."""
     joint_laws: np.ndarray = np.zeros(JOINT_LAWS, np.int64)

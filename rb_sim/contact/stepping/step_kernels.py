@@ -69,6 +69,11 @@ from rb_sim.contact.stepping.step_workspace import (
     EXACT,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_NOW,
+    OPEN_OF,
+    OPEN_OF_NOW,
     PART,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
@@ -444,16 +449,26 @@ def note_aims(memory, workspace, t):
 
 
 @inline
-def add_loads(tables, workspace, t, y):
+def note_open(workspace, t):
+    """Keep what shares of a load have left open in the step up to t, if it is the first of them."""
+    notes = workspace.notes
+    if notes[OPEN] == 0.0:
+        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = notes[OPEN_NOW], t, notes[OPEN_OF_NOW]
+
+
+@inline
+def add_loads(tables, t, y):
     """Add the loads of all effects but gravity at (t, y)."""
     law, n = tables.addresses[LOADS], tables.bodies.shape[0]
     if law == 0:
         return
-    loads = pointer(workspace.loads)
+    loads = pointer(tables.loads)
     call_law(law, t, pointer(y), pointer(tables.inputs), loads)
     for i in range(n):
         for j in range(6):
             tables.bodies[i, LOAD + j] += loads[6 * i + j]
+    for i in range(tables.loads.shape[0] - 6 * n):
+        tables.inputs[i] = loads[6 * n + i]
 
 
 class JointWay(NamedTuple):
@@ -523,7 +538,7 @@ def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
-    add_loads(tables, workspace, t + 0.5 * h, y)
+    add_loads(tables, t + 0.5 * h, y)
     write_joint_rows(tables, workspace, t + 0.5 * h, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
@@ -607,6 +622,7 @@ def one_part(tables, memory, workspace, t, y, h):
     if not apart:
         find_at_end(tables, memory, workspace, t + h, y, h)
     note_aims(memory, workspace, t + h)
+    note_open(workspace, t + h)
     note_anchors(memory, workspace)
     workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
     note_ends(tables, memory, workspace, y)
@@ -666,6 +682,7 @@ def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory
         return 1 if shift_deepest(tables, workspace, y) else 0
     elif task == PAY:
         note_aims(memory, workspace, t)
+        note_open(workspace, t)
         note_anchors(memory, workspace)
         workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
         note_ends(tables, memory, workspace, y)

@@ -68,15 +68,16 @@ class Layout:
             self._bytes += bytes(8 * length)
         return self
 
+    def fixed(self, kind: str, *values: float) -> Layout:
+        """Numbers that stay as they are. kind: of each, as `struct` has it."""
+        self._align(struct.calcsize(kind))
+        self._bytes += struct.pack(f"<{len(values)}{kind}", *values)
+        return self
+
     def octet(self) -> Layout:
         """A uint8 field, filled with the next value."""
         self._numbers.append((len(HEADER) + len(self._bytes), "B", 1))
         self._bytes += bytes(1)
-        return self
-
-    def fixed_octet(self, value: int) -> Layout:
-        """A byte that stays as it is."""
-        self._bytes.append(value)
         return self
 
     def codec(self) -> Codec:
@@ -210,6 +211,16 @@ def uint8() -> Codec:
     return Layout().octet().codec()
 
 
+COVARIANCE_6X6 = 36
+"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
+
+
+def odometry(frame_id: str, child_frame_id: str) -> Codec:
+    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
+    layout = Layout().stamp().text(frame_id).text(child_frame_id)
+    return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
+
+
 def clock() -> Codec:
     """rosgraph_msgs/Clock: the stamp alone."""
     return Layout().stamp().codec()
@@ -241,10 +252,26 @@ def string(text: str) -> bytes:
 def diagnostic(stamp: int, name: str, message: str, values: Mapping[str, str]) -> bytes:
     """diagnostic_msgs/DiagnosticArray with one status of level OK. stamp: [ns]."""
     layout = Layout().stamp().text("").count(1)
-    layout.fixed_octet(0).text(name).text(message).text("").count(len(values))
+    layout.fixed("B", 0).text(name).text(message).text("").count(len(values))
     for key, value in values.items():
         layout.text(key).text(value)
     return layout.codec().pack(stamp, ())
+
+
+def read_string(data: bytes) -> str:
+    """The text of a std_msgs/String. Raises ValueError for any other message."""
+    return _Reader(data).text()
+
+
+def read_joint_state(data: bytes) -> tuple[int, list[str], tuple[float, ...]]:
+    """Stamp [ns], names and positions of a sensor_msgs/JointState. Raises ValueError otherwise."""
+    reader = _Reader(data)
+    if data[: len(HEADER)] != HEADER:
+        raise ValueError("not CDR, little endian")
+    seconds, nanoseconds = reader.take(_STAMP)
+    reader.text()
+    names = [reader.text() for _ in range(reader.count())]
+    return seconds * NANO + nanoseconds, names, reader.doubles(reader.count())
 
 
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
@@ -277,6 +304,12 @@ class _Reader:
     def count(self) -> int:
         self._at += -(self._at - len(HEADER)) % 4
         return self.take(_COUNT)[0]
+
+    def doubles(self, length: int) -> tuple[float, ...]:
+        if 8 * length > len(self._data):
+            raise ValueError(f"{len(self._data)} bytes are too few")
+        self._at += -(self._at - len(HEADER)) % 8 if length else 0
+        return self.take(struct.Struct(f"<{length}d"))
 
     def text(self) -> str:
         end = self.count() + self._at

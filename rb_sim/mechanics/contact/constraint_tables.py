@@ -102,6 +102,7 @@ LAYOUT = Layout(
         "lines_law": INTEGER,
         "anchors_law": INTEGER,
         "energy_law": INTEGER,
+        "carry_law": INTEGER,
         "free_by_address": INTEGER,
         "accelerate_by_address": INTEGER,
         "settle_by_address": INTEGER,
@@ -322,6 +323,25 @@ def load_effects_by_law(system, t, y):
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] += loads[6 * i + j]
+
+
+@dispatch
+def carry_inputs(system, t, y):
+    """Keep in the inputs what laws keep from step to step, for a step that begins at (t, y)."""
+
+
+@carry_inputs.register(ContactBodies)
+def carry_nothing(system, t, y):
+    pass  # interpreted, laws are given the rows as they are
+
+
+@carry_inputs.register(PackedSystem)
+def carry_inputs_by_law(system, t, y):
+    if system.carry_law:
+        found = part(pointer(system.workspace), WORKSPACE)
+        call_law(system.carry_law, t, pointer(y), pointer(system.inputs), found)
+        for i in range(system.inputs.shape[0] - 1):
+            system.inputs[i] = found[i]
 
 
 @dispatch

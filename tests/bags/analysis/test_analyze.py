@@ -194,7 +194,7 @@ def results(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     bag = foreign.write(folder / "bag")
     out = folder / "out"
-    assert verb(AnalyzeOptions(bag, out, parquet=_has("pyarrow"), screenshot=False)) == 0
+    assert verb(AnalyzeOptions(bag, out, parquet=_has("pyarrow"))) == 0
     return out
 
 
@@ -359,7 +359,7 @@ def test_a_plot_for_each_unit():
     assert linear.layout.yaxis.title.text == "[m/s]"
     assert angular.layout.yaxis.title.text == "[rad/s]"
     (density,) = _spectra(graph, "energy", figures_of(("value",), rows[:, :1]), {})
-    assert density.layout.yaxis.title.text == "[(J)^2/Hz]"
+    assert density.layout.yaxis.title.text == "[(J)²/Hz]"
     assert unit_of("/somebody/energy", "value") == ""
 
 
