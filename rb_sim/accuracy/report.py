@@ -81,7 +81,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
     names = shown(lines, [ladder.name for ladder in accuracy.ladders if ladder.name in reached])
-    title = f"{accuracy.scene}: what a global error costs over {accuracy.duration:g} s"
+    title = f"{accuracy.scene}: cost of each global error over {accuracy.duration:g} s"
     console.print(Text(title, style="italic"))
     table = Table(
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
@@ -96,9 +96,9 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     for decade in lines:
         if decade.best is None:
             why = (
-                "below the floor"
+                "not measurable"
                 if decade.error < accuracy.reference.floor
-                else "not reached in the time given"
+                else "not reached (--budget)"
             )
             table.add_row(f"{decade.error:.0e}", why, "", *[""] * len(names), style="dim")
             continue
@@ -106,7 +106,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         setting = short(decade.best.setting)
         table.add_row(f"{decade.error:.0e}", setting, f"{decade.best.cost:.2g}", *factors)
     console.print(table)
-    key = "s: fixed step, tol: local tolerance, ×: cost over the cheapest, –: not reached"
+    key = "s: fixed step; tol: local tolerance; ×: cost relative to the cheapest; –: not reached"
     console.print(Text(key, style="dim"))
     console.print(Text(accuracy.reference.words))
     for ladder in accuracy.ladders:
@@ -146,7 +146,9 @@ def ending(ladder: Ladder) -> str:
     if not ladder.rungs:
         return f"{ladder.name} did not run: {ladder.end}"
     best = min(rung.errors.pose for rung in ladder.rungs)
-    reached = f"ended at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    reached = (
+        f"stopped at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    )
     return f"{ladder.name} {reached}: {ladder.end}"
 
 
@@ -168,14 +170,17 @@ def target_line(accuracy: Accuracy, target: float) -> str:
     """What to write into the scene to keep the target."""
     best = cheapest_within(accuracy.rungs, target)
     if target < accuracy.reference.floor:
-        return f"{target:g} is below the floor of this scene, {accuracy.reference.floor:.1e}"
+        return (
+            f"{target:g} is below the smallest error measurable for this scene, "
+            f"{accuracy.reference.floor:.1e}"
+        )
     if best is None:
-        return f"{target:g} was not reached in the time given; raise --budget"
+        return f"{target:g} was not reached within --budget; raise it"
     knob = "step" if best.setting.step is not None else "tolerance"
     return (
         f"for {target:g}: {{method: {best.setting.name}, {knob}: {best.setting.knob:.6g}}} costs "
         f"{best.cost:.2g} CPU s per s, global error {best.errors.pose:.1e} (rad, m); "
-        f"or let the scene say {{method: auto, tolerance: {target:g}}}"
+        f"or set {{method: auto, tolerance: {target:g}}}"
     )
 
 

@@ -140,7 +140,7 @@ class _Info:
 def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:
     """What the record of a bag of rb_sim says, and its summary; None if it is damaged."""
     if record.get("sha256", checksum(record)) != checksum(record):
-        damage.append("the record of what was simulated is not as written (its checksum is wrong)")
+        damage.append("the record of the simulation is damaged (wrong checksum)")
         return None
     options = json.loads(record["simulation"])
     summary = summary or {}

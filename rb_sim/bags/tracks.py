@@ -263,7 +263,7 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     notes = [unmatched] if unmatched else []
     left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
     notes += [
-        f"{name}: {count} poses left out: their stamps are not later than those before"
+        f"{name}: {count} poses skipped: stamps do not increase"
         for name, count in left_out.items()
         if count
     ]

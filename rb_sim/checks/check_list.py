@@ -81,8 +81,8 @@ class Chatter:
         mean = count / samples
         if not (count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE):
             return None
-        advice = "the contact chatters: try method time_stepping"
-        what = "number of events between two samples"
+        advice = "the contact chatters; try method time_stepping"
+        what = "number of contact events between two samples"
         return Finding("events", self._end, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
 
 
@@ -342,7 +342,7 @@ class WatchList:
                 self._say(found)
 
     def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
-        if "dead point" in self._found:
+        if "singular configuration" in self._found:
             return
         if self._conditioning is None:
             self._conditioning = Conditioning(self._scene, self._layout, self._compiled)

@@ -67,7 +67,7 @@ STEPS = 2.0
 
 
 def dead_end(simulation: Any, t: Array, rows: Array) -> DeadPoint | None:
-    """The dead point at which the run of a Simulation has failed, if it is one.
+    """The singular configuration at which the run of a Simulation has failed, if it is one.
 
     t, rows: its last samples.
     """

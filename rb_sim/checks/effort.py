@@ -245,8 +245,8 @@ def _of_time(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Findin
     if effort.steps:
         shortest = min(shortest, t / effort.steps)
     if t > 0.0 and ULPS * EPS * t > shortest:
-        advice = "times this large cannot tell such short steps apart: shift the start to 0"
-        what = "resolution of the time over the step or sample period"
+        advice = "times this large cannot resolve such short steps; start the time at 0"
+        what = "rounding of the time relative to the step or sample period"
         yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
 
 
@@ -269,7 +269,7 @@ def turns(
         return
     i, body = int(beyond[0, 0]), int(beyond[0, 1])
     fastest = float(spin[i, body])
-    what = f"angle in one step of {step:.3g} s [rad]"
+    what = f"rotation in one step of {step:.3g} s [rad]"
     # a spin that blows up may be no number, and says nothing of a step that resolves it
     finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
     t = float(block.t[i * stride])
@@ -287,11 +287,11 @@ def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     step = f"{effort.step:.3g} s"
     for figure, bound, t, body, what in (
         (found.share, bounds.local, found.t, found.body,
-         f"what a step of {step} misses of a step's change of velocities"),
+         f"velocity error of one step of {step}, relative to its change,"),
         (found.turn, LOCAL_TURN, found.turn_t, found.turn_body,
-         f"what some steps of {step} miss of an attitude [rad]"),
+         f"attitude error of four steps of {step} [rad]"),
         (found.grown, bounds.grown, last, found.grown_body,
-         f"what all steps of {step} miss of the velocities, added up,"),
+         f"relative velocity error summed over all steps of {step}"),
     ):  # fmt: skip
         if figure > bound:
             finer = effort.finer_step(figure, bound)
@@ -324,26 +324,26 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
     # figure, bound, time, where, part of the step to try, what the figure is, what it means
     for figure, bound, t, where, try_part, what, why in (
         (unsolved, ENOUGH, last, of(effort.unsolved), 0.5,
-         "residual of the friction problem, relative to the largest impulse,",
-         "the contact forces of these steps are that rough"),
+         "residual of the contact solver relative to the largest impulse",
+         "the contact forces of these steps have this error"),
         (part(effort.circling), 0.0, last, of(effort.circling), 0.1,
-         "share of the steps in which a point of contact ran around its body",
-         "each struck anew, which takes too much energy"),
+         "share of the steps in which a contact point ran around its body",
+         "each such step loses energy in a spurious impact"),
         (restruck, RESTRUCK, last, "", shorter(restruck, RESTRUCK),
-         "energy that contacts took which bore already and were struck anew, of the exchanged",
-         "their points move on from step to step"),
+         "energy lost in closed contacts relative to the energy exchanged",
+         "contact points that move within a step cause spurious impacts"),
         (made, MADE, last, "", shorter(made, MADE),
-         "energy that contacts made, which take some or none, of the exchanged",
-         "steps are too long for what sticks or turns round in them"),
+         "energy gained in contacts relative to the energy exchanged",
+         "steps are too long for slips that stop or reverse"),
         (astray, ASTRAY, t_astray, contact, 0.5 * shorter(astray, ASTRAY),
-         "speed given along a normal that turned on within the step, of the scene's,",
-         "it turns too far in a step"),
+         "speed given along a normal that rotated within the step, relative to the scene's,",
+         "the normal rotates too far in one step"),
         (part(effort.paradox), 0.0, last, of(effort.paradox), None,
-         "share of the steps with Painleve's paradox, where several impulses fit,",
-         "other branches of the motion are possible: an event-driven method names them"),
+         "share of the steps with several solutions (Painleve's paradox)",
+         "another motion is possible from here; an event-driven method says which"),
         (part(effort.slipping), 0.0, last, of(effort.slipping), None,
          "share of the steps in which a perfectly rough contact slips",
-         "friction would lift it as it stops it: an event-driven method stops such slips"),
+         "friction that stops the slip would lift the body; try an event-driven method"),
     ):  # fmt: skip
         if figure > bound:
             finer = None if try_part is None else round_down(try_part * step)

@@ -128,7 +128,7 @@ class SecondRun:
         if self._disturbed:
             return GlobalError(unknown="commands came during the run")
         if not self._from_start and motion.event_driven:
-            return GlobalError(unknown="the run goes on from another one, in contact")
+            return GlobalError(unknown="the run continues another one with contacts")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
         took, found = self._counted(motion) - self._before, None
@@ -139,7 +139,7 @@ class SecondRun:
                 found = self._by_coarser(times, poses, took, look)
             return found or self._by_finer(times, poses, math.inf if always else limit, look)
         except WatchEndedError:
-            return GlobalError(unknown="the run is too long; --check makes a second run")
+            return GlobalError(unknown="the run is too long (use --check)")
 
     def _by_coarser(
         self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
@@ -283,11 +283,11 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     """
     choice = simulation.choice
     if choice is not None and not choice.reached:
-        what, advice = "smallest error that can be assured [m, rad]", choice.reason
+        what, advice = "smallest global error that can be assured [m, rad]", choice.reason
         return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
-    figure, bound, of = error.relative, BOUND, "as a share of the motion"
+    figure, bound, of = error.relative, BOUND, ", relative to the motion,"
     if choice is not None and error.pose > choice.target:
-        figure, bound, of = error.pose, choice.target, "in m or rad"
+        figure, bound, of = error.pose, choice.target, " [m, rad]"
     if not error.known or not figure > bound:
         return None
     step = getattr(simulation.method, "step", None)
@@ -302,9 +302,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
         tolerance = simulation.setting.tolerance or 0.0
         known = figure if math.isfinite(figure) else 100.0 * bound
         tighter = round_down(max(tolerance * 0.3 * bound / known, TIGHTEST))
-        finer, advice = None, f"try tolerance {tighter:g}; if that does not help, the motion "
-        advice += "magnifies every error (chaos, or an unstable start)"
-    what = f"estimate by a second run ({error.by}), {of},"
+        finer, advice = None, f"try tolerance {tighter:g}; if the error stays, the motion is "
+        advice += "chaotic or unstable"
+    what = f"estimate by a second run ({error.by}){of}"
     return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
 
 
@@ -322,12 +322,12 @@ def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
     compiled, method = simulation.motion.compiled, simulation.method
     step = getattr(method, "step", None)
     if times == 0:
-        return motion_of(compiled, method), "as it was", 1.0
+        return motion_of(compiled, method), "with the same setting", 1.0
     if getattr(method, "tolerance", None) is None:
         parts = 2**times
         order = METHODS[simulation.setting.name].order
         finer = method._replace(step=step / parts)
-        words = "at half of the steps" if times == 1 else f"at {parts} steps for each"
+        words = "with half the step" if times == 1 else f"with 1/{parts} of the step"
         return motion_of(_cut_between(compiled, parts), finer), words, 1.0 - parts ** -float(order)
     factor = 10.0**-times if method.tolerance * 10.0**-times >= TIGHTEST else 10.0
     words = f"at tolerance {factor * method.tolerance:.2g}"
@@ -340,7 +340,7 @@ def _coarser(simulation: Any) -> tuple[Motion, str] | None:
     nothing."""
     compiled, method = simulation.motion.compiled, simulation.method
     if getattr(method, "tolerance", None) is None:
-        words = f"at {COARSER_STEP:g} times the step; the error is smaller"
+        words = f"with {COARSER_STEP:g} times the step; the error is smaller"
         return motion_of(compiled, method._replace(step=COARSER_STEP * method.step)), words
     looser = COARSER_TOLERANCE * method.tolerance
     if looser > LOOSEST:

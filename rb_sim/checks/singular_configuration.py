@@ -270,12 +270,12 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
     return np.stack(quaternion_rate(*parts), axis=-1)
 
 
-# Whether constraints come to depend on each other on the way: a dead point, or the end of a way.
+# Whether constraints become dependent during a run: a singular configuration.
 #
 # Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
 # lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
-# does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
-# its sides.  What comes after one, the laws of motion do not decide.
+# does, so that around a singular configuration the samples of s make a V whose two lowest add up to
+# one step of its sides.  The motion beyond it is not unique.
 #
 # Where lines depend on each other for good some are left out, in loops those that are chosen after
 # each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
@@ -293,8 +293,7 @@ MOST_LINES = 120
 ALL = slice(None)
 
 UNDECIDED = (
-    "the laws of motion do not decide how it goes on: end the run before, or change lengths or "
-    "drives so that it is not reached"
+    "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
 )
 
 
@@ -311,27 +310,26 @@ class DeadPoint(NamedTuple):
     @property
     def finding(self) -> Finding:
         """The finding that tells of it."""
-        advice = f"there {UNDECIDED}"
+        advice = UNDECIDED
         if self.too_many:
             advice = (
-                "of lines that hold a motion twice those left out at the start are needed there, "
-                "so that digits are lost: try one joint of the loop with fewer lines, or end the "
-                "run before"
+                "equations dropped as redundant at the start are needed here, so digits are lost; "
+                "use a joint with fewer equations in this loop, or end the run before"
             )
-        what = "the number of constraint lines that come to depend on others"
-        return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
+        what = "number of constraint equations that become dependent"
+        return Finding("singular configuration", self.t, 1.0, 0.0, what, self.constraint, advice)
 
     @property
     def refusal(self) -> str:
         """What a run that ends there says."""
         return (
-            f"the motion comes to a dead point at t = {self.t:.4g} s, where lines of "
-            f"{self.constraint!r} come to depend on others and {UNDECIDED}"
+            f"singular configuration at t = {self.t:.4g} s: constraint {self.constraint!r} loses "
+            f"rank, and {UNDECIDED}"
         )
 
 
 class Conditioning:
-    """Follows s over the samples of a run; `found` is the first dead point, if there was one.
+    """Follows s over the samples of a run; `found`: its first singular configuration, or None.
 
     compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
     """
@@ -394,7 +392,7 @@ class Conditioning:
         return owners[part_of(self._system, line)]
 
     def told(self, t: float, least: float, line: int) -> DeadPoint:
-        """The dead point at t where s of this line comes to zero."""
+        """The singular configuration at t where s of this line comes to zero."""
         return DeadPoint(t, least, self._owner(self._watched[line]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:

@@ -29,9 +29,8 @@ if TYPE_CHECKING:
 
 
 ADVICE_IN_CONTACT = (
-    "where points slip slowly side by side, friction limits the steps at any tolerance, since it "
-    "turns each slip at the rate of mu g over its speed; try method time_stepping, a larger "
-    "tolerance, or a shorter duration"
+    "slow slips with friction keep the steps short at any tolerance; try method time_stepping, a "
+    "larger tolerance, or a shorter duration"
 )
 
 
@@ -108,15 +107,15 @@ def step_that_runs(
     step = simulation.setting.step
     whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
-    where = "to the end" if horizon == end else f"to t = {horizon:.3g} s at least"
+    where = "to the end" if horizon == end else f"at least to t = {horizon:.3g} s"
     trials = _Trials(simulation, horizon, None, goes_on)
     found = _search(trials, below(step))
     if found is not None:
-        return f"with step {found:g} s it runs {where}"
+        return f"use step {found:g} s, which runs {where}"
     if trials.loud:
-        return f"with step {min(trials.loud):g} s it runs {where}, not without a warning"
+        return f"step {min(trials.loud):g} s runs {where}, but with a warning"
     smallest = min(trials.failed, default=step)
-    tried = f"steps down to {smallest:g} s fail, too; " if smallest < step else ""
+    tried = f"steps down to {smallest:g} s fail as well; " if smallest < step else ""
     return tried + _otherwise(simulation)
 
 
@@ -139,12 +138,12 @@ def quiet_step(
     trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
     found = _search(trials, first)
     if found is not None:
-        mends = f"with step {found:g} s this warning does not come"
+        mends = f"use step {found:g} s, which passes all checks"
         return mends + _in_longer_steps(simulation, found / step)
     tried = trials.loud + trials.failed
     if not tried:
-        return f"step {first:g} s should do by the order of the method (not tried: too long)"
-    return f"steps down to {min(tried):g} s do not end it; {_otherwise(simulation)}"
+        return f"try step {first:g} s (estimated by the order of the method)"
+    return f"steps down to {min(tried):g} s do not help; {_otherwise(simulation)}"
 
 
 def _in_longer_steps(simulation: Run, share: float) -> str:
@@ -152,7 +151,7 @@ def _in_longer_steps(simulation: Run, share: float) -> str:
     stiff = METHODS["radau5"]
     if share > STIFF or not stiff.suits(simulation.compiled.system):
         return ""
-    return "; method radau5 with a tolerance may take longer ones"
+    return ", or method radau5 with a tolerance"
 
 
 def _otherwise(simulation: Run) -> str:

@@ -11,9 +11,12 @@ import numpy as np
 from rb_sim.mechanics.samples import Array
 from rb_sim.motion.motion import Motion
 
-OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
+OTHERS = (
+    "the contact problem has several solutions; the minimum-norm one was used, or the one that "
+    "separates"
+)
 """What to know where no setting would decide: of choices of the laws."""
-OPEN_SHARES = "accelerations that shares of a load leave open, of the largest,"
+OPEN_SHARES = "relative difference between the accelerations that the contact laws allow"
 
 
 class LeftOpen(NamedTuple):

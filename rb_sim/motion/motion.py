@@ -165,16 +165,16 @@ class Motion(ABC):
             )
         if status == STEP_UNDERFLOW and isinstance(self.method, AdaptiveTaylor):
             return (
-                f"the motion has no Taylor series at t = {t:.9g} s, as where a speed that drag is "
-                "quadratic in vanishes; dopri853 needs none"
+                f"the motion has no Taylor series at t = {t:.9g} s (for example quadratic drag at "
+                "zero speed); use method dopri853"
             )
         if status in (NOT_FINITE, STEP_UNDERFLOW):
             return (
-                f"no step is small enough at t = {t:.9g} s: the motion has a singularity there, or"
-                " a force is too strong for it"
+                f"no step is small enough at t = {t:.9g} s: the equations are singular there or a "
+                "force is too large"
             )
         if status == LEFT_DOMAIN:
-            return f"the body left the end of its guide at t = {t:.9g} s"
+            return f"the body passed the end of its guide at t = {t:.9g} s"
         return f"the integration ended at t = {t:.9g} s (status {status})"
 
 

@@ -385,8 +385,8 @@ class TracedMotion(Motion):
         t, passed = self.frontier[1], MOST_ROUNDS * PIECE_STEPS
         return (
             f"one step has passed {passed} pieces of a guide by t = {t:.9g} s: step "
-            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()} on this "
-            "scene, or the body is that fast"
+            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()}, or the "
+            "body is too fast"
         )
 
     def _reached(self, times: Array, count: int) -> int:

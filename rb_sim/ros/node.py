@@ -220,7 +220,7 @@ class SimulationLoop:
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
-            self._node.get_logger().info("reset after an error: the simulation goes on")
+            self._node.get_logger().info("reset after an error: the simulation continues")
             self._pacer.restart(self.t, self._settings.real_time_factor)
         self.failure = ""
 

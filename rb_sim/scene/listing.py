@@ -89,7 +89,7 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
         return known[str(name_or_path)]
     what = "is a folder" if path.is_dir() else "does not exist"
     names = one_of(path.stem, shipped)
-    message = f"{what}; a scene must be a YAML file or, of those that come with rb_sim, {names}"
+    message = f"{what}; a scene must be a YAML file or the name of a shipped scene: {names}"
     raise scene_error(message, (), str(name_or_path))
 
 

@@ -22,6 +22,7 @@ from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import (
     FIXED_STEP_METHODS,
     TOLERANCE_METHODS,
+    Body,
     Scene,
     SimulationOptions,
     StaticsScene,
@@ -32,6 +33,9 @@ from rb_sim.scene.schema import (
 
 SHOWN = 12
 """Names that one line lists."""
+
+DENSEST = 3e5
+"""Density [kg/m^3] beyond which a mass is taken for grams: osmium has 2.3e4, water in grams 1e6."""
 
 FAR_FROM_UNIT = 1e-2
 """Of the length of a quaternion: two digits of each component leave less."""
@@ -46,6 +50,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
             yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
+        yield from _grams(name, scene.bodies[name])
     if scene.at_rest:
         return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
@@ -55,7 +60,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
     if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
         yield (
-            "nothing moves: the scene has no effects, and no body a velocity; for weight give "
+            "nothing moves: the scene has no effects and no body has a velocity; for gravity add "
             "effects: {weight: {type: gravity}}"
         )
 
@@ -63,13 +68,13 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
 def _quaternion(key: str, q: list[float]) -> Iterator[str]:
     if q == [1.0, 0.0, 0.0, 0.0]:
         yield (
-            f"{key}: [1, 0, 0, 0] is half a turn about x, as the order is [x, y, z, w]; for no "
-            "turn leave it out, for half a turn write {axis: [1, 0, 0], angle: 3.141592653589793}"
+            f"{key}: [1, 0, 0, 0] is half a turn about x, since the order is [x, y, z, w]; for no "
+            "rotation use [0, 0, 0, 1], for half a turn {axis: [1, 0, 0], angle: 180 deg}"
         )
     elif abs(math.hypot(*q) - 1.0) > FAR_FROM_UNIT:
         yield (
-            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for roll, "
-            "pitch, yaw or degrees write {axis: [x, y, z], angle: radians}"
+            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for an "
+            "angle about an axis use {axis: [x, y, z], angle: 30 deg}"
         )
 
 
@@ -77,8 +82,19 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
     """A whole number beyond half a turn: as radians nobody writes it, as degrees many do."""
     if isinstance(angle, (int, float)) and abs(angle) > math.pi and angle == round(angle):
         yield (
-            f"{key}: {angle:g} is in radians, {math.degrees(angle):.4g} degrees; for {angle:g} "
-            f"degrees write {angle:g} deg, for radians {angle:g} rad"
+            f"{key}: {angle:g} is in radians ({math.degrees(angle):.4g} degrees); use "
+            f"{angle:g} deg "
+            f"for degrees, or {angle:g} rad to confirm radians"
+        )
+
+
+def _grams(name: str, body: Body) -> Iterator[str]:
+    """A mass of more than any solid has in the ball around the body's shape."""
+    reach = 0.0 if body.shape is None else body.shape.reach
+    if reach > 0.0 and body.mass > DENSEST * 4.0 / 3.0 * math.pi * reach**3:
+        yield (
+            f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
+            f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
         )
 
 

@@ -108,12 +108,12 @@ class Body(Spec):
         if self.given_inertia is not None:
             return self
         if self.shape is None:
-            raise refuse_at((("inertia",), None, refuse("given, or a shape to derive it from")))
+            raise refuse_at((("inertia",), None, refuse("given unless the body has a shape")))
         centre, com = np.array(self.shape.center_B), np.array(self.center_of_mass)
         if np.abs(centre - com).max() > SAME_POINT * self.shape.reach:
             allowed = refuse(
-                f"the shape's centre {list(self.shape.center_B)} where its uniform density gives "
-                "the inertia (set center_B or give inertia)"
+                f"the centre of the shape, {list(self.shape.center_B)}; set shape.center_B: "
+                f"{list(self.center_of_mass)}, or give inertia"
             )
             raise refuse_at((("center_of_mass",), list(self.center_of_mass), allowed))
         try:
@@ -166,19 +166,20 @@ class SimulationOptions(Spec):
     def _step_or_tolerance(self) -> SimulationOptions:
         step, tolerance, method = self.step, self.tolerance, self.method
         if step is not None and tolerance is not None:
-            problem = "step", step, "left out where tolerance is given: a step is fixed or adaptive"
+            problem = "step", step, "omitted if tolerance is given"
         elif tolerance is not None and method in FIXED_STEP_METHODS:
             adaptive = f"{', '.join(ADAPTIVE_METHODS[:-1])} or {ADAPTIVE_METHODS[-1]}"
             allowed = (
-                f"left out for method {method}: it takes a fixed step (give step, or {adaptive})"
+                f"omitted for method {method}, which has a fixed step (give step, or use "
+                f"{adaptive})"
             )
             problem = "tolerance", tolerance, allowed
         elif method in TOLERANCE_METHODS and step is not None:
-            problem = "step", step, f"left out for method {method}, which needs a tolerance"
+            problem = "step", step, f"omitted for method {method}, which needs a tolerance"
         elif method == "auto" and tolerance is None:
             problem = "tolerance", None, "given for method auto: a number > 0"
         elif method != "auto" and tolerance is not None and tolerance < SMALLEST_TOLERANCE:
-            allowed = f"at least {SMALLEST_TOLERANCE:g}: doubles resolve no smaller share"
+            allowed = f"at least {SMALLEST_TOLERANCE:g} (double precision)"
             problem = "tolerance", tolerance, allowed
         elif method == "time_stepping" and self.impacts != "together":
             problem = "impacts", self.impacts, "together for method time_stepping"
@@ -433,7 +434,7 @@ def _spread(
 ) -> dict[str, Any]:
     """One contact per body, or one that cannot be, under its own name."""
     if value.get("between") == "all" and len(names) < 2:
-        allowed = refuse("left out where less than two bodies have a shape")
+        allowed = refuse("omitted unless two bodies have a shape")
         raise refuse_at((("constraints", name, "between"), "all", allowed))
     first = {**value, "body": next(iter([*names, *bodies]), "all")}
     if not set(names) <= set(bodies):
@@ -450,7 +451,7 @@ def _bad_references(spec: Spec, bodies: Mapping[str, Body]) -> list[Any]:
     found: list[Any] = []
     for path, name in spec.body_references():
         if name not in bodies:
-            hint = "; leave parent out for the world" if path == ("parent",) else ""
+            hint = "; omit parent for the world" if path == ("parent",) else ""
             found.append((path, name, refuse(f"a body of the scene: {one_of(name, bodies)}{hint}")))
         elif path == ("parent",) and name == getattr(spec, "body", None):
             found.append((path, name, refuse("another body than the constrained one")))

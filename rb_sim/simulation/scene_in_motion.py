@@ -60,7 +60,7 @@ def tell(line: str) -> None:
 
 def compiling(name: str) -> str:
     """The line about a scene."""
-    return f"compiling {name} (first use, some seconds; later starts take it from the cache)"
+    return f"compiling {name} (first use only; takes some seconds, later runs use the cache)"
 
 
 class Announced:

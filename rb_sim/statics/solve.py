@@ -78,7 +78,7 @@ def _support_on(system: Equilibrium, body: str, through: Array, axis: Array) -> 
 def _failing_force(name: str, along: Array, amount: float) -> Finding:
     words = (
         f"the force balance of body '{name}' along {_direction(along)} fails: "
-        f"nothing it is held by can carry {_number(amount)} N"
+        f"no support can carry {_number(amount)} N"
     )
     return Finding("force", name, amount, words)
 
@@ -86,7 +86,7 @@ def _failing_force(name: str, along: Array, amount: float) -> Finding:
 def _failing_torque(name: str, axis: Array, through: Array, amount: float) -> Finding:
     words = (
         f"the torque balance of body '{name}' about {_direction(axis)} through {_vector(through)} "
-        f"fails: nothing it is held by can carry {_number(amount)} N m"
+        f"fails: no support can carry {_number(amount)} N m"
     )
     return Finding("torque", name, amount, words)
 

@@ -116,7 +116,7 @@ def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.Mo
             G[k, 6 + i] = (1.0 - 2.0 * t) * G[k, 6 + i]
 
     monkeypatch.setitem(fill.kernels, DistanceRow, turning)
-    found = told(scene)["dead point"]
+    found = told(scene)["singular configuration"]
     assert found.where == "coupler" and found.t == pytest.approx(0.5, abs=0.02)
 
 

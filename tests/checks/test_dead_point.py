@@ -187,7 +187,7 @@ def test_it_is_one_finding_with_time_and_constraint():
     block = simulation.run().block
     for _ in range(2):
         watches.add(block, Effort("rk4", 1e-3, None, 1000))
-    told = [finding for finding in watches.findings if finding.watch == "dead point"]
+    told = [finding for finding in watches.findings if finding.watch == "singular configuration"]
     assert len(told) == 1
     assert (told[0].where, told[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
 
@@ -241,7 +241,7 @@ def test_lines_left_out_that_come_to_be_needed_are_told_as_that(monkeypatch):
     found = followed(spatial_loop())
     assert found is not None
     assert found.too_many
-    assert "needed there" in str(found.finding)
+    assert "needed here" in str(found.finding)
 
 
 def test_a_change_point_beside_lines_too_many_is_told_as_one():

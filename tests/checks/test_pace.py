@@ -153,4 +153,4 @@ def test_a_dead_point_between_two_close_looks_is_told() -> None:
         watches.add(piece, TIGHT)
     watches.finish()
     told = {finding.watch: finding for finding in watches.findings}
-    assert told["dead point"].t == pytest.approx(1.6, abs=2e-3)
+    assert told["singular configuration"].t == pytest.approx(1.6, abs=2e-3)

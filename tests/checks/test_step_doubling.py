@@ -84,7 +84,7 @@ def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) ->
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.3 * 300 * phase < simulation.local_error.grown < 3.0 * 300 * phase
     (found,) = (finding for finding in watches.findings if finding.watch == "step")
-    assert found.where == "bob" and "added up" in found.what
+    assert found.where == "bob" and "summed over all steps" in found.what
 
 
 @pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])

@@ -243,7 +243,7 @@ def test_folder_gone(tmp_path, scene, layout, samples):
     sink.open(scene, layout)
     sink.write(samples(5))
     shutil.rmtree(tmp_path / "out")
-    with pytest.raises(SinkError, match="plots.png: cannot write it: No such file or directory$"):
+    with pytest.raises(SinkError, match="plots.png: cannot be written: No such file or directory$"):
         sink.close()
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkError, match="cannot draw here"):

@@ -119,7 +119,7 @@ def chain(ratio: float, **options: Any) -> dict[str, Any]:
 def test_a_mass_ratio_that_doubles_cannot_carry_is_refused_as_that() -> None:
     run = Simulation(load_scene(chain(1e9, method="radau5", tolerance=1e-8))).run()
     assert run.residual.max() < 1e-13
-    with pytest.raises(SceneError, match="masses of 0.001 kg and 1e.09 kg hang on each other"):
+    with pytest.raises(SceneError, match="masses of 0.001 kg and 1e.09 kg connected by"):
         Simulation(load_scene(chain(1e12)))
 
 

@@ -119,13 +119,13 @@ MESSAGES = [
     (
         "    inertia: [0.2, 0.2, 0.01]\n",
         "",
-        "bodies.rod.inertia: is missing; must be given, or a shape to derive it from",
+        "bodies.rod.inertia: is missing; must be given unless the body has a shape",
     ),
     (
         "inertia: [0.2, 0.2, 0.01]",
         "shape: {type: rod, length: 1}",
-        "bodies.rod.center_of_mass: got [0, 0, 0.5]; must be the shape's centre [0.0, 0.0, 0.0] "
-        "where its uniform density gives the inertia (set center_B or give inertia)",
+        "bodies.rod.center_of_mass: got [0, 0, 0.5]; must be the centre of the shape, "
+        "[0.0, 0.0, 0.0]; set shape.center_B: [0.0, 0.0, 0.5], or give inertia",
     ),
     (
         "axis: [0, 0, 1]",
@@ -162,14 +162,13 @@ MESSAGES = [
     (
         "parent: ball",
         "parent: world",
-        "constraints.tip.parent: got 'world'; must be a body of the scene: one of ball, rod; leave "
-        "parent out for the world",
+        "constraints.tip.parent: got 'world'; must be a body of the scene: one of ball, rod; omit "
+        "parent for the world",
     ),
     (
         "bodies: [ball, rod]",
         "bodies: []",
-        "effects.weight.bodies: got []; must be at least one body; leave bodies out for all of "
-        "them",
+        "effects.weight.bodies: got []; must be at least one body; omit bodies for all of them",
     ),
     (
         "bodies: [ball, rod]",
@@ -217,14 +216,13 @@ MESSAGES = [
     (
         "step: 1e-3",
         "tolerance: 1e-3",
-        "simulation.tolerance: got 0.001; must be left out for method rk4: it takes a fixed step "
-        "(give step, or dopri853, radau5, taylor or auto)",
+        "simulation.tolerance: got 0.001; must be omitted for method rk4, which has a fixed step "
+        "(give step, or use dopri853, radau5, taylor or auto)",
     ),
     (
         "step: 1e-3, method: rk4",
         "step: 1e-3, tolerance: 1e-3",
-        "simulation.step: got 0.001; must be left out where tolerance is given: a step is fixed or "
-        "adaptive",
+        "simulation.step: got 0.001; must be omitted if tolerance is given",
     ),
     (
         "step: 1e-3, method: rk4",
@@ -234,7 +232,7 @@ MESSAGES = [
     (
         "step: 1e-3, method: rk4",
         "step: 1e-3, method: auto",
-        "simulation.step: got 0.001; must be left out for method auto, which needs a tolerance",
+        "simulation.step: got 0.001; must be omitted for method auto, which needs a tolerance",
     ),
     (
         "duration: 2, step: 1e-3",
@@ -362,14 +360,13 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{}",
             {"step": 0.1, "tolerance": 0.1},
-            "override.step: got 0.1; must be left out where tolerance is given: a step is fixed or "
-            "adaptive",
+            "override.step: got 0.1; must be omitted if tolerance is given",
         ),
         (
             "{method: rk4}",
             {"tolerance": 0.1},
-            "override.tolerance: got 0.1; must be left out for method rk4: it takes a fixed step "
-            "(give step, or dopri853, radau5, taylor or auto)",
+            "override.tolerance: got 0.1; must be omitted for method rk4, which has a fixed step "
+            "(give step, or use dopri853, radau5, taylor or auto)",
         ),
         (
             "{step: 0.1}",
@@ -379,7 +376,7 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{tolerance: 1e-3, method: auto}",
             {"step": 0.1},
-            "override.step: got 0.1; must be left out for method auto, which needs a tolerance",
+            "override.step: got 0.1; must be omitted for method auto, which needs a tolerance",
         ),
         (
             "{}",

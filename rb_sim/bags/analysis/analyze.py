@@ -53,8 +53,8 @@ class Loads:
         self._parents = [self._parent(scene, name) for name in layout.reactions]
         # a bearing's share is in the total of its constraint, which has an entry of its own
         self._counted = ["/" not in name for name in layout.reactions]
-        text = "the samples do not tell the wrench of " + ", ".join(untold)
-        self.notes = [f"{text}: the recorded total is without it"] if untold else []
+        text = "the samples do not contain the wrench of " + ", ".join(untold)
+        self.notes = [f"{text}; the recorded total does not include it"] if untold else []
 
     def _parent(self, scene: Scene, reaction: str) -> int | None:
         spec = scene.constraints.get(reaction.partition("/")[0])
@@ -117,7 +117,7 @@ def analyze(
         none = "" if found.messages else "no message"
         why = f"its topics are of other types ({kinds})" if kinds else none
         parts = [why, *found.notes[:3]]
-        raise SinkError(f"{bag}: nothing to analyze in it: {'; '.join(filter(None, parts))}")
+        raise SinkError(f"{bag}: nothing to analyze: {'; '.join(filter(None, parts))}")
     return found
 
 
@@ -200,7 +200,7 @@ def _ours(found: Analysis, reader: BagReader, table: Aligned | None) -> None:
     found.facts = _facts(reader)
     found.notes += reader.left_out
     if any(missing.within for missing in reader.missing):
-        found.notes.append("the balances go across what is missing: they are off by what it did")
+        found.notes.append("balances span the missing messages and contain their effect")
     found.balance = balances.finish()
     found.notes += loads.notes + balances.notes
     found.contacts = balances.contacts

@@ -141,7 +141,7 @@ def _bodies(found: Analysis) -> str:
         apart = body.as_dict().get("apart")
         if apart is not None:
             rows.append(_row([name, f"{apart['force']:.3g}", f"{apart['torque']:.3g}"]))
-    title = "Forces computed from the motion less recorded ones, RMS"
+    title = "Inverse dynamics against recorded wrenches: RMS difference"
     return _table(title, ["body", "force [N]", "torque [N m]"], rows) if rows else ""
 
 
@@ -158,12 +158,8 @@ def _balances(found: Analysis) -> str:
                 numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
                 numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
                 rows.append(_row([f"{name} {what}".strip(), *numbers]))
-    heads = ["balance", "not accounted for", "of", "sampling error", "noise, up to"]
-    return (
-        _table("Balances: change less work and impulse of the known forces", heads, rows)
-        if rows
-        else ""
-    )
+    heads = ["balance", "left", "of", "sampling error", "noise up to"]
+    return _table("Balance errors", heads, rows) if rows else ""
 
 
 def _constraints(found: Analysis) -> str:

@@ -62,7 +62,7 @@ def compare(options: CompareOptions) -> int:
     if options.screenshot is not None:
         _draw(options.screenshot, found, a, b)
     for line in told["exceeded"]:
-        print(f"too far apart: {line}")
+        print(f"exceeds its bound: {line}")
     return TOO_FAR if told["exceeded"] else 0
 
 

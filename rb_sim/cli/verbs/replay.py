@@ -168,10 +168,10 @@ def recover(bag: Path, directory: Path | None = None) -> None:
     from rb_sim.io.bag.recover import recover_bag
 
     result = recover_bag(bag, directory)
-    what = "the bag was complete" if result.complete else "all that could be read of it"
+    what = "the bag was complete" if result.complete else "all readable messages"
     if result.unchecked:
         some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
-        what += f"; no checksum covers {some}, so nothing tells whether they are as written"
+        what += f"; no checksum covers {some}, so damage in them cannot be detected"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
     warn(dict.fromkeys([*unlisted(bag), *result.damage]))
 

@@ -47,15 +47,20 @@ def sweep(
                 progress=show,
             )
     except KeyboardInterrupt:
-        print(f"interrupted; what has ended is in {folder}, the same command goes on")
+        print(f"interrupted; finished runs are in {folder}; repeat the command to continue")
         raise
     if result.reused:
-        print(f"{result.reused} runs were there already")
+        print(f"{result.reused} runs were already done")
     if result.failed:
         print(f"{result.failed} runs failed; the column `reason` says why")
     if result.lost:
         bad = len({lost.run for lost in result.lost})
-        warn([f"{bad} of {result.looked_at} runs looked at lost accuracy", *map(str, result.lost)])
+        warn(
+            [
+                f"{bad} of {result.looked_at} checked runs failed an accuracy check",
+                *map(str, result.lost),
+            ]
+        )
     print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
     return 0
 

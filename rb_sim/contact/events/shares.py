@@ -57,16 +57,14 @@ FAR = 1e6
 HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
-NO_SETTING = "no setting helps: what follows has an error of this size"
-"""What to know where no setting would decide: of rounding."""
+NO_SETTING = "no setting decides this; the motion from here has an error of this size"
+"""What to know where no setting would decide: of choices of the laws, and of rounding."""
 
 
-IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
-LAGGED = (
-    "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
-)
-TURNED_BY_ROUNDING = "angle by which rounding turned the lean of a rim that all but lay flat,"
-PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
+IMPACT = "relative difference between the velocities that the impact laws allow"
+LAGGED = "speed of slips too slow for the tolerance, relative to the body's,"
+TURNED_BY_ROUNDING = "rotation by rounding of the tilt direction of a nearly flat rim"
+PARTED = "relative difference in normal acceleration between lift-off and slip"
 
 
 def reach(cones: Cones, y: Array, way: Array) -> float:

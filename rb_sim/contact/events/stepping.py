@@ -278,7 +278,7 @@ class EventStepping(GridMotion):
         if status != NOT_FINITE or not self._stepping.setting[4] or not rubs.any():
             return text
         names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
-        return f"{text}, whose iteration may not follow how friction turns a slow slip ({names})"
+        return f"{text}: its iteration may fail at slow slips with friction ({names})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with told(self._laws_now):

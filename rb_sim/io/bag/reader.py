@@ -208,7 +208,7 @@ def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
     return common if same else None
 
 
-UNREADABLE = "damaged: the record of what was simulated cannot be read"
+UNREADABLE = "damaged: the record of the simulation cannot be read"
 BLOCK = 4096
 """Samples that are read at a time."""
 
@@ -378,7 +378,7 @@ def _first_record(path: Path) -> dict[str, str] | None:
             raise SinkError(f"{path}: {UNREADABLE}")
         return None
     if not _is_whole(found):
-        raise SinkError(f"{path}: damaged: the record of what was simulated is not as written")
+        raise SinkError(f"{path}: damaged: the record of the simulation has changed")
     return found
 
 

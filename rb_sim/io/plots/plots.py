@@ -363,6 +363,6 @@ def save(figures: dict[str, Any], path: Path) -> None:
                 figure.savefig(file, format="png", metadata={"Software": None})
             os.replace(draft, target)
         except OSError as error:
-            raise SinkError(f"{target}: cannot write it: {error.strerror}") from None
+            raise SinkError(f"{target}: cannot be written: {error.strerror}") from None
         finally:
             draft.unlink(missing_ok=True)

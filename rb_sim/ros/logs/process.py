@@ -270,7 +270,7 @@ class LogProcess:
         cure = f"; read the bag with: rb_sim recover {bag}" if broken else ""
         self._say(
             f"warning: the process that writes the logs has ended ({self._process.returncode});"
-            f" the run goes on without {', '.join(missing)}{cure}"
+            f" the run continues without {', '.join(missing)}{cure}"
         )
 
     def _lose(self) -> None:
@@ -287,8 +287,8 @@ class LogProcess:
         missing = [name for name in self.names if name not in self.finished]
         self._say(
             f"warning: waits up to {PATIENCE:g} s for the process that writes {', '.join(missing)}"
-            f" in {self.plan.folder} ({self.queued} samples on the way); another signal ends the"
-            " node without"
+            f" in {self.plan.folder} ({self.queued} samples left); send another signal to end"
+            " without them"
         )
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:

@@ -17,7 +17,7 @@ from rb_sim.contact.problem.impacts import ENDLESS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 
-TOOL = "event-driven is the wrong tool here, set simulation.method to time_stepping"
+TOOL = "use simulation.method time_stepping for this scene"
 
 
 def stack(*sizes: float) -> dict[str, Any]:
@@ -142,7 +142,7 @@ def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.Monkey
     mapping, _ = random_scene(11, 0)
     mapping["simulation"] = {"duration": 0.5, "rate": 200.0, "method": "rk4", "step": 0.05}
     simulation = Simulation(load_scene(mapping))
-    match = "steps in the last .* step 0.05 s is too large here; with step .* runs to the end"
+    match = "steps in the last .* step 0.05 s is too large here; use step .* runs to the end"
     with pytest.raises(StepTooLargeError, match=match):
         simulation.run()
 
@@ -151,7 +151,7 @@ def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.Monkey
 def test_impacts_without_end_name_the_step_where_there_is_one(setting: dict[str, Any]) -> None:
     motion, fixed = motion_of(setting), "step" in setting
     instant = motion._instant(0.0, motion.coordinates)
-    with pytest.raises(SimulationError, match="impacts without end at t = 0 s") as caught:
+    with pytest.raises(SimulationError, match="endless impacts at t = 0 s") as caught:
         motion._refuse_impacts(instant, ENDLESS, True)
     assert isinstance(caught.value, StepTooLargeError) == fixed
-    assert ("in steps of 0.01 s" in str(caught.value)) == fixed
+    assert ("step 0.01 s is too large" in str(caught.value)) == fixed
