@@ -244,17 +244,22 @@ def length_of(scene: Scene, place: InitialPlace) -> float:
 def check_pose(scene: Scene, standing: Standing) -> None:
     """Refuse a pose that violates a joint, or in which what is rigid overlaps."""
     spec, place, scale = standing.spec, standing.place, standing.length
-    worst = 0.0
+    worst, amount = 0.0, ""
     if not isinstance(spec, Touching):
         for part in spec.parts(place):
             lines = lines_of(part.row, standing.B, standing.A)
-            unit = 1.0 if type(part.row) in ANGLES else scale
-            worst = max(worst, float(np.abs(lines[:, ERROR] * lines[:, HOLONOMIC]).max()) / unit)
+            off = float(np.abs(lines[:, ERROR] * lines[:, HOLONOMIC]).max())
+            turned = type(part.row) in ANGLES
+            share = off if turned else off / scale
+            if share > worst:
+                worst, amount = share, f"{off:.2g} {'rad' if turned else 'm'}"
     elif not (law := spec.law()).compliant:
         for point in points_of(standing):
-            worst = max(worst, (abs(point.gap) if law.bilateral else -point.gap) / scale)
+            off = abs(point.gap) if law.bilateral else -point.gap
+            if off / scale > worst:
+                worst, amount = off / scale, f"{off:.2g} m"
     if worst > MISFIT:
-        refuse_initial(scene, standing.name, "the initial position", worst)
+        refuse_initial(scene, standing.name, f"the initial position violates it by {amount}")
 
 
 def far_end(spec: Any, place: InitialPlace, A: BodyState) -> Array:
