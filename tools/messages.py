@@ -60,7 +60,6 @@ SCENES = (
     Message("the only one for a contact `between`", "`between` needs time stepping",
             "`method: time_stepping`, or one contact for each pair"),
     Message("omitted if tolerance is given", "both `step` and `tolerance` are given", "remove one"),
-    Message("is a statics scene (bodies at rest)", "the scene has no motion", "`rb_sim statics`"),
 )  # fmt: skip
 
 RUNS = (

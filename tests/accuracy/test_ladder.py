@@ -94,7 +94,7 @@ def test_table_says_what_each_decade_costs_and_what_ends_the_ladder(climbed: Acc
     assert "1e-06" in shown and "radau5" in shown and "taylor tol" in shown and "×" in shown
     assert "cannot be measured (round-off)" in shown
     assert "method: auto, tolerance: 1e-06" in shown
-    assert "below the floor" in target_line(climbed, 1e-16)
+    assert "below the smallest error measurable" in target_line(climbed, 1e-16)
     assert as_dict(climbed, 1e-6)["target"] == 1e-6
 
 

@@ -151,7 +151,7 @@ def test_what_cannot_be_is_refused_in_a_line():
     refused(r"constraints\.heap\.restitution", two, between("all", restitution=2.0))
     refused("box and cylinder", {"a": box([0, 0, 0]), "b": roller}, between("all"))
     refused("a and b overlap by", two | {"b": ball([0.15, 0, 0])}, between("all"))
-    refused("in other as well", two,
+    refused("are also in other", two,
             between("all") | {"other": {"type": "contact", "between": ["a", "b"]}})  # fmt: skip
     with pytest.raises(SceneError, match=r"simulation\.method: got 'dopri853'; must be time_step"):
         options = {"method": "dopri853", "step": None, "tolerance": 1e-9}

@@ -194,17 +194,17 @@ def test_a_jam_that_nothing_ends_is_refused(jams: Any) -> None:
     jams["leaps"] = False
     with pytest.raises(SimulationError, match="no force of b satisfies"):
         Motion()._jam(At(), None)  # type: ignore[arg-type]
-    with pytest.raises(SimulationError, match="no force of c keeps"):
+    with pytest.raises(SimulationError, match="no force of c satisfies the friction law"):
         Motion()._jam(At(), 2)  # type: ignore[arg-type]
     assert ("leap", 1) not in jams["asked"][-1:]  # one that slips is not leapt over
     jams["lifted"] = None
-    with pytest.raises(SimulationError, match="no force keeps"):
+    with pytest.raises(SimulationError, match="no force satisfies the friction law"):
         Motion()._jam(At(), None)  # type: ignore[arg-type]
     with pytest.raises(
         SimulationError, match="compliant contacts \\(b and others\\) that hardly slip"
     ):
         Motion()._jam(At(touching=[]), None)  # type: ignore[arg-type]
-    with pytest.raises(SimulationError, match="no force of c keeps"):
+    with pytest.raises(SimulationError, match="no force of c satisfies the friction law"):
         Motion()._jam(At(touching=[], slip=0.0), 2)  # type: ignore[arg-type]
 
 
