@@ -44,6 +44,14 @@ class Pose(NamedTuple):
         return unrotate(self.orientation, sub(p, self.position))
 
 
+def _coefficient(value: Any) -> Any:
+    """Refuse what is neither a word nor a finite coefficient >= 0."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
+        return value
+    raise refuse("smooth, rough or a coefficient of friction >= 0")
+
+
 class PointContact(Spec):
     """Touch at a point: N >= 0 along the normal, |friction force| <= friction N across it.
 
@@ -61,7 +69,7 @@ class PointContact(Spec):
     """into the body, body axes."""
     normal_A: UnitVector3 | None = None
     """into the body, axes of the parent."""
-    friction: Annotated[Any, AfterValidator(lambda value: _coefficient(value))] = "smooth"
+    friction: Annotated[Any, AfterValidator(_coefficient)] = "smooth"
     """smooth: along the normal only; a number: Coulomb's coefficient; rough: any tangential
     force."""
 
@@ -101,14 +109,6 @@ class PointContact(Spec):
             surface=PlaneSurface(point=self.point_A or A.local(at), normal=normal),
             friction=law,
         )
-
-
-def _coefficient(value: Any) -> Any:
-    """Refuse what is neither a word nor a finite coefficient >= 0."""
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
-        return value
-    raise refuse("smooth, rough or a coefficient of friction >= 0")
 
 
 def beyond_the_end(pose: Pose, point: Vec3) -> float:
