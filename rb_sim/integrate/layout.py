@@ -93,9 +93,9 @@ numbers of a sample there are (0: nothing is sampled). At REACHED it tells how m
 times of this call it has reached; at CALL are, as real numbers, the time beyond which it does not
 go, from FIRST_TIME on these times, and at WORST the worst residual, which is the last number of a
 sample, of those taken since it was set to zero."""
-FIRST_TIME, WORKSPACE = 1, 256
-"""WORKSPACE: times of a call for which there is room."""
-WORST = FIRST_TIME + WORKSPACE
+FIRST_TIME, CAPACITY = 1, 256
+"""CAPACITY: the most times of one call."""
+WORST = FIRST_TIME + CAPACITY
 
 
 # Systems as loops pass them on: one address, behind which numbers and tables are packed.

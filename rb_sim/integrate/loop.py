@@ -17,6 +17,7 @@ from rb_sim.integrate.layout import (
     BEGIN,
     CALL,
     CALL_AT,
+    CAPACITY,
     CLOCK_AT,
     COORDINATE_COUNT,
     COORDINATES,
@@ -58,7 +59,6 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WIDTH,
     WORK_AT,
-    WORKSPACE,
     WORST,
 )
 from rb_sim.integrate.taylor_steps import (
@@ -335,7 +335,7 @@ class Places:
     """
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
-        self.rows = np.zeros((WORKSPACE, width))
+        self.rows = np.zeros((CAPACITY, width))
         workspace = np.zeros(CALL + WORST + 1)
         self.call = workspace[CALL:]
         plain = interpreted()
@@ -374,7 +374,7 @@ def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]
     """
     first, count, status = 0, len(times), FINE
     while first < count and status == FINE:
-        some = times if count <= WORKSPACE else times[first : first + WORKSPACE]
+        some = times if count <= CAPACITY else times[first : first + CAPACITY]
         places.tell(some, stop)
         status = record_into(places.at)
         done = len(some) if status == FINE else int(places.numbers[REACHED])

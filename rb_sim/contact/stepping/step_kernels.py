@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -43,15 +42,11 @@ from rb_sim.contact.stepping.scene_tables import (
     COMPLIANT,
     CYLINDER_SPHERE,
     FIRST,
-    GAPS,
     KIND,
     LOADS,
     PARENT,
-    POSITIONS,
     RESTS,
     ROWS,
-    UNIT,
-    VELOCITIES,
 )
 from rb_sim.contact.stepping.step import (
     STATE,
@@ -81,9 +76,10 @@ from rb_sim.contact.stepping.step_workspace import (
     STUCK,
     WORK,
 )
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
+from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
+from rb_sim.integrate.layout import SETTLE, VELOCITY
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
-from rb_sim.numerics.kernels import call_law, entry, inline, pointer
+from rb_sim.numerics.kernels import call_law, entry, inline, integers, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
 # Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
@@ -220,7 +216,7 @@ def pay_for_lift(tables, memory, workspace, y, before):
 # by little of their radii in a step, take whole steps.
 
 
-RELATIVE_SPIN = 0.05
+TURN = 0.05
 """Part of its radius by which a body may pass a round surface in a step that is not split."""
 SHARP = 0.05
 """Of the scene's length: radius that corners and edges count as."""
@@ -332,7 +328,7 @@ def find_meetings(tables, workspace, y, h, number):
         B, A = ahead(tables, y, entries[e, BODY], h), ahead(tables, y, entries[e, PARENT], h)
         speed = closing_speed(s, e, kind, length, B, A)
         radius = radius_of(s, e, kind, length)
-        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > RELATIVE_SPIN * radius):
+        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > TURN * radius):
             workspace.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
             if workspace.meets[c] >= 0.0:
                 first = min(first, workspace.meets[c])
@@ -471,29 +467,6 @@ def add_loads(tables, t, y):
         tables.inputs[i] = loads[6 * n + i]
 
 
-class JointWay(NamedTuple):
-    """The way back to the manifold of the joints, by their laws."""
-
-    laws: np.ndarray
-    inputs: np.ndarray
-    out: np.ndarray
-    n: int
-    """coordinates."""
-
-
-@position_error.register(JointWay)
-def error_of_joints(way, t, y):
-    call_law(way.laws[GAPS], t, pointer(y), pointer(way.inputs), pointer(way.out))
-    return way.out[0], 0
-
-
-@correct_positions.register(JointWay)
-def correct_joints(way, t, y, lines):
-    call_law(way.laws[POSITIONS], t, pointer(y), pointer(way.inputs), pointer(way.out))
-    for i in range(way.n):
-        y[i] = way.out[i]
-
-
 @inline
 def write_joint_rows(tables, workspace, t, y):
     """Rows of the joints at (t, y)."""
@@ -518,17 +491,16 @@ def settle_joints(tables, workspace, t, y):
     rows, out, n = tables.joint_rows, workspace.joint_out, STATE * tables.bodies.shape[0]
     if rows.shape[0] == 0:
         return
-    laws, inputs = tables.joint_laws, tables.joint_inputs
-    call_law(laws[UNIT], t, pointer(y), pointer(inputs), pointer(out))
-    for i in range(n):
-        y[i] = out[i]
+    laws, inputs, at = tables.joint_laws, pointer(tables.joint_inputs), pointer(out)
+    state = pointer(y)
+    call_law(laws[SETTLE], t, state, inputs, at)
+    copy(n, state, at)
     length = tables.scales[0]
-    worst, _ = return_to_positions(JointWay(laws, inputs, out, n), t, y, length, 0.0)
+    worst, _ = return_to_positions(ByLaws(integers(laws), inputs, at, n), t, state, length, 0.0)
     if not worst <= LOST * length:
         y[0] = math.nan
-    call_law(laws[VELOCITIES], t, pointer(y), pointer(inputs), pointer(out))
-    for i in range(n):
-        y[i] = out[i]
+    call_law(laws[VELOCITY], t, state, inputs, at)
+    copy(n, state, at)
     for k in range(rows.shape[0]):
         workspace.joint_back[k] += out[n + k]
 

@@ -215,6 +215,16 @@ def write_contact_by_law(system, t, y, c):
         put_forces(system, c, out)
 
 
+@inline
+def traction_at(law, slip, constants, work):
+    """(|T| over N, |T| without N [N]) that a law of traction gives at a slip [m/s]; work: 9
+    numbers."""
+    found = part(work, 3)
+    work[0], work[1], work[2] = slip, 0.0, 0.0
+    call_law(law, 0.0, work, constants, found)
+    return norm((found[0], found[1], found[2])), norm((found[3], found[4], found[5]))
+
+
 @dispatch
 def traction_over_push(system, c, slip):
     """Largest tangential over normal force or impulse of contact c at a slip [m/s]."""
@@ -234,12 +244,8 @@ def traction_over_push_by_law(system, c, slip):
     law = system.contacts[c, TRACTION_LAW]
     if law == 0:
         return system.touch[c, KINETIC]
-    at = pointer(system.workspace)
-    found = part(at, 3)
-    at[0], at[1], at[2] = slip, 0.0, 0.0
     constants = part(pointer(system.parameters), system.contacts[c, FIRST_OF_TRACTION])
-    call_law(law, 0.0, at, constants, found)
-    return norm((found[0], found[1], found[2]))
+    return traction_at(law, slip, constants, pointer(system.workspace))[0]
 
 
 def write_contacts(groups, t, system, y, c, everywhere):
