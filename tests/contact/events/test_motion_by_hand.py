@@ -43,7 +43,7 @@ def flying(**contact: Any) -> Any:
 def test_nothing_is_left_open_at_the_start() -> None:
     """What impacts and shares have left open is forgotten where a motion starts again."""
     motion = flying(mu=0.3)
-    assert motion.left_open.figure == 0.0
+    assert motion.left_open[:2] == (0.0, 0.0)
     motion._call.workspace.undetermined[:4] = 0.0, 0.25, 1.5, 0.0
     assert motion.left_open[:4] == (0.25, 1.5, "floor", IMPACT)
     motion.reset()
