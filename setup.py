@@ -116,7 +116,6 @@ setup(
             "plotly>=5.24",
             "SALib>=1.5",
         ],
-        "cuda": ["cupy-cuda12x[ctk]>=14"],
         "peers": [
             "mujoco>=4.0",
             "drake>=1.51",

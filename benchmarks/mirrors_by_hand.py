@@ -9,7 +9,6 @@ OF_WATCHES = {
     "bounds": ("between_samples", "bounds", "finer"),
     "counts": ("chatter", "contact_events", "exchanged", "gaps", "pace"),
     "effort_watch": ("effort_watch",),
-    "half_turn": ("half_turn",),
     "imbalance": ("imbalance", "impulses", "loads"),
     "little": ("little",),
     "little_between": ("little_between",),

@@ -23,11 +23,10 @@ if TYPE_CHECKING:
     )
     from rb_sim.cli.public import analyze, compare, fit, linearize, statics
     from rb_sim.scene.listing import list_scenes as scenes
-    from rb_sim.scene.load import SceneBuilder, load_scene
+    from rb_sim.scene.load import SceneBuilder, load_scene, load_statics
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation.reaction_ranges import reaction_ranges
     from rb_sim.simulation.simulation import Simulation
-    from rb_sim.statics.model import load_statics
     from rb_sim.sweeps.sweep import sweep
     from rb_sim.trajectory.states import State
     from rb_sim.trajectory.trajectory import Trajectory
@@ -70,7 +69,7 @@ _HOMES = {
     "compare": "rb_sim.cli.public",
     "linearize": "rb_sim.cli.public",
     "load_scene": "rb_sim.scene.load",
-    "load_statics": "rb_sim.statics.model",
+    "load_statics": "rb_sim.scene.load",
     "reaction_ranges": "rb_sim.simulation.reaction_ranges",
     "scenes": "rb_sim.scene.listing",
     "sweep": "rb_sim.sweeps.sweep",

@@ -37,6 +37,14 @@ def _laws_of_its_own(request: pytest.FixtureRequest) -> Iterator[None]:
         forget()
 
 
+@pytest.fixture
+def no_advice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that fails for its step is not made again in shorter ones, which takes seconds."""
+    from rb_sim.checks import step_search
+
+    monkeypatch.setattr(step_search, "MOST_TIME", 0.0)
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Leave the thousands of tests to no garbage collector: it would go through them again and
     again while laws are traced, which makes many objects; 7 % of the time of tests/engine."""

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from rb_sim import Simulation, load_scene
+from rb_sim.base.palette import AXES, GRID, REACTION
 from tools.law_examples import EXAMPLES
 
 FOLDER = Path(__file__).parents[1] / "docs" / "laws" / "pictures"
@@ -28,7 +29,6 @@ THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0
 """Of the body, where the law does not hold it [m/s, rad/s]."""
 DURATION, SAMPLES = 2.0, 200
 ARROWS = 9
-AXES = ("#c8372d", "#2f8f4e", "#2b62c4")
 COLORS = 96
 """Of a picture."""
 
@@ -67,10 +67,10 @@ def picture(kind: str) -> Image.Image:
     _way(way, path, None if wrench is None else wrench.force)
     plot = figure.add_axes((0.50, 0.19, 0.38, 0.69))
     if wrench is not None:
-        for k, (label, color) in enumerate(zip("xyz", AXES, strict=True)):
+        for k, (label, color) in enumerate(zip("xyz", AXES[:3], strict=True)):
             plot.plot(run.t, wrench.force[:, k], color=color, label=f"F{label} [N]")
         if np.abs(wrench.torque).max() > 1e-9 * max(1.0, np.abs(wrench.force).max()):
-            for k, (label, color) in enumerate(zip("xyz", AXES, strict=True)):
+            for k, (label, color) in enumerate(zip("xyz", AXES[:3], strict=True)):
                 plot.plot(run.t, wrench.torque[:, k], "--", color=color, label=f"K{label} [N m]")
         plot.legend(fontsize=7, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     else:
@@ -79,7 +79,7 @@ def picture(kind: str) -> Image.Image:
                    fontsize=9, loc="left")  # fmt: skip
     plot.set_xlabel("t [s]", fontsize=8)
     plot.tick_params(labelsize=7)
-    plot.grid(color="#dddddd", linewidth=0.6)
+    plot.grid(color=GRID, linewidth=0.6)
     plot.margins(x=0)
     data = io.BytesIO()
     figure.savefig(data, format="png")
@@ -96,7 +96,7 @@ def _way(axes: Any, path: np.ndarray, force: np.ndarray | None) -> None:
         longest = float(np.linalg.norm(force[rows], axis=1).max())
         if longest > 0.0:
             arrows = force[rows] / longest * 0.35 * size
-            axes.quiver(*path[rows].T, *arrows.T, color="#e08a1e", linewidth=1.2)
+            axes.quiver(*path[rows].T, *arrows.T, color=REACTION, linewidth=1.2)
     middle = 0.5 * (path.max(axis=0) + path.min(axis=0))
     for k, set_limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
         set_limits(middle[k] - 0.6 * size, middle[k] + 0.6 * size)

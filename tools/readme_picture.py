@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 
 from rb_sim import Simulation, load_scene
+from rb_sim.base.palette import AXES, BLUE, GREY, GRID, REACTION
 
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "heavy_top.gif"
-RED, GREEN, BLUE, GREY = "#c0392b", "#27864a", "#2b6cb0", "#777777"
 FRAMES, PER_SECOND = 75, 15
 DURATION = 2.0
 ARROW = 1.0 / 1500.0
@@ -37,7 +37,7 @@ def main() -> None:
     space = figure.add_subplot(1, 2, 1, projection="3d")
     plots = figure.add_gridspec(1, 2)[0, 1].subgridspec(2, 1, height_ratios=(2, 1))
     upper, lower = (figure.add_subplot(plots[k]) for k in (0, 1))
-    for k, (axis, colour) in enumerate(zip("xyz", (RED, GREEN, BLUE), strict=True)):
+    for k, (axis, colour) in enumerate(zip("xyz", AXES[:3], strict=True)):
         upper.plot(t, force[:, k] / 1e3, colour, lw=1.0, label=axis)
     upper.set_ylabel("reaction of the tip [kN]", fontsize=8)
     upper.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1, 1), ncols=3, frameon=False)
@@ -54,14 +54,14 @@ def main() -> None:
     space.view_init(elev=18, azim=-50)
     grid = np.linspace(-1, 1, 9)
     for x in grid:
-        space.plot([x, x], [-1, 1], [-1.1, -1.1], color="#dddddd", lw=0.5)
-        space.plot([-1, 1], [x, x], [-1.1, -1.1], color="#dddddd", lw=0.5)
+        space.plot([x, x], [-1, 1], [-1.1, -1.1], color=GRID, lw=0.5)
+        space.plot([-1, 1], [x, x], [-1.1, -1.1], color=GRID, lw=0.5)
     (way,) = space.plot([], [], [], color=BLUE, lw=1.0)
     (stem,) = space.plot([], [], [], color="#333333", lw=2.5)
     (rim,) = space.plot([], [], [], color="#333333", lw=2.0)
-    (arrow,) = space.plot([], [], [], color="#e67e22", lw=2.5)
+    (arrow,) = space.plot([], [], [], color=REACTION, lw=2.5)
     space.plot([0], [0], [0], "o", color="black", ms=5)
-    space.text(0.0, 0.0, 0.75, "reaction (orange)", color="#e67e22", fontsize=8, ha="center")
+    space.text(0.0, 0.0, 0.75, "reaction (orange)", color=REACTION, fontsize=8, ha="center")
 
     def draw(frame: int) -> None:
         k = round(frame / (FRAMES - 1) * (len(t) - 1))

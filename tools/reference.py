@@ -1,4 +1,4 @@
-"""Writes the reference pages that follow from the sources: docs/reference/{scene,cli}.md.
+"""Writes the reference pages that follow from the sources: docs/reference/{scene,cli,messages}.md.
 
 Run by `make docs`; a test sees that the pages in the tree are those of the sources.
 """
@@ -17,6 +17,7 @@ from rb_sim.catalogue import constraints, effects
 from rb_sim.cli.main import app
 from rb_sim.scene.schema import Body, SimulationOptions
 from rb_sim.scene.shapes import AnyShape
+from tools import messages
 from tools.law_pages import choice_heading, choices, keys, summary, write
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
@@ -25,7 +26,7 @@ MADE = "Made from the sources by `make docs`."
 
 def pages() -> dict[str, str]:
     """Text of each page, by file name."""
-    return {"scene.md": scene_page(), "cli.md": cli_page()}
+    return {"scene.md": scene_page(), "cli.md": cli_page(), "messages.md": messages.page(MADE)}
 
 
 def scene_page() -> str:

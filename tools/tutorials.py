@@ -18,7 +18,7 @@ matplotlib.use("Agg")
 from cycler import cycler
 from PIL import Image
 
-from rb_sim.io.plots.panels import AXES
+from rb_sim.base.palette import AXES, ORANGE
 from tests.docs.page_run import pictures, run_page
 
 FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
@@ -34,7 +34,7 @@ STYLE = {
     "axes.grid": True,
     "grid.color": "#e6e6e6",
     "legend.frameon": False,
-    "axes.prop_cycle": cycler(color=[*AXES[:3], "#e08a1e", "#6b6b6b"]),  # x, y, z as in plots.png
+    "axes.prop_cycle": cycler(color=[*AXES[:3], ORANGE, AXES[3]]),  # x, y, z as in plots.png
     "figure.constrained_layout.use": True,
 }
 """Of matplotlib, so that the pages need not say how a picture looks, only what it shows."""

@@ -148,7 +148,7 @@ def linkage(rng: Rng) -> Parts:
             "orientation": turn,
         }  # fmt: skip
 
-    # upright cranks at both ends of a level coupler: a parallelogram, off its dead points
+    # upright cranks at both ends of a level coupler: a parallelogram, off its singular ones
     lean = float(rng.uniform(0.2, 0.8))
     s, c = short * np.sin(lean), short * np.cos(lean)
     bodies = {

@@ -6,18 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.peers.report import front
-
-_COLOURS = {
-    "rb_sim": "#000000",
-    "mujoco": "#d55e00",
-    "drake": "#0072b2",
-    "exudyn": "#009e73",
-    "pybullet": "#cc79a7",
-    "dartpy": "#8c6d31",
-    "pinocchio": "#56b4e9",
-    "scipy": "#999999",
-    "heyoka": "#e69f00",
-}
+from rb_sim.base.palette import ENGINES, GREY
 
 
 def plot(scene: str, entry: dict[str, Any], kinds: dict[str, str], title: str, path: Path) -> None:
@@ -30,7 +19,7 @@ def plot(scene: str, entry: dict[str, Any], kinds: dict[str, str], title: str, p
         points = [p for p in engine["points"] if p["error"] is not None and p["error"] < 10.0]
         if not points:
             continue
-        colour = _COLOURS.get(name)
+        colour = ENGINES.get(name, GREY)
         # an error of exactly zero cannot stand on a logarithmic axis
         errors = [max(p["error"], 1e-16) for p in points]
         axes.plot([p["cost"] for p in points], errors, ".", color=colour, alpha=0.35, ms=4)

@@ -249,9 +249,9 @@ def given_up(runner: CountedRunner, target: float) -> Choice:
     """What is said where no method comes to the end: the sharpest there is, as it is."""
     name = sharpest_adaptive(runner.compiled.system)
     words = (
-        f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method came to the "
-        f"end, or near it, within {runner.limit:g} counted seconds; the scene is too stiff or too "
-        "long"
+        f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method "
+        f"reached the end within {runner.limit:g} counted seconds; the scene is too stiff or "
+        "too long"
     )
     return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
 
@@ -357,10 +357,10 @@ def next_knob(
 
 
 def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
-    others = f"cheapest of {count} methods that keep" if count > 1 else "keeps"
+    others = f"cheapest of {count} methods within" if count > 1 else "within"
     return (
         f"{others} {target:g} (rad, m) over {runner.duration:g} s; global error {error:.1e}, "
-        f"by a second run ({true.setting}), which {true.checker} confirms to {true.agreement:.1e}"
+        f"by a second run ({true.setting}), confirmed by {true.checker} to {true.agreement:.1e}"
     )
 
 
@@ -370,23 +370,25 @@ def shortfall(
     """Why the target cannot be kept; growth: what one ulp at the start makes [rad, m]."""
     if not math.isfinite(noise):
         return (
-            f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: nothing to measure "
-            f"by, as {true.setting} and {true.checker} do not both come to the end"
+            f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no "
+            f"reference, since {true.setting} and {true.checker} do not both reach the end"
         )
     if growth < (target if true.out_of_time else MAGNIFIED * noise):
         return (
-            f"{target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
-            f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} still "
-            f"part by {true.agreement:.1e}; for one as dear as this name a method and its tolerance"
+            f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: after "
+            f"{runner.spent:.2g} counted seconds of search {true.setting} and {true.checker} "
+            "differ "
+            f"by {true.agreement:.1e}; set a method and its tolerance instead of auto"
         )
     why = "chaos or an instability" if noise > 1e-6 else "round-off"
     verb = "kept" if noise > target else "assured"
     over = np.flatnonzero(true.gaps > 0.5 * target)
     until = f" (by half of it from t = {runner.times[over[0]]:.4g} s on)" if len(over) else ""
     return (
-        f"{target:g} (rad, m) cannot be {verb} over {runner.duration:g} s: {why} makes an error of "
-        f"{noise:.1e}; two independent methods part by {true.agreement:.1e}{until}; "
-        "this is the best there is"
+        f"an error of {target:g} (rad, m) cannot be {verb} over {runner.duration:g} s: {why} "
+        "causes "
+        f"one of {noise:.1e}; two independent methods differ by {true.agreement:.1e}{until}; "
+        "the most accurate setting was used"
     )
 
 

@@ -381,28 +381,29 @@ class Certificate:
         """What is to be read, line by line."""
         first, second = self.checked_by
         if not self.known_until > 0.0:
-            return [f"nothing is certain: {first} and {second} do not tell the same motion"]
+            return [f"not certified: {first} and {second} give different motions"]
         upto = "" if self.known_until >= self.duration else f" up to t = {self.known_until:.4g} s"
         ulp = max(self.one_ulp[:2])
         text = [
             f"global error{upto} at most: {listed(self.errors)}",
-            f"by second runs ({first}; {second}); of it are in doubt {max(self.doubt[:2]):.1e} (m, "
-            f"rad); one ulp at the start makes {ulp:.1e} (m, rad)",
+            f"by second runs ({first}; {second}), which leave {max(self.doubt[:2]):.1e} (m, "
+            "rad) in "
+            f"doubt; growth of a 1-ulp perturbation: {ulp:.1e} (m, rad)",
         ]
         if math.isfinite(self.lyapunov_time):
             text.append(f"errors grow by a factor of e in {self.lyapunov_time:.3g} s (chaos or an "
                         "instability)")  # fmt: skip
         if self.follows_until < self.duration:
             text.append(
-                f"beyond t = {self.follows_until:.4g} s the run does not tell where the bodies are"
+                f"beyond t = {self.follows_until:.4g} s the positions of the run are not reliable"
                 f"{self._remedy()}"
             )
         return text
 
     def _remedy(self) -> str:
         if self.follows_until < self.known_until:
-            return "; a smaller step or tolerance does"
-        return "; nor does any in double precision" if self.rounding else ""
+            return "; use a smaller step or tolerance"
+        return "; no run in double precision is" if self.rounding else ""
 
 
 def finite(errors: tuple[float, ...]) -> dict[str, float | None]:

@@ -265,7 +265,7 @@ NOISE = 3.0
 PREPARING = 30.0
 """CPU time of compiling the scene without its parts [s]: after it no other is left out."""
 
-LATE = "the time for measuring is spent on the parts before it"
+LATE = "the time for measuring was used up by the parts before it"
 
 Progress = Callable[[str, float], None]
 
@@ -410,7 +410,7 @@ def costs_of_parts(
     for k, motion in enumerate(motions[1:]):
         if without[k] is not None and parts[k][0] == "effects" and parted(motions[0], motion):
             without[k] = None
-            reasons[parts[k]] = "contacts are others without it"
+            reasons[parts[k]] = "the contacts change without it"
     assert whole is not None
     costs: Costs = {}
     for part, rest in zip(parts, without, strict=True):
@@ -430,7 +430,7 @@ def priced(cost: Cost) -> tuple[Cost | None, str]:
         return cost, ""
     if -cost.nanoseconds <= NOISE * cost.spread:
         return Cost(0.0, cost.spread), ""
-    return None, "the scene takes more time without it, in other coordinates or contacts"
+    return None, "the scene is slower without it (other coordinates or contacts)"
 
 
 def item(name: str, spec: Any, cost: Cost | None, reason: str = "", rows: int = 0) -> Item:
@@ -478,9 +478,9 @@ def variant(
         start = motion.time
         limit = math.inf if part is None else FIRST_RUN
         if not comes_to(motion, start + measure.count * measure.step, limit):
-            return "without it the same steps take too long to be measured"
+            return "the same steps take too long without it"
         if isinstance(motion, ContactMotion) and any(t > start for t in instants(motion)):
-            return f"contacts change{without} while it is measured"
+            return f"contacts open or close{without} during the measurement"
     except RbSimError:
         return f"the scene does not run{without}"
     return motion

@@ -209,4 +209,4 @@ class CountedRunner(Runner):
         assert self._current is not None
         if self._counted(*self._current) > self._allowed:
             self.broken_off = True
-            raise SimulationError(f"broken off after {self._allowed:.3g} counted seconds")
+            raise SimulationError(f"stopped after {self._allowed:.3g} counted seconds")

@@ -64,18 +64,19 @@ class Reference:
     def words(self) -> str:
         """What ends the ladder, in one line."""
         if not np.isfinite(self.floor):
-            return f"nothing to measure by: {self.kind} and {self.check} do not both reach the end"
-        grown = f"one ulp in the initial state grows to {self.ulp_growth.pose:.1e} over the run"
+            return f"no reference: {self.kind} and {self.check} do not both reach the end"
+        grown = f"a 1-ulp perturbation of the start grows to {self.ulp_growth.pose:.1e}"
         if self.floor > TELLING * max(self.agreement.pose, self.ulp_growth.pose, EPS):
             return (
-                f"events too close to tell end the ladder at {self.floor:.1e}, which {self.kind} "
-                f"changes by on another grid of steps; {self.check} agrees to "
+                f"errors below {self.floor:.1e} cannot be measured: events too close to separate "
+                f"change {self.kind} by this much on another grid of steps; {self.check} agrees to "
                 f"{self.agreement.pose:.1e}; {grown}"
             )
         what = "chaos or an instability" if self.floor > 1e-6 else "round-off"
         return (
-            f"{what} ends the ladder at {self.floor:.1e}, to which {self.kind} and {self.check} "
-            f"agree; {grown}"
+            f"errors below {self.floor:.1e} cannot be measured ({what}): {self.kind} and "
+            f"{self.check} "
+            f"agree to this; {grown}"
         )
 
 
@@ -141,7 +142,7 @@ HOPELESS = 100.0
 LONGEST = 0.5
 """Share of a ladder's time that one run from event to event may take."""
 
-OUT_OF_TIME = "the time given to it was used up (--budget)"
+OUT_OF_TIME = "its time is used up (--budget)"
 
 Progress = Callable[[str, float], None]
 """progress(what is running, share of the work done)."""
@@ -284,7 +285,7 @@ def one_ladder(
             HOPELESS * r.cost < rung.cost < math.inf and r.errors.pose <= rung.errors.pose
             for r in rivals
         ):
-            end = f"it costs more than {HOPELESS:g} times another method of the same error"
+            end = f"over {HOPELESS:g}x slower than another method of the same error"
             break
         if stalled >= (STALLED if best < FAR * true.floor else STALLED_FAR) and best < COARSE:
             end = "the error no longer falls"

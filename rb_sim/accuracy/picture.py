@@ -12,12 +12,29 @@ from matplotlib.ticker import LogLocator
 
 from rb_sim.accuracy.ladder import Accuracy, Ladder
 from rb_sim.accuracy.report import front
+from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F5539", "#444444")
-"""Okabe and Ito's colours, told apart with any colour vision."""
+MARKS = {
+    "euler": "*",
+    "rk4": "^",
+    "dopri853": "s",
+    "gauss6": "D",
+    "radau5": "v",
+    "taylor": "o",
+    "time_stepping": "P",
+}
+"""Of methods, so that curves differ without colours, too."""
 
-MARKS = "osD^vPX*"
-TEXT = "#333333"
+FIXED, ADAPTIVE = (0, (4, 2)), "-"
+"""Lines of methods with a fixed step, whose marks are hollow, and with a tolerance."""
+
+USELESS = 1.0
+"""Error [rad, m, relative] from which on a run shows nothing of the motion: of a curve that begins
+above it the last such point is drawn."""
+
+BAND = "#E3E3E3"
+"""Below the floor."""
+
 QUANTITIES = (
     ("pose", "global error: rotation [rad] or centre [m]"),
     ("reaction", "reactions, relative to the largest"),
@@ -26,7 +43,12 @@ QUANTITIES = (
 
 
 def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) -> None:
-    """Draw the work-precision diagrams of all methods. Raises OSError if it cannot be written."""
+    """Write the work-precision diagrams of all methods. Raises OSError if it cannot be written."""
+    diagrams(accuracy, target).savefig(path)
+
+
+def diagrams(accuracy: Accuracy, target: float | None = None) -> Figure:
+    """The figure: a panel for the pose, one for reactions if there are any, one for the energy."""
     shown = [q for q in QUANTITIES if q[0] != "reaction" or accuracy.layout.reactions]
     figure = Figure(figsize=(1.0 + 4.3 * len(shown), 5.6), dpi=150)
     FigureCanvasAgg(figure)
@@ -40,7 +62,7 @@ def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) ->
             "target", (1.0, target), xycoords=("axes fraction", "data"), xytext=(-3, 3),
             textcoords="offset points", ha="right", fontsize=8, color=TEXT,
         )  # fmt: skip
-    axes[0].set_ylabel("largest over the run", color=TEXT)
+    axes[0].set_ylabel("largest error over the run", color=TEXT)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="lower center", ncols=len(labels), frameon=False, fontsize=9,
@@ -50,73 +72,86 @@ def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) ->
         f"{accuracy.scene}: what accuracy costs over {accuracy.duration:g} s",
         x=0.012, ha="left", fontsize=13, color=TEXT,
     )  # fmt: skip
-    figure.text(0.012, 0.015, footnote(accuracy), fontsize=7.5, color="#666666")
+    figure.text(0.012, 0.015, footnote(accuracy), fontsize=7.5, color=FAINT)
     figure.tight_layout(rect=(0, 0.115, 1, 0.98))
-    figure.savefig(path)
+    return figure
 
 
 def footnote(accuracy: Accuracy) -> str:
     true = accuracy.reference
+    names = ", ".join(ladder.name for ladder in accuracy.ladders if not usable(ladder))
+    nothing = f" Without a usable run: {names}." if names else ""
     return (
-        f"Errors against {true.kind}; {true.check} agrees to {true.agreement.pose:.0e}, one ulp at "
-        f"the start grows to {true.ulp_growth.pose:.0e} (dotted).\n"
-        "CPU time of stepping alone, best of several runs."
+        f"Errors against {true.kind}; {true.check} agrees to {true.agreement.pose:.0e}; one ulp "
+        f"at the start grows to {true.ulp_growth.pose:.0e} (dotted). Points on the grey band are "
+        "at or below the floor.\n"
+        "Dashed, hollow: fixed step; solid, filled: tolerance. CPU time of stepping alone, best of "
+        f"several runs.{nothing}"
     )
 
 
 def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
     """One panel: a line per method, the Pareto front ringed, the floor shaded."""
+    top = math.sqrt(10.0) * USELESS
+    # infinite where the scene could not be run twice to its end
+    floor = min(getattr(accuracy.reference.floors, quantity), top)
     points: list[tuple[float, float]] = []
-    for i, ladder in enumerate(accuracy.ladders):
-        line = drawable(ladder, quantity)
+    for ladder in filter(usable, accuracy.ladders):
+        line = drawable(ladder, quantity, floor)
         points += line
-        if line:
-            axis.plot(
-                [cost for _, cost in line], [error for error, _ in line],
-                color=COLOURS[i % len(COLOURS)], marker=MARKS[i % len(MARKS)], markersize=4.5,
-                linewidth=1.3, label=ladder.name, zorder=3,
-            )  # fmt: skip
-    best = [points[i] for i in front(points)]
-    floor = getattr(accuracy.reference.floors, quantity)
-    axis.plot(
-        [cost for _, cost in best], [error for error, _ in best],
-        color="#222222", linewidth=7, alpha=0.14, solid_capstyle="round", zorder=1,
-    )  # fmt: skip
+        method, colour = ladder.name.split()[0], of_method(ladder.name)
+        fixed = any(rung.setting.step is not None for rung in ladder.rungs)
+        axis.plot(
+            [cost for _, cost in line], [error for error, _ in line],
+            color=colour, marker=MARKS.get(method, "X"), markersize=5,
+            markerfacecolor="white" if fixed else colour,
+            linestyle=FIXED if fixed else ADAPTIVE, linewidth=1.3, label=ladder.name, zorder=3,
+        )  # fmt: skip
+    best = [points[i] for i in front(points) if points[i][0] < USELESS]
     axis.scatter(
-        [cost for _, cost in best], [error for error, _ in best], s=58, facecolors="none",
-        edgecolors="#222222", linewidths=0.9, zorder=4, label="Pareto front",
+        [cost for _, cost in best], [error for error, _ in best], s=70, facecolors="none",
+        edgecolors=TEXT, linewidths=0.8, zorder=4, label="cheapest for its error",
     )  # fmt: skip
     axis.set_xscale("log")
     axis.set_yscale("log")
     if not points:  # the time given was too short for any method: an empty panel, but a panel
         axis.set_xlim(1e-6, 1.0)
-    top = 10.0
-    floor = min(floor, top)  # infinite where the scene could not be run twice to its end
-    lowest = min([floor, *(error for error, _ in points if error >= 1e-3 * floor)])
-    bottom = 10.0 ** math.floor(math.log10(lowest) - 0.5)
+    bottom = 10.0 ** math.floor(math.log10(floor) - 1.2)
     axis.set_ylim(bottom, top)
-    axis.axhspan(bottom, floor, color="#B0B0B0", alpha=0.35, linewidth=0, zorder=0)
-    name = "chaos or instability" if floor > 1e-6 else "round-off"
-    axis.annotate(
-        f"{name} {floor:.0e}", (0.02, floor), xycoords=("axes fraction", "data"),
-        xytext=(0, -4), textcoords="offset points", va="top", fontsize=8, color="#555555", zorder=5,
-    )  # fmt: skip
+    axis.axhspan(bottom, floor, color=BAND, linewidth=0, zorder=0)
     grown = getattr(accuracy.reference.ulp_growth, quantity)
     if grown > bottom:
         axis.axhline(grown, color="#777777", linewidth=0.9, linestyle=":", zorder=1)
+    name = "chaos or instability" if floor > 1e-6 else "round-off"
+    axis.annotate(
+        f"{name} {floor:.0e}", (0.02, bottom), xycoords=("axes fraction", "data"),
+        xytext=(0, 4), textcoords="offset points", va="bottom", fontsize=8, color=TEXT, zorder=5,
+        bbox={"facecolor": BAND, "edgecolor": "none", "pad": 1.5},  # the dotted line ends at it
+    )  # fmt: skip
     axis.set_xlabel("CPU seconds per simulated second", color=TEXT)
     axis.yaxis.set_major_locator(LogLocator(base=100.0, numticks=12))
-    axis.grid(True, which="major", color="#E4E4E4", linewidth=0.7)
+    axis.grid(True, which="major", color=GRID, linewidth=0.7)
     axis.tick_params(colors=TEXT, labelsize=9, which="both")
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
 
 
-def drawable(ladder: Ladder, quantity: str) -> list[tuple[float, float]]:
-    """(error, cost) of the rungs that a logarithmic scale can show."""
-    pairs = ((getattr(rung.errors, quantity), rung.cost) for rung in ladder.rungs)
-    return [
-        (max(error, 1e-17), cost)
-        for error, cost in pairs
-        if math.isfinite(error) and math.isfinite(cost) and error < 10.0
-    ]
+def drawable(ladder: Ladder, quantity: str, floor: float) -> list[tuple[float, float]]:
+    """(error, cost) of the rungs that say something: from the last useless one to the first that
+    reaches the floor, on which it is drawn. Below it figures are those of the reference."""
+    found: list[tuple[float, float]] = []
+    for rung in ladder.rungs:
+        error = getattr(rung.errors, quantity)
+        if not (math.isfinite(error) and math.isfinite(rung.cost)):
+            continue
+        if error >= USELESS and all(before >= USELESS for before, _ in found):
+            found.clear()
+        found.append((max(error, floor), rung.cost))
+        if error <= floor:
+            break
+    return [] if all(error >= USELESS for error, _ in found) else found
+
+
+def usable(ladder: Ladder) -> bool:
+    """Whether a run of it shows anything of the motion."""
+    return bool(drawable(ladder, "pose", 0.0))

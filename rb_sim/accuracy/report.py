@@ -81,7 +81,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
     names = shown(lines, [ladder.name for ladder in accuracy.ladders if ladder.name in reached])
-    title = f"{accuracy.scene}: what a global error costs over {accuracy.duration:g} s"
+    title = f"{accuracy.scene}: cost of each global error over {accuracy.duration:g} s"
     console.print(Text(title, style="italic"))
     table = Table(
         box=box.SIMPLE_HEAD,  # all of it fits a terminal of 80 columns
@@ -96,9 +96,9 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
     for decade in lines:
         if decade.best is None:
             why = (
-                "below the floor"
+                "not measurable"
                 if decade.error < accuracy.reference.floor
-                else "not reached in the time given"
+                else "not reached (--budget)"
             )
             table.add_row(f"{decade.error:.0e}", why, "", *[""] * len(names), style="dim")
             continue
@@ -106,7 +106,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         setting = short(decade.best.setting)
         table.add_row(f"{decade.error:.0e}", setting, f"{decade.best.cost:.2g}", *factors)
     console.print(table)
-    key = "s: fixed step, tol: local tolerance, ×: cost over the cheapest, –: not reached"
+    key = "s: fixed step; tol: local tolerance; ×: cost relative to the cheapest; –: not reached"
     console.print(Text(key, style="dim"))
     console.print(Text(accuracy.reference.words))
     for ladder in accuracy.ladders:
@@ -116,7 +116,7 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
         console.print(Text(target_line(accuracy, target), style="bold"))
 
 
-MOST_COLUMNS = 6
+MOST_COLUMNS = 5
 """Of factors: so many fit a terminal of 80 columns."""
 
 
@@ -127,13 +127,11 @@ def shown(lines: Sequence[Any], names: list[str]) -> list[str]:
     return [name for name in names if name in kept]
 
 
-SPLIT = {"dopri853": "dopri\n853", "time_stepping": "time\nstep-\nping", "adaptive": "adap-\ntive"}
-"""Names that are wider than a column of factors."""
-
-
 def heading(name: str) -> str:
-    """The name of a ladder, narrow enough for all of them to fit a terminal of 80 columns."""
-    return "\n".join(SPLIT.get(word, word) for word in name.split())
+    """The name of a ladder above a column of factors: the method, and its form if it has two."""
+    method, _, form = name.partition(" ")
+    short_form = {"fixed": "step", "adaptive": "tol"}.get(form, form)
+    return "\n".join(filter(None, (*method.replace("_", "_ ").split(), short_form)))
 
 
 def short(setting: Setting) -> str:
@@ -148,7 +146,9 @@ def ending(ladder: Ladder) -> str:
     if not ladder.rungs:
         return f"{ladder.name} did not run: {ladder.end}"
     best = min(rung.errors.pose for rung in ladder.rungs)
-    reached = f"ended at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    reached = (
+        f"stopped at {best:.1e}" if math.isfinite(best) else "did not reach the end of the run"
+    )
     return f"{ladder.name} {reached}: {ladder.end}"
 
 
@@ -170,14 +170,17 @@ def target_line(accuracy: Accuracy, target: float) -> str:
     """What to write into the scene to keep the target."""
     best = cheapest_within(accuracy.rungs, target)
     if target < accuracy.reference.floor:
-        return f"{target:g} is below the floor of this scene, {accuracy.reference.floor:.1e}"
+        return (
+            f"{target:g} is below the smallest error measurable for this scene, "
+            f"{accuracy.reference.floor:.1e}"
+        )
     if best is None:
-        return f"{target:g} was not reached in the time given; raise --budget"
+        return f"{target:g} was not reached within --budget; raise it"
     knob = "step" if best.setting.step is not None else "tolerance"
     return (
         f"for {target:g}: {{method: {best.setting.name}, {knob}: {best.setting.knob:.6g}}} costs "
         f"{best.cost:.2g} CPU s per s, global error {best.errors.pose:.1e} (rad, m); "
-        f"or let the scene say {{method: auto, tolerance: {target:g}}}"
+        f"or set {{method: auto, tolerance: {target:g}}}"
     )
 
 

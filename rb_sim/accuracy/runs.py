@@ -132,7 +132,7 @@ class Runner:
 
     def _in_time(self) -> None:
         if self._clock() - self._begun > self.limit:
-            raise SimulationError(f"broken off after {self.limit:.3g} s")
+            raise SimulationError(f"stopped after {self.limit:.3g} s")
 
 
 # How much the scene itself magnifies one rounding: runs from initial states one ulp apart.

@@ -18,9 +18,9 @@ from rich.text import Text
 
 from rb_sim.accuracy.closed_forms.statics import ExactReactions, exact_reactions
 from rb_sim.accuracy.report import machine
+from rb_sim.scene.schema import Scene
 from rb_sim.statics.admissible import eliminate
-from rb_sim.statics.equilibrium import assemble
-from rb_sim.statics.model import StaticsScene
+from rb_sim.statics.of_scene import at_rest
 from rb_sim.statics.result import StaticsResult
 from rb_sim.statics.solve import solve
 
@@ -63,9 +63,9 @@ class StaticsAccuracy:
     answers: tuple[Answer, ...]
 
 
-def measure(scene: StaticsScene, spell: float = SPELL) -> StaticsAccuracy:
+def measure(scene: Scene, spell: float = SPELL) -> StaticsAccuracy:
     """Solve the scene, compare with its closed form, and time it for a spell [s]."""
-    system = assemble(scene)
+    system = at_rest(scene)
     load, lever = eliminate(system).force, system.lever
     result, exact = solve(scene), exact_reactions(scene)
     names = ["reactions" if result.reactions else "the verdict"]

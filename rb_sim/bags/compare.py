@@ -93,15 +93,15 @@ class Differences:
     def notes(self) -> list[str]:
         """What was not compared, or is not known well."""
         lines = [
-            f"{name}: {count} instants left out: there B has a gap, is struck or begins anew"
+            f"{name}: {count} samples skipped (gap, impact or reset in B)"
             for name, count in self.left_out.items()
         ]
         lines += [f"{name}: {line}" for name, line in self.units.items()]
         if self.unaligned:
             first, last = (shown_offset(other.clocks.offset) for other in self.unaligned)
-            lines.append(f"the motions want an offset of {first} at the start and of {last} at the "
-                         "end: clocks do not drift so, the motions differ; bounds are judged with "
-                         "each of both, too")  # fmt: skip
+            lines.append(f"the best offset is {first} at the start and {last} at the end: more "
+                         "than clocks drift, so the motions differ; bounds are checked with both "
+                         "offsets as well")  # fmt: skip
         for name, doubts in self.doubts.items():
             told = [
                 f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
@@ -109,8 +109,8 @@ class Differences:
                 if doubt.max() > max(self._matters(name, quantity), self.floors[quantity])
             ]
             if told:
-                lines.append(f"{name}: B's samples are far apart for its motion: interpolation "
-                             f"between them may make {', '.join(told)}")  # fmt: skip
+                lines.append(f"{name}: interpolation between the samples of B causes differences "
+                             f"up to {', '.join(told)}")  # fmt: skip
         return lines
 
     def _matters(self, name: str, quantity: str) -> float:
@@ -161,7 +161,7 @@ def _with_clocks(
         if name in b.reactions:
             _add_reaction(result, name, a.reactions[name], b.reactions[name])
     if not result.series:
-        raise RbSimError(f"{a.name} and {b.name}: no instant is in both")
+        raise RbSimError(f"{a.name} and {b.name}: their times do not overlap")
     return result
 
 
@@ -176,7 +176,7 @@ def _pairs(a: Tracks, b: Tracks, match: dict[str, str]) -> dict[str, str]:
     if not pairs:
         raise RbSimError(
             f"no body is in both: {a.name} has {', '.join(a.bodies)}; {b.name} has "
-            f"{', '.join(b.bodies)}; say which is which with --match NAME=NAME"
+            f"{', '.join(b.bodies)}; use --match NAME_IN_A=NAME_IN_B"
         )
     return pairs
 
@@ -279,8 +279,8 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
                 )
     if given and found.shared < TOGETHER:
         exceeded.append(
-            f"{found.shared:.0%} of the motion is compared with the estimated offset, at least "
-            f"{TOGETHER:.0%} are needed to judge a bound: give --align none or first"
+            f"only {found.shared:.0%} of the motion overlaps with the estimated offset (at least "
+            f"{TOGETHER:.0%} needed to check a bound); use --align none or first"
         )
     return {
         "align": found.align,
@@ -310,7 +310,11 @@ def _largest(found: Differences, name: str, quantity: str) -> float:
 def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:
     """What of the largest difference interpolation may have made, if it is worth a word."""
     made = float(doubt[int(np.argmax(values))])
-    return f" (interpolation may make {made:.2g} {unit})" if made > DOUBTFUL * values.max() else ""
+    return (
+        f" (of which interpolation up to {made:.2g} {unit})"
+        if made > DOUBTFUL * values.max()
+        else ""
+    )
 
 
 def _figures(

@@ -1,62 +1,239 @@
-"""Pictures of two motions beside each other: differences over time, a Rerun recording."""
+"""Pictures of two motions: one over the other with their differences, and as a Rerun recording."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from textwrap import wrap
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import Interpolated, stretches
 from rb_sim.bags.compare import CALENDAR, UNITS, Differences
-from rb_sim.bags.tracks import Track, Tracks
+from rb_sim.bags.message_rates import LONG
+from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
+from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
 from rb_sim.io.rerun.viewer import MOTION
 
-# The differences of two motions over time, as a picture.
+# Two motions over time, one laid over the other, and their differences, as a picture.
 
 
 CURVE_POINTS = 4000
 FLOOR = 1e-17
 """A logarithm has no zero: smaller differences are left out, or drawn there if all are."""
 
+MOST_BODIES = 3
+"""Laid over each other in the picture: those that differ most."""
 
-def picture(found: Differences, path: Path, title: str) -> None:
-    """Write one axis per quantity, logarithmic, with a line for each body or reaction."""
+STILL = 1e-6
+"""Change of a component, relative to the motion, below which it has no panel."""
+
+FLIP = 90.0
+"""[degrees]: by more no angle changes between samples; roll and yaw jump where the pitch is 90."""
+
+WRAP = 130
+"""Characters in a line of the title."""
+
+
+HALF_TURN = 170.0
+"""[degrees]: by more both roll and yaw leap where the pitch passes 90."""
+
+
+class Overlaid(NamedTuple):
+    """A panel with a component of A and of B."""
+
+    label: str
+    a: tuple[np.ndarray, np.ndarray]
+    """times and values, with a NaN where the curve is broken."""
+    b: tuple[np.ndarray, np.ndarray]
+    size: float
+    """by which its change counts as motion."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether A or B is seen to move in it."""
+        return any(np.nanmax(y) - np.nanmin(y) > STILL * self.size for _, y in (self.a, self.b))
+
+
+def picture(found: Differences, a: Tracks, b: Tracks, path: Path) -> None:
+    """Write A and B over each other (x, y, z; roll, pitch, yaw) and below, on logarithmic axes, the
+    sizes of their differences. Curves end at gaps, and where a motion begins anew."""
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    quantities = [q for q in UNITS if any(q in series for series in found.series.values())]
-    figure = Figure(figsize=(9, 1.0 + 2.2 * len(quantities)), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(len(quantities), 1, sharex=True))
-    figure.suptitle(title, fontsize=10)
-    for axis, quantity in zip(axes, quantities, strict=True):
+    shown = _worst_bodies(found)
+    blocks = [_overlaid(found, a.bodies[name], b.bodies[found.pairs[name]]) for name in shown]
+    parts, same = _apart(found)
+    rows = [(len(block) + 1) // 2 for block in blocks]
+    below = (len(parts) + 1) // 2
+    figure = Figure(figsize=(11.0, 1.5 + 1.45 * sum(rows) + 1.9 * below), layout="constrained")
+    heights = [1.45] * sum(rows) + [1.9] * below
+    grid = figure.subplots(len(heights), 2, sharex=True, squeeze=False, height_ratios=heights)
+    title = [f"A: {a.name}", f"B: {b.name}"]
+    title += wrap(f"same to rounding: {', '.join(same)}", WRAP) if same else []
+    if len(shown) < len(found.pairs):
+        title.append(f"motion of {len(shown)} of {len(found.pairs)} bodies: those that differ most")
+    figure.suptitle("\n".join(title), fontsize=9.5, x=0.01, ha="left", color=TEXT)
+    for axis in grid.ravel():
+        axis.set_axis_off()
+    top = 0
+    for name, block, count in zip(shown, blocks, rows, strict=True):
+        for k, panel in enumerate(block):
+            axis = _open(grid[top + k % count, k // count], panel.label)
+            axis.plot(*panel.a, color=MOTIONS["A"], linewidth=2.2)
+            axis.plot(*panel.b, color=MOTIONS["B"], linewidth=1.2, linestyle=(0, (4, 1.5)))
+        grid[top, 0].set_title(name, fontsize=9, loc="left", color=TEXT)
+        top += count
+    colours = {name: CYCLE[2 + k % (len(CYCLE) - 2)] for k, name in enumerate(found.series)}
+    rounding = False
+    for axis, quantity in zip(grid[top:].ravel(), parts, strict=False):
+        _open(axis, f"{quantity} apart [{UNITS[quantity]}]").set_yscale("log")
         for name, series in found.series.items():
             if quantity in series:
-                stride = max(1, len(series[quantity]) // CURVE_POINTS)
-                values = _above_floor(series[quantity][::stride])
-                axis.semilogy(
-                    found.t[name][::stride] - found.start, values, label=name, linewidth=1.0
-                )
-        _shade_rounding(axis, found.floors[quantity])
-        axis.set_ylabel(f"{quantity} apart [{UNITS[quantity]}]")
-        axis.grid(alpha=0.3)
-        axis.legend(fontsize=7, loc="best")
-    axes[-1].set_xlabel(f"t - {found.start:.6f} [s]" if found.start else "t [s]")
-    figure.savefig(path, dpi=120)
+                t, values = broken(found.t[name] - found.start, _above_floor(series[quantity]))
+                axis.plot(t, values, color=colours[name], linewidth=1.0)
+        rounding |= _shade_rounding(axis, found.floors[quantity])
+    for axis in _lowest(grid):
+        axis.tick_params(labelbottom=True)
+        axis.set_xlabel(f"t - {found.start:.6f} [s]" if found.start else "t [s]", fontsize=9)
+    names = [name for name in found.series if set(parts) & found.series[name].keys()]
+    handles: list[Any] = [
+        Line2D([], [], color=MOTIONS["A"], linewidth=2.2, label="A"),
+        Line2D([], [], color=MOTIONS["B"], linewidth=1.2, linestyle=(0, (4, 1.5)), label="B"),
+        *(Line2D([], [], color=colours[name], linewidth=1.0, label=name) for name in names),
+    ]
+    if rounding:
+        handles.append(Patch(color="0.9", label="rounding"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8.5)
+    figure.savefig(path, dpi=110)
 
 
-def _shade_rounding(axis: Any, floor: float) -> None:
-    """Grey below the floor, which is always in view: what lies there is the same motion."""
-    if not floor > 0.0:
-        return
+def _worst_bodies(found: Differences) -> list[str]:
+    """The bodies that differ most, at most MOST_BODIES, in the order of A."""
+    bodies = [name for name in found.pairs if name in found.t]
+
+    def most(name: str) -> float:
+        scales = found.scales[name]
+        sizes = ((q, float(values.max())) for q, values in found.series[name].items())
+        return max(size / (scales[q] or 1.0) for q, size in sizes if q in ("position", "angle"))
+
+    worst = sorted(bodies, key=most, reverse=True)[:MOST_BODIES]
+    return [name for name in bodies if name in worst]
+
+
+def _overlaid(found: Differences, a: Track, b: Track) -> list[Overlaid]:
+    """Panels of the positions and then of the angles that move; x if nothing does."""
+    shift, clock = found.start, _on_clock(b, found).t
+    p_a, p_b = (_lines(t - shift, track.position, track) for t, track in ((a.t, a), (clock, b)))
+    first = roll_pitch_yaw(a)
+    angles = first, roll_pitch_yaw(b, np.stack([np.interp(clock, a.t, c) for c in first.T], axis=1))
+    r_a, r_b = (
+        _lines(t - shift, values, track, FLIP)
+        for t, values, track in ((a.t, angles[0], a), (clock, angles[1], b))
+    )
+    size = found.floors["position"] / ROUNDING
+    places = [Overlaid(f"{axis} [m]", p_a[k], p_b[k], size) for k, axis in enumerate("xyz")]
+    names = ("roll", "pitch", "yaw")
+    turned = [Overlaid(f"{name} [°]", r_a[k], r_b[k], 90.0) for k, name in enumerate(names)]
+    return [panel for panel in (*places, *turned) if panel.moves] or places[:1]
+
+
+def _lines(
+    t: np.ndarray, values: np.ndarray, track: Track, most: float = np.inf
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Each column over time, broken at gaps, where the motion begins anew, at leaps by `most`."""
+    begins = np.zeros(len(t), bool)
+    begins[[part.start for part in stretches(track)[1:]]] = True
+    stride = max(1, len(t) // CURVE_POINTS)
+    kept = begins.copy()
+    kept[::stride] = True
+    found = []
+    for column in values.T:
+        new = begins.copy()
+        new[1:] |= np.abs(np.diff(column)) > most
+        at = np.flatnonzero(new[kept])
+        found.append((np.insert(t[kept], at, t[kept][at]), np.insert(column[kept], at, np.nan)))
+    return found
+
+
+def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The curve, thinned, with a NaN in each interval that is LONG."""
+    steps = np.diff(t)
+    gaps = np.flatnonzero(steps > LONG * np.median(steps)) + 1 if len(steps) else np.array([], int)
+    kept = np.zeros(len(t), bool)
+    kept[:: max(1, len(t) // CURVE_POINTS)] = True
+    kept[gaps] = True
+    at = np.searchsorted(np.flatnonzero(kept), gaps)
+    return np.insert(t[kept], at, t[gaps]), np.insert(values[kept], at, np.nan)
+
+
+def roll_pitch_yaw(track: Track, near: np.ndarray | None = None) -> np.ndarray:
+    """Rotations about the fixed x, then y, then z axis [degrees], shape (n, 3).
+
+    (roll, pitch, yaw) is the attitude of (roll + 180, 180 - pitch, yaw + 180), too: of both, and of
+    whole turns, that is taken which is nearest to `near`; without, that which leaps least.
+    """
+    with warnings.catch_warnings():  # where the pitch is 90 roll and yaw are one angle
+        warnings.simplefilter("ignore", UserWarning)
+        angles = Rotation.from_quat(track.orientation).as_euler("xyz", degrees=True)
+    other = np.array([180.0, 180.0, 180.0]) + angles * [1.0, -1.0, 1.0]
+    if near is None:
+        steps = np.abs((np.diff(angles[:, [0, 2]], axis=0) + 180.0) % 360.0 - 180.0)
+        beyond = np.cumsum(np.concatenate([[False], (steps > HALF_TURN).all(axis=1)])) % 2 == 1
+        return np.unwrap(np.where(beyond[:, None], other, angles), period=360.0, axis=0)
+    both = [each - 360.0 * np.round((each - near) / 360.0) for each in (angles, other)]
+    off = [np.abs(each - near).sum(axis=1) for each in both]
+    return np.where((off[0] <= off[1])[:, None], *both)
+
+
+def _apart(found: Differences) -> tuple[list[str], list[str]]:
+    """The quantities whose differences have a panel, and what is to be said of the others."""
+    drawn, same = [], []
+    for quantity in UNITS:
+        sizes = [s[quantity].max() for s in found.series.values() if quantity in s]
+        if not sizes:
+            continue
+        if max(sizes) > found.floors[quantity]:
+            drawn.append(quantity)
+        else:
+            size = f" ({max(sizes):.0e} {UNITS[quantity]})" if max(sizes) > 0.0 else ""
+            same.append(f"{quantity}{size}")
+    return drawn, same
+
+
+def _open(axis: Any, label: str) -> Any:
+    """An axis that is in use."""
+    axis.set_axis_on()
+    axis.set_ylabel(label, fontsize=9)
+    axis.tick_params(labelsize=8)
+    axis.grid(color=GRID, linewidth=0.6)
+    axis.margins(x=0.01)
+    axis.spines[["top", "right"]].set_visible(False)
+    return axis
+
+
+def _lowest(grid: np.ndarray) -> list[Any]:
+    """The lowest axis of each column that is in use."""
+    used = [[axis for axis in column if axis.axison] for column in grid.T]
+    return [column[-1] for column in used if column]
+
+
+def _shade_rounding(axis: Any, floor: float) -> bool:
+    """Grey below the floor, if it is in view: what lies there is the same motion."""
     low, high = axis.get_ylim()
-    axis.set_ylim(low, max(high, 10.0 * floor))
-    if low < floor:
-        axis.axhspan(low, floor, color="0.9", zorder=0, label="rounding")
+    axis.set_ylim(low, high)
+    if not 0.0 < floor or low >= floor:
+        return False
+    axis.axhspan(low, floor, color="0.9", zorder=0)
+    return True
 
 
 def _above_floor(values: np.ndarray) -> np.ndarray:
@@ -69,13 +246,11 @@ def _above_floor(values: np.ndarray) -> np.ndarray:
 # each other, A in blue, B in orange, on the clock of A.
 
 
-COLORS = {"A": (80, 140, 255), "B": (255, 165, 40)}
 TIMELINE = "sim_time"
 TRAIL_POINTS = 20_000
 """Of a trail."""
 FRAME = 0.2
 """Length of the axes of a frame, in sizes of the motion."""
-PALETTE = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
 EYE = np.array([0.9, -1.35, 0.85])
 """From the middle of the motion to the eye, in sizes of the motion."""
 
@@ -95,8 +270,8 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
             continue
         on_clock = _on_clock(b.bodies[other], found)
         # axes of unequal length: neither hides the other
-        _motion(rr, recording, f"world/A/{name}", a.bodies[name], COLORS["A"], 0.25 * size)
-        _motion(rr, recording, f"world/B/{name}", on_clock, COLORS["B"], 0.2 * size)
+        _motion(rr, recording, f"world/A/{name}", a.bodies[name], rgb(MOTIONS["A"]), 0.25 * size)
+        _motion(rr, recording, f"world/B/{name}", on_clock, rgb(MOTIONS["B"]), 0.2 * size)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
@@ -140,7 +315,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
     for k, (name, track) in enumerate(shown.items()):
         on_clock = replace(track, t=track.t - zero)
         entity = rr.new_entity_path(["world", name])
-        _motion(rr, recording, entity, on_clock, PALETTE[k % len(PALETTE)], FRAME * size)
+        _motion(rr, recording, entity, on_clock, rgb(CYCLE[k % len(CYCLE)]), FRAME * size)
         plot("position", name, track.t, track.position)
         plot("orientation", name, track.t, track.orientation)
         plot("velocity", name, track.t, track.linear_velocity)

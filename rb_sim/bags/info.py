@@ -13,6 +13,7 @@ from rb_sim.bags.message_rates import Rates
 from rb_sim.base.errors import SceneError, SinkError
 from rb_sim.io.bag.batches import Messages
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
+from rb_sim.io.bag.reader import described_in
 from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
 from rb_sim.scene import yaml_reader
@@ -52,6 +53,7 @@ class _Info:
         for path in self.paths:
             self._read_file(path)
         recorded = self.metadata.get(RECORD)
+        converted = None if recorded else described_in(self.paths[0])
         try:
             summary = summary_in(self.metadata.get(SUMMARY_RECORD))
         except ValueError as error:
@@ -65,8 +67,10 @@ class _Info:
             }
             for name in sorted(self.types)
         }
+        recorded = recorded or converted
         run = None if recorded is None else run_of(recorded, summary, self.damage)
-        ended = run is None or run["summarised"]
+        # what converts a bag keeps its messages, and with them no summary
+        ended = run is None or run["summarised"] or converted is not None
         return {
             "path": str(self.paths[0]),
             "files": len(self.paths),
@@ -135,7 +139,7 @@ class _Info:
 def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:
     """What the record of a bag of rb_sim says, and its summary; None if it is damaged."""
     if record.get("sha256", checksum(record)) != checksum(record):
-        damage.append("the record of what was simulated is not as written (its checksum is wrong)")
+        damage.append("the record of the simulation is damaged (wrong checksum)")
         return None
     options = json.loads(record["simulation"])
     summary = summary or {}

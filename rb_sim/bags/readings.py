@@ -227,10 +227,10 @@ class Readings:
         lines += [self._clocks.note] if self._clocks.note else []
         for topic, wrong in self._wrong.items():
             for text, count in wrong.most_common(3):
-                some = f"{count} message{'s' * (count > 1)} left out" if topic in self._read else ""
-                lines.append(f"{topic}: {some or 'left out'}: {text}")
+                some = f"{count} message{'s' * (count > 1)} skipped" if topic in self._read else ""
+                lines.append(f"{topic}: {some or 'skipped'}: {text}")
         for topic, why in self._refused.items():
-            some = "the rest is left out" if topic in self._read else "left out"
+            some = "the rest is skipped" if topic in self._read else "skipped"
             lines.append(f"{topic}: {some}: {why}")
         for source, counts in self._counts.items():
             lines += [f"{source}: {count} {what}" for what, count in counts.items() if what]
@@ -302,10 +302,10 @@ class Readings:
         counts = self._counts.setdefault(piece.source, Counter())
         good = np.isfinite(piece.values).all(axis=1)
         if not good.all():
-            counts["readings with NaN or infinity are left out"] += int((~good).sum())
+            counts["readings with NaN or infinity skipped"] += int((~good).sum())
         beyond = good & (np.abs(piece.values) > HUGE).any(axis=1)
         if beyond.any():
-            counts[f"readings beyond {HUGE:g} are left out"] += int(beyond.sum())
+            counts[f"readings beyond {HUGE:g} skipped"] += int(beyond.sum())
             good &= ~beyond
         if piece.kind == POSE:
             q = piece.values[:, 3:7].copy()
@@ -313,7 +313,7 @@ class Readings:
             length = np.linalg.norm(q, axis=1)
             zero = good & (length < UNIT)
             if zero.any():
-                counts["readings with a quaternion of length 0 are left out"] += int(zero.sum())
+                counts["readings with a quaternion of length 0 skipped"] += int(zero.sum())
             good &= ~zero
             far = good & (np.abs(length - 1) > UNIT)
             if far.any():

@@ -164,6 +164,7 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, 
         namespace=reader.namespace,
         run=settings,
         accelerations=accelerating if settings.get("accelerations") else None,
+        odometry=bool(settings.get("odometry")),
     )
     sink.open(scene, simulation.layout)
     ended: dict[str, Any] | None = None

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.bags.joint_poses import joint_poses
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
 from rb_sim.bags.transforms import FixedFrames, plain
@@ -190,11 +191,12 @@ class Tracks:
         return [name for name in found if self.composed.get(name) not in found]
 
 
-def tracks_of_bag(bag: Path) -> Tracks:
-    """The motion in a bag. Raises SinkError where there is no pose in it."""
+def tracks_of_bag(bag: Path, scene: Scene | None = None) -> Tracks:
+    """The motion in a bag. scene: whose bodies the joint states of somebody else's place, those
+    that no pose in it is of. Raises SinkError where there is no pose in it."""
     reader = reader_of(bag, unfinished=True)
     if reader is None:
-        return _of_anybody(bag)
+        return _of_anybody(bag, scene)
     return tracks_of_blocks(reader.blocks(), reader.scene, reader.layout, str(bag), reader)
 
 
@@ -239,23 +241,29 @@ def _beside(t: Array, struck: Array) -> tuple[int, ...]:
     return tuple(sorted({k for k in cuts.tolist() if 0 < k < len(t)}))
 
 
-def _of_anybody(bag: Path) -> Tracks:
+def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     readings = Readings(bag)
     sources: dict[str, list[Piece]] = {}
     for piece in readings.pieces():
         if piece.kind in (POSE, TWIST, WRENCH):
             sources.setdefault(piece.source, []).append(piece)
     bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
-    if not bodies:
-        why = "; ".join(["no pose in it (PoseStamped, Odometry or TF)", *readings.notes[:TOLD]])
+    placed, unmatched = ({}, "") if scene is None else joint_poses(bag, scene)
+    named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
+    of_joints = {body: Track(*poses) for body, poses in placed.items() if body not in named}
+    if not (bodies or of_joints):
+        none = "no pose in it (PoseStamped, Odometry or TF)"
+        none = f"{none}, and {unmatched}" if unmatched else none
+        why = "; ".join([none, *readings.notes[:TOLD]])
         raise SinkError(f"{bag}: {why}")
     reactions = {}
     for name, parts in sources.items():
         if parts[0].kind == WRENCH:
             reactions[name] = Wrenches(*_joined(parts), frame=plain(parts[0].frame))
+    notes = [unmatched] if unmatched else []
     left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
-    notes = [
-        f"{name}: {count} poses left out: their stamps are not later than those before"
+    notes += [
+        f"{name}: {count} poses skipped: stamps do not increase"
         for name, count in left_out.items()
         if count
     ]
@@ -265,7 +273,7 @@ def _of_anybody(bag: Path) -> Tracks:
         if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))
     ]
     return Tracks(
-        str(bag), bodies, reactions, [*readings.notes, *notes],
+        str(bag), bodies | of_joints, reactions, [*readings.notes, *notes],
         composed={inner: name for inner, name in readings.composed.items() if name in bodies},
         fixed=readings.fixed,
     )  # fmt: skip

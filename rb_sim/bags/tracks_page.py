@@ -10,7 +10,8 @@ import numpy as np
 from rb_sim.bags.compare import CALENDAR
 from rb_sim.bags.comparison_views import drawn
 from rb_sim.bags.tracks import Track, Tracks
-from rb_sim.io.page.motion_page import BODIES, COLORS
+from rb_sim.base.palette import CYCLE
+from rb_sim.io.page.motion_page import COLORS
 from rb_sim.io.page.supports import ground
 from rb_sim.io.page.write import packed, spread
 
@@ -49,7 +50,7 @@ def page_of_tracks(
         "view": {"center": center.tolist(), "size": size * (1.0 + 2.0 * AXES)},
         "colors": COLORS,
         "bodies": [
-            {"name": name, "solid": None, "color": BODIES[i % len(BODIES)], "reach": AXES * size}
+            {"name": name, "solid": None, "color": CYCLE[i % len(CYCLE)], "reach": AXES * size}
             for i, name in enumerate(names)
         ],
         "supports": {"solids": [], "planes": [plane], "lines": [], "links": [], "joints": []},

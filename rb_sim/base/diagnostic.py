@@ -1,4 +1,4 @@
-"""A finding: what a watch saw pass its bound, when, where, and what to try."""
+"""A finding of an accuracy check: quantity, value, limit, time, place, and what to try."""
 
 from __future__ import annotations
 
@@ -10,19 +10,124 @@ from typing import Any, NamedTuple
 from rb_sim.base.errors import AccuracyWarning
 
 
+class Check(NamedTuple):
+    """An accuracy check, for the reference page of messages."""
+
+    quantity: str
+    limit: str
+    cause: str
+    cure: str
+
+
+FINER = "the step that the message names, or an adaptive method with a tolerance"
+
+CHECKS: dict[str, Check] = {
+    "global error": Check(
+        "difference from a second run with half the step or a tenth of the tolerance, relative to "
+        "the motion",
+        "0.01; with `method: auto` its tolerance",
+        "step or tolerance too large; a chaotic or unstable motion",
+        "the setting that the message names; for chaos a shorter duration",
+    ),
+    "auto": Check(
+        "smallest global error that can be assured [m, rad]",
+        "the tolerance",
+        "round-off, chaos or an instability exceeds the tolerance of `method: auto`",
+        "a larger tolerance or a shorter duration",
+    ),
+    "energy": Check(
+        "change of energy minus work, relative to the energy exchanged; or energy gained in "
+        "contacts",
+        "10 x tolerance x steps, between 1e-9 and 1e-3; fixed step 1e-3, first order 2e-2; gained "
+        "in contacts 1e-2",
+        "step or tolerance too large for the fastest motion or the stiffest spring",
+        FINER + "; for stiff springs `radau5`",
+    ),
+    "momentum": Check(
+        "change of linear momentum minus impulse, relative to the largest momentum",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "angular momentum": Check(
+        "change of angular momentum minus angular impulse, relative to the largest",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "residual": Check(
+        "largest violation of a constraint, relative to the scene's size or speed",
+        "1e-9; 1e-6 with contacts",
+        "constraints that contradict each other; `time_stepping` is of first order",
+        "check the constraint that the message names; a smaller step; `dopri853`",
+    ),
+    "inside": Check(
+        "penetration of a shape into the support of a contact that lists points [m]",
+        "1e-3 of the shape's size",
+        "only the listed points make contact",
+        "more points, or none so that the whole shape makes contact",
+    ),
+    "singular configuration": Check(
+        "number of constraint equations that become dependent",
+        "0",
+        "the linkage passes a position in which it can continue in several ways",
+        "end the run before, or change lengths or drives so that it is not reached",
+    ),
+    "step": Check(
+        "error of a fixed step by step doubling: relative to the change of velocity in the step, "
+        "as an attitude [rad], or summed over all steps relative to the velocity",
+        "0.01 (first order 0.1); 0.02 rad in 4 steps; 0.1 (first order 0.5)",
+        "the fixed step does not resolve the motion",
+        FINER,
+    ),
+    "turn": Check(
+        "rotation of a body in one fixed step [rad]",
+        "pi",
+        "the step is longer than half a turn of the fastest body",
+        FINER,
+    ),
+    "time": Check(
+        "rounding of the time relative to the step or sample period",
+        "1/16",
+        "times so large that double precision cannot resolve the step",
+        "start the time at 0",
+    ),
+    "events": Check(
+        "contact events between two samples",
+        "50",
+        "a contact chatters: it opens and closes continually",
+        "`method: time_stepping`",
+    ),
+    "contact steps": Check(
+        "the first that applies of `time_stepping`: residual of the friction problem; share of the "
+        "steps with a contact point that runs around its body, with several solutions (Painleve's "
+        "paradox) or with a perfectly rough contact that slips; energy lost or gained in contacts; "
+        "speed given along a normal that rotated",
+        "residual 1e-6; shares 0; energy 0.02 and 0.01 of the exchanged; speed 0.05",
+        "the step is too long for the contacts, or rigid friction has several or no solutions",
+        "the step that the message names, or an event-driven method",
+    ),
+    "ambiguous": Check(
+        "difference between solutions of the contact problem that are all admissible",
+        "the tolerance; 1e-3",
+        "impact or friction laws leave several solutions, or round-off decides between them",
+        "if the message names a setting, use it; else take the result as one of several",
+    ),
+}
+"""Every check by its name, which a warning begins with."""
+
+
 class Finding(NamedTuple):
-    """One loss of accuracy; each watch reports its first."""
+    """One loss of accuracy; each check reports its first."""
 
     watch: str
-    """which: global error, auto, energy, momentum, angular momentum, residual, dead point,
-    step control, tolerance, step, time, turn, half turn, events, solver, running contact, aim,
-    paradox, rough, ambiguous, little motion, period."""
+    """name of the check, a key of CHECKS."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
     figure: float
     bound: float
     what: str
-    """what the figure is, in words."""
+    """the quantity, with its unit in brackets at the end if it has one."""
     where: str
     """the body, constraint or contact concerned, or ""."""
     advice: str
@@ -41,10 +146,12 @@ class Finding(NamedTuple):
     def seen(self) -> str:
         """The finding as one line, without advice."""
         place = f" ({self.where})" if self.where else ""
-        figure = f"{self.figure:.2g}" if math.isfinite(self.figure) else "not finite"
+        quantity, _, unit = self.what.removesuffix("]").partition(" [")
+        unit = f" {unit}" if unit else ""
+        figure = f"{self.figure:.2g}{unit}" if math.isfinite(self.figure) else "not finite"
         return (
-            f"{self.watch}: {self.what} is {figure} at t = {self.t:.6g} s{place}, "
-            f"above {self.bound:.2g}"
+            f"{self.watch}: {quantity} is {figure} (limit {self.bound:.2g}{unit}) "
+            f"at t = {self.t:.6g} s{place}"
         )
 
 
@@ -78,12 +185,12 @@ class GlobalError(NamedTuple):
         if self.unknown:
             return f"not known: {self.unknown}"
         if not math.isfinite(self.relative):
-            return f"not known: the second run ({self.by}) ended at t = {self.t:.6g} s"
+            return f"not known: the second run ({self.by}) failed at t = {self.t:.6g} s"
         by = f"by a second run ({self.by})"
         if self.upto is not None:
-            by += f" up to t = {self.upto:.4g} s; for all of it: --check"
+            by += f" up to t = {self.upto:.4g} s; use --check for the whole run"
         if not self.relative > 0.0:
-            return f"none beyond rounding, {by}"
+            return f"at round-off, {by}"
         return f"{self.relative:.1g} of the motion, at t = {self.t:.4g} s ({self.body}), {by}"
 
 

@@ -257,7 +257,7 @@ Points = Annotated[
 def _radians(angle: float) -> float:
     if abs(angle) > WHOLE_TURN:
         raise refuse(
-            "an angle in radians, at most a whole turn (6.2832) either way; "
+            "an angle in radians, at most 6.2832 (a whole turn) in size; "
             f"{angle:g} degrees are {math.radians(angle):.6g}"
         )
     return angle
@@ -276,7 +276,7 @@ def _with_unit(angle: Any) -> Any:
     except ValueError:
         number = math.nan
     if match is None or not math.isfinite(number):
-        raise refuse("a number of radians, or a text like 5 deg")
+        raise refuse("a number in radians, or a text like 5 deg")
     return math.radians(number) if match[2] == "deg" else number
 
 

@@ -75,12 +75,14 @@ class Place(Protocol):
         ...
 
     def partner_point(
-        self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3
+        self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
         """The parent's point, from its C; where the body's point_B starts if `point` is None."""
         ...
 
-    def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
+    def partner_axis(
+        self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
+    ) -> Vec3:
         """The parent's direction; along the body's axis_B at the start if `axis` is None."""
         ...
 
@@ -127,6 +129,9 @@ class Changing(NamedTuple):
     """(row, t, whether for the steps from t on or for the instant alone) -> the inputs."""
     symbolic: Callable[[Any, tuple], Any]
     """(row, its inputs as symbols) -> the row that is traced in its place."""
+    next: Callable[[Any, BodyState, BodyState], tuple] | None = None
+    """(row, the body and its parent where a step ends) -> the inputs of the next step, of a row
+    that keeps something from step to step; None: they change from outside only."""
 
 
 CHANGING: dict[type, Changing] = {}

@@ -373,8 +373,6 @@ class Ledger:
         self.has_work = False
         """whether forces without a potential, but for contacts, have done any so far, or may have
         where contacts change more often than samples are taken."""
-        self.worked = 0.0
-        """size of the power of these forces over time so far, by trapezoids of the samples [J]."""
         self._jumps = [since + t for t in jumps_of_tables(scene)]
         self._given_jumps = 0
         """of these, that are behind."""
@@ -455,8 +453,7 @@ class Ledger:
             kept[-1] = True
             t, f = t[kept], f[kept]
         self._work.add(t, f[:, None], sorted(breaks))
-        self.worked, signed = self._work.by_trapezoids()[0].tolist()
-        self._energies.work(self.worked, signed)
+        self._energies.work(*self._work.by_trapezoids()[0].tolist())
 
     def _jumps_until(self, begin: float, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""

@@ -12,13 +12,11 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding, tell
 from rb_sim.checks.balance import SPARSE, Ledger
-from rb_sim.checks.bounds import RESIDUAL, Effort, effort_of
-from rb_sim.checks.effort import SAFE_TURN, found_in, turns
-from rb_sim.checks.half_turn import HalfTurns
+from rb_sim.checks.effort import SAFE_TURN, Effort, effort_of, found_in, turns
 from rb_sim.checks.imbalance import Resolutions, energy_found, momentum_found
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import STRIDE, Conditioning
-from rb_sim.checks.violation import Inside, residual_found
+from rb_sim.checks.violation import CONTACT_RESIDUAL, RESIDUAL, Inside, residual_found
 from rb_sim.mechanics.samples import ARRAYS
 
 if TYPE_CHECKING:
@@ -83,77 +81,22 @@ class Chatter:
         mean = count / samples
         if not (count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE):
             return None
-        advice = "the contact chatters: try method time_stepping"
-        what = "number of events between two samples"
+        advice = "the contact chatters; try method time_stepping"
+        what = "number of contact events between two samples"
         return Finding("events", self._end, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
 
 
-# Which blocks of a run's samples are looked at closely, so that watching costs little of a run.
+# All watches of one run: fed with the samples as they come, asked for findings at any time.
 #
-# The first samples are all looked at. From there on every block adds to an account what a share of
-# its own making costs, and the account pays for looking closely at a block now and then, spread
-# evenly over the run. Costs are counted, not measured: the same run is looked at in the same
-# places.
+# The first samples are all looked at closely, and from there on one block whenever the samples have
+# doubled, so that watching a long run costs little of it; the others are passed with a glance. That
+# takes in every sample's residual and work, the energy at the end of the block and dead points, and
+# where one of them passes its bound the block is looked at closely at once.
 
 
 FIRST = 2048
 """Samples at the beginning of a run that are all looked at closely."""
 
-SHARE = 0.004
-"""Of the cost of a run: what looking closely may cost after the first samples."""
-
-SAMPLE = 100.0
-"""Cost of a sample with its steps, at least, for each body and reaction beyond the first [ns]: a
-heavy top takes 230 ns for its two, a free body 290."""
-
-LOOK = 1e6
-"""Cost of looking closely at a block, whatever its size [ns]; most is Python that the caches of
-the processor have forgotten since the last look."""
-
-EACH = 200.0
-"""Cost of looking closely at a sample, for each body and reaction beyond the first [ns]."""
-
-
-class Pace:
-    """Keeps the account of a run. size: number of its bodies and reactions."""
-
-    def __init__(self, size: int) -> None:
-        self._size = float(size)
-        self._samples, self._account = 0, 0.0
-
-    def close(self, samples: int) -> bool:
-        """Whether the next block, of so many samples, is to be looked at closely."""
-        self._samples += samples
-        if self._samples <= FIRST:
-            return True
-        self._account += SHARE * SAMPLE * self._size * samples
-        price = LOOK + EACH * self._size * samples
-        if self._account < price:
-            return False
-        self._account -= price
-        return True
-
-
-# All watches of one run: fed with the samples as they come, asked for findings at any time.
-#
-# A long run is looked at closely here and there (see below), with a glance elsewhere. A glance
-# takes in every sample's residual and work, the energy at the end of the block, half turns and dead
-# points, and where one of them passes its bound the block is looked at closely at once.
-
-
-CONTACT_RESIDUAL = 1e-6
-"""In contact the residual also tells overlaps, which an event's location leaves behind."""
-
-HELD = 64
-"""Glances in which one block is held back, to be looked at in the end where the last has fewer than
-SHORT samples. To hold back each would cost more than the glance: a block is as large as the caches
-of a processor, and the next one goes where the one before the last was."""
-
-SHORT = 64
-"""Samples of a block at the end of a run that show a balance by themselves."""
-
-AGAIN = 2000
-"""Steps, times bodies, that are taken again where samples hide the work of loads."""
 
 MOST_CHANGES = 16
 """Changes of commands in one block above which no balance is drawn: a stream of commands leaves
@@ -171,9 +114,7 @@ class WatchList:
         self._ledger = Ledger(scene, layout)
         self._resolution = Resolutions(scene, layout)
         self._conditioning: Conditioning | None = None
-        self._half_turns = HalfTurns(scene, layout)
         self._inside = Inside(scene, layout)
-        self._springs = self._half_turns.springs > 0
         self._found: dict[str, Finding] = {}
         self._chatter = Chatter()
         self._samples = 0
@@ -182,16 +123,15 @@ class WatchList:
         self._looked = False
         """whether samples were taken closer."""
         self._command: np.ndarray | None = None
-        self._pace = Pace(len(layout.bodies) + len(layout.reactions))
-        self._effort = Effort("", None, None, 0, 0)
+        self._next_close = 0
+        """samples from which on a block is looked at closely again."""
+        self._effort = Effort("", None, None, 0)
         """the last that was asked for."""
         self._balance = self._effort.balance
         self._glanced: tuple[SampleBlock, Effort | Callable[[], Effort]] | None = None
         """the last block that was passed with a glance, unless the one after it was not."""
-        self._held_back: SampleBlock | None = None
-        """one of the last HELD blocks that were passed with a glance."""
-        self._glances, self._apart = 0, False
-        """how many there were, and whether one since the last close look."""
+        self._apart = False
+        """whether there was one since the last close look."""
         self._held = bool(scene.constraints)
         self._overlap = CONTACT_RESIDUAL if layout.contacts else RESIDUAL
         self._stepped = scene.simulation.method == "time_stepping"
@@ -256,10 +196,11 @@ class WatchList:
         if not count:
             return
         self._block = block
-        close = self._pace.close(count)
+        close = self._samples + count <= FIRST or self._samples >= self._next_close
         if not close and not (self._may_strike and self._strikes(block)):
             self._glance(block, count, effort)
             return
+        self._next_close = 2 * self._samples
         self._resume()
         self._ask(effort)
         with np.errstate(all="ignore"):
@@ -271,7 +212,7 @@ class WatchList:
         if self._apart:
             self._resolution.leave_out()
             self._ledger.leave_out()
-        self._glanced, self._held_back, self._apart = None, None, False
+        self._glanced, self._apart = None, False
 
     def catch_up(self) -> None:
         """Look closely at the energy and the effort up to the end of the samples so far."""
@@ -288,39 +229,13 @@ class WatchList:
         """Look closely at the end of the run, as far as it was passed with a glance."""
         glanced = self._glanced
         self.catch_up()
-        self._watch_energy_again()
-        if glanced is None:
-            return
-        last, held = glanced[0], self._held_back
-        # the rest of a run may be a sample or two, which show no balance
-        ends = [last] if held is None or held is last or len(last) >= SHORT else [held, last]
-        with np.errstate(all="ignore"):
-            for block in ends:
+        if glanced is not None:
+            with np.errstate(all="ignore"):
                 self._ledger.leave_out()
                 self._resolution.leave_out()
-                self._ledger.look_back(block)
-                self._resolution.add(block)
-            self._watch_momentum(last, self._effort)
-
-    def _watch_energy_again(self) -> None:
-        """The energy of the beginning, sampled after each step: where samples are too far apart for
-        the work of loads, they say nothing of it."""
-        hidden = self._ledger.has_work and not isfinite(self._resolution.at_work.doubts)
-        if self._effort.again is None or not hidden or "energy" in self._found:
-            return
-        block = self._effort.again(AGAIN // len(self._layout.bodies))
-        if block is None:
-            return
-        ledger, resolution = (
-            Ledger(self._scene, self._layout),
-            Resolutions(self._scene, self._layout),
-        )
-        with np.errstate(all="ignore"):
-            ledger.add(block)
-            resolution.add(block)
-            found = energy_found(ledger, resolution.at_work, block, self._layout, self._effort)
-        if found is not None:
-            self._say(found)
+                self._ledger.look_back(glanced[0])
+                self._resolution.add(glanced[0])
+                self._watch_momentum(glanced[0], self._effort)
 
     def _ask(self, effort: Effort | Callable[[], Effort]) -> None:
         self._effort = effort if isinstance(effort, Effort) else effort()
@@ -330,9 +245,6 @@ class WatchList:
         self, block: SampleBlock, count: int, effort: Effort | Callable[[], Effort]
     ) -> None:
         """Take a glance at the block, and look closely where it stands out."""
-        if self._glances % HELD == 0:
-            self._held_back = block
-        self._glances += 1
         self._glanced, self._apart = (block, effort), True
         self._watch_inside(block)
         if self._stands_out(block, count):
@@ -363,8 +275,6 @@ class WatchList:
         if not missed <= self._balance * self._ledger.exchanged + self._innocent:
             found |= "energy" not in self._found
             self._innocent = 2.0 * missed if isfinite(missed) else inf
-        if self._springs:
-            self._watch_springs(block)
         if self._conditioning is not None and self._conditioning.watching:
             self._watch_rank(block, STRIDE)
         if effort.step is not None:
@@ -419,7 +329,6 @@ class WatchList:
         self._watch_rank(block)
         self._watch_effort(block, effort)
         self._watch_turns(block, effort)
-        self._watch_springs(block)
         self._watch_inside(block)
         self._watch_events(block)
 
@@ -433,7 +342,7 @@ class WatchList:
                 self._say(found)
 
     def _watch_rank(self, block: SampleBlock, stride: int = 1) -> None:
-        if "dead point" in self._found:
+        if "singular configuration" in self._found:
             return
         if self._conditioning is None:
             self._conditioning = Conditioning(self._scene, self._layout, self._compiled)
@@ -482,17 +391,6 @@ class WatchList:
         if "turn" not in self._found:
             for finding in turns(block, effort, self._layout.bodies, stride):
                 self._say(finding)
-
-    def _watch_springs(self, block: SampleBlock) -> None:
-        """Whether a torsion spring has passed half a turn."""
-        if "half turn" in self._found:
-            return
-        jump = self._half_turns.first(block)
-        if jump is not None:
-            name, t, angle = jump
-            what = "angle of a torsion spring [rad]"
-            advice = "it counts from -pi again, so that the torque has jumped to the other sign"
-            self._say(Finding("half turn", t, angle, np.pi, what, name, advice))
 
     def _watch_inside(self, block: SampleBlock) -> None:
         """Whether the shape of a body with listed points lies in what it may touch."""

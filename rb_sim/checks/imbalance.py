@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.bounds import Effort
+    from rb_sim.checks.effort import Effort
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -46,13 +45,8 @@ PART_OF_ALL = 0.1
 TURN = 0.5
 """Angle between two samples [rad]."""
 
-FAR_TURN = 1.0
-"""Angle between two samples up to which every other one, too, tells what goes round twice in a turn
-of the body, as the power of a force may, from what stands still: it goes on by 4 rad [rad]."""
-
-DOUBTS, FAR_DOUBTS = 10.0, 30.0
-"""Times what leaving out every other sample changes an integral by, that it may be wrong by: where
-bodies turn by less than TURN between samples, and by less than FAR_TURN."""
+DOUBTS = 10.0
+"""Times what leaving out every other sample changes an integral by, that it may be wrong by."""
 
 MOST = 0.02
 """Share of the intervals that may be unresolved: impacts and other jumps."""
@@ -99,7 +93,7 @@ class Resolution:
 
     def __init__(self) -> None:
         self._last: tuple[np.ndarray, ...] | None = None
-        self._intervals = self._missed = self._turned = self._turned_far = 0
+        self._intervals = self._missed = self._turned = 0
         self._all: tuple[np.ndarray, np.ndarray] | None = None
         """Of each body, and of each of its axes: what the intervals miss of the way [m] and of the
         turn [rad], and these themselves, added up."""
@@ -110,30 +104,14 @@ class Resolution:
 
     @property
     def resolved(self) -> bool:
-        """Whether integrals over the samples so far can be trusted."""
-        return self._turned <= MOST * self._intervals and self._follows
-
-    @property
-    def _follows(self) -> bool:
-        """Whether the velocities at the samples tell the ways between them, but for turning."""
+        """Whether integrals over the samples so far can be trusted: bodies turn little between two,
+        and the velocities at the samples tell the ways between them."""
+        if self._turned > MOST * self._intervals:
+            return False
         if self._missed <= MOST * self._intervals or self._all is None:
             return True
         missed, way = self._all
         return bool((missed <= PART_OF_ALL * way).all())
-
-    @property
-    def doubts(self) -> float:
-        """Times what leaving out every other sample changes an integral over the samples so far by,
-        that it may be wrong by; infinite where nothing is known of its error."""
-        if self.resolved:
-            return DOUBTS
-        return FAR_DOUBTS if self.jumps_alone and self._follows else inf
-
-    @property
-    def jumps_alone(self) -> bool:
-        """Whether nothing but jumps of velocities and ways between samples is unresolved: what the
-        samples show of a power is then no more than some part of it."""
-        return self._turned_far <= MOST * self._intervals
 
     def leave_out(self) -> None:
         """Samples follow that do not come to `add`."""
@@ -171,7 +149,6 @@ class Resolution:
         self._intervals += stride * len(bad)
         self._missed += stride * int(lost.sum())
         self._turned += stride * int(fast.sum())
-        self._turned_far += stride * int((~(turn <= FAR_TURN)).sum())
         sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)
         before = self._all or (0.0, 0.0)
         self._all = before[0] + sums[0], before[1] + sums[1]
@@ -202,10 +179,6 @@ def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray
     return miss, size, np.any(~(miss <= PART * size), axis=1)
 
 
-FAR_MORE = 1e3
-"""Times the work that samples between jumps of the velocities show, that may have been done."""
-
-
 def energy_found(
     ledger: Ledger, resolution: Resolution, block: SampleBlock, layout: SampleLayout, effort: Effort
 ) -> Finding | None:
@@ -219,11 +192,7 @@ def energy_found(
         bound = effort.balance * scale + ledger.rounding + ledger.at_rest
         if error <= bound + DOUBTS * doubt:
             return None
-        # infinite doubts of nothing are no number, and no reason to speak
-        unknown = resolution.doubts * doubt
-        if resolution.jumps_alone and not unknown <= FAR_MORE * ledger.worked:
-            unknown = FAR_MORE * ledger.worked if ledger.worked > 0.0 else np.inf
-        if ledger.has_work and not error > bound + unknown:
+        if ledger.has_work and not resolution.resolved:  # loads act between samples
             return None
     lost = np.flatnonzero(~np.isfinite(block.energy))
     i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
@@ -234,7 +203,7 @@ def energy_found(
         float(block.t[i]),
         figure,
         effort.balance,
-        "change of energy less work, relative to the energy exchanged",
+        "energy error relative to the energy exchanged",
         liveliest(block, layout, i),
         effort.advice(finer),
         finer,
@@ -262,7 +231,7 @@ def momentum_found(
             float(block.t[last]),
             error / scale,
             bound,
-            "change less impulse of what acts from outside, relative to the largest",
+            f"{name} momentum error relative to the largest momentum",
             liveliest(block, layout, last),
             effort.advice(finer),
             finer,

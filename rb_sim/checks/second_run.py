@@ -32,7 +32,7 @@ from rb_sim.accuracy.choice import counted_time
 from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
-from rb_sim.checks.bounds import finer_step, round_down, try_step
+from rb_sim.checks.effort import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import WatchEndedError
@@ -92,6 +92,7 @@ class SecondRun:
         self._t0, self._system = motion.time, motion.system
         self._from_start = motion.as_compiled and motion.time == 0.0
         self._y = None if self._from_start else _copy(motion.coordinates)
+        self._turns = motion.kept.copy()
         self._steps, self._before = motion.steps, self._counted(motion)
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
@@ -127,7 +128,7 @@ class SecondRun:
         if self._disturbed:
             return GlobalError(unknown="commands came during the run")
         if not self._from_start and motion.event_driven:
-            return GlobalError(unknown="the run goes on from another one, in contact")
+            return GlobalError(unknown="the run continues another one with contacts")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
         took, found = self._counted(motion) - self._before, None
@@ -138,7 +139,7 @@ class SecondRun:
                 found = self._by_coarser(times, poses, took, look)
             return found or self._by_finer(times, poses, math.inf if always else limit, look)
         except WatchEndedError:
-            return GlobalError(unknown="the run is too long; --check makes a second run")
+            return GlobalError(unknown="the run is too long (use --check)")
 
     def _by_coarser(
         self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
@@ -233,6 +234,7 @@ class SecondRun:
         """Let the trial begin where the run began; it stands at the start of the scene."""
         if not self._from_start:
             trial.reset(self._y, self._t0)
+            trial.kept = self._turns
             if trial.layout.commanded:
                 trial.change_law(self._system)
 
@@ -281,11 +283,11 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     """
     choice = simulation.choice
     if choice is not None and not choice.reached:
-        what, advice = "smallest error that can be assured [m, rad]", choice.reason
+        what, advice = "smallest global error that can be assured [m, rad]", choice.reason
         return Finding("auto", error.t, choice.predicted_error, choice.target, what, "", advice)
-    figure, bound, of = error.relative, BOUND, "as a share of the motion"
+    figure, bound, of = error.relative, BOUND, ", relative to the motion,"
     if choice is not None and error.pose > choice.target:
-        figure, bound, of = error.pose, choice.target, "in m or rad"
+        figure, bound, of = error.pose, choice.target, " [m, rad]"
     if not error.known or not figure > bound:
         return None
     step = getattr(simulation.method, "step", None)
@@ -300,9 +302,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
         tolerance = simulation.setting.tolerance or 0.0
         known = figure if math.isfinite(figure) else 100.0 * bound
         tighter = round_down(max(tolerance * 0.3 * bound / known, TIGHTEST))
-        finer, advice = None, f"try tolerance {tighter:g}; if that does not help, the motion "
-        advice += "magnifies every error (chaos, or an unstable start)"
-    what = f"estimate by a second run ({error.by}), {of},"
+        finer, advice = None, f"try tolerance {tighter:g}; if the error stays, the motion is "
+        advice += "chaotic or unstable"
+    what = f"estimate by a second run ({error.by}){of}"
     return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
 
 
@@ -320,12 +322,12 @@ def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
     compiled, method = simulation.motion.compiled, simulation.method
     step = getattr(method, "step", None)
     if times == 0:
-        return motion_of(compiled, method), "as it was", 1.0
+        return motion_of(compiled, method), "with the same setting", 1.0
     if getattr(method, "tolerance", None) is None:
         parts = 2**times
         order = METHODS[simulation.setting.name].order
         finer = method._replace(step=step / parts)
-        words = "at half of the steps" if times == 1 else f"at {parts} steps for each"
+        words = "with half the step" if times == 1 else f"with 1/{parts} of the step"
         return motion_of(_cut_between(compiled, parts), finer), words, 1.0 - parts ** -float(order)
     factor = 10.0**-times if method.tolerance * 10.0**-times >= TIGHTEST else 10.0
     words = f"at tolerance {factor * method.tolerance:.2g}"
@@ -338,7 +340,7 @@ def _coarser(simulation: Any) -> tuple[Motion, str] | None:
     nothing."""
     compiled, method = simulation.motion.compiled, simulation.method
     if getattr(method, "tolerance", None) is None:
-        words = f"at {COARSER_STEP:g} times the step; the error is smaller"
+        words = f"with {COARSER_STEP:g} times the step; the error is smaller"
         return motion_of(compiled, method._replace(step=COARSER_STEP * method.step)), words
     looser = COARSER_TOLERANCE * method.tolerance
     if looser > LOOSEST:

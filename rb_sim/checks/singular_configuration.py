@@ -9,12 +9,11 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import RbSimError
-from rb_sim.graph.machine import Law, evaluate_rows
+from rb_sim.graph.machine import evaluate_rows
 from rb_sim.mechanics.independent import Dependent
 from rb_sim.mechanics.initial_projection import lines_left, lines_matrix
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.many_bodies import WIDTH
-from rb_sim.numerics.kernels import call_law, for_python, integers_to, part, pointer_to
 from rb_sim.numerics.vectors import quaternion_rate
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.initial import part_of
@@ -26,40 +25,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# The least number that a law gives, at many instants and states in one call.
-
-
-LAW, TIMES_AT, STATES_AT, INPUTS_AT, WORKSPACE_AT, FOUND_AT = range(6)
-COUNT, COORDINATES, LAW_WIDTH, TOLD = range(6, 10)
-"""Places in what `least_into` is told."""
-
-
-@for_python
-def least_into(places):
-    """Write the least number that the law gives at every time with its row of the states, and which
-    of its numbers that is; or, if TOLD, the last two of its numbers, which say the same."""
-    times, states = pointer_to(places, TIMES_AT), pointer_to(places, STATES_AT)
-    p, row = pointer_to(places, INPUTS_AT), pointer_to(places, WORKSPACE_AT)
-    found, laws = pointer_to(places, FOUND_AT), integers_to(places, LAW)
-    width = places[LAW_WIDTH]
-    for i in range(places[COUNT]):
-        call_law(laws[0], times[i], part(states, i * places[COORDINATES]), p, row)
-        least, number = 1.0, 0.0
-        if places[TOLD]:
-            if row[width - 2] - row[width - 2] == 0.0:
-                least, number = row[width - 2], row[width - 1]
-        else:
-            for k in range(width):
-                if row[k] < least and row[k] - row[k] == 0.0:
-                    least, number = row[k], 1.0 * k
-        found[2 * i] = least
-        found[2 * i + 1] = number
-    return 0
-
-
-FEW = 1024
-"""Calls of a law up to which Python makes them, a third of a microsecond each: to load the loop
-takes more than that of all of them."""
+# The least number that a law gives, at many instants and states.
 
 
 class LeastOf:
@@ -73,23 +39,9 @@ class LeastOf:
 
     def __init__(self, law: Any, inputs: Any, width: int, told: bool) -> None:
         self._law, self._inputs, self._width, self._told = law, inputs, width, told
-        self._address = np.array([law.address]) if isinstance(law, Law) else None
-        self._workspace = np.zeros(width)
-        self._called = 0
 
     def __call__(self, t: Any, y: Any) -> tuple[Any, Any]:
         """(the least, which) at every t (n,) with the rows of y (n, N), both contiguous."""
-        self._called += len(t)
-        if self._address is None or self._called <= FEW:
-            return self._by_python(t, y)
-        found = np.empty((len(t), 2))
-        arrays = self._address, t, y, self._inputs, self._workspace, found
-        numbers = *y.shape, self._width, int(self._told)
-        places = np.array([*(a.ctypes.data for a in arrays), *numbers])
-        least_into(places.ctypes.data)
-        return found[:, 0], found[:, 1].astype(int)
-
-    def _by_python(self, t: Any, y: Any) -> tuple[Any, Any]:
         rows = np.zeros((len(t), self._width))
         evaluate_rows(self._law, t, y, self._inputs, rows)
         rows[~np.isfinite(rows)] = 1.0
@@ -113,12 +65,13 @@ RESOLVED = 0.8
 show a V by themselves."""
 FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
+STRIDE = 8
+"""Samples of which one is looked at in a glance."""
 KEPT = 4
-"""Looks at a glance that are kept for the next samples."""
-CALL = 40
-"""What a look at many places costs besides, in those of one: most is Python."""
-MOST_STRIDE = 8
-"""The longest stride at which those are told."""
+"""Looks of a glance that are taken again with the next samples: a V has as many."""
+HALF = 0.5
+"""Share of a place beside it below which a minimum of a glance may be that of a V, whose lowest
+place is a third of the higher one beside it, or less; around it a glance looks closely."""
 FALLS = 0.8
 """Share of a minimum to which the next look has to find it lower; above, it is a smooth one."""
 NEAR = 0.2
@@ -160,50 +113,49 @@ def suspected(s: Array) -> np.ndarray:
     return found
 
 
+def falls(s: Array) -> np.ndarray:
+    """Whether each place is zero, or a minimum that may be that of a V; shape (n,)."""
+    found = s <= VANISHED
+    if len(s) > 2:
+        a, b, c = s[:-2], s[1:-1], s[2:]
+        found[1:-1] |= (b <= a) & (b <= c) & (b <= HALF * np.maximum(a, c))
+    return found
+
+
 class Follower:
     """Follows s along the samples of a motion."""
 
     def __init__(self, figure: Figure, length: float) -> None:
-        self._figure, self._length = figure, length
+        self._look, self._length = figure, length
         self._t, self._y, self._s = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
         """the last places that were looked at closely ..."""
         self._way = np.zeros(0)
         """... and the ways between them."""
         self._samples = np.zeros(0), np.zeros((0, 0))
         """the last samples."""
-        self._rough = np.zeros(0)
-        """s at the last samples that `clear` has looked at."""
-        self.spent = 0
-        """what looks have cost so far, in those of one place."""
 
-    def _look(self, t: Array, y: Array) -> tuple[Array, Indices]:
-        self.spent += CALL + len(t)
-        return self._figure(t, y)
+    def add(self, t: Array, y: Array, stride: int = 1) -> Vanishing | None:
+        """The next samples: looked at closely, or with a stride above 1 at a glance, and closely
+        around what it shows.
 
-    def clear(self, t: Array, y: Array, last: tuple[Array, Array]) -> bool:
-        """Whether every so many of the next samples, (t, y), show nothing; all are done with then.
-
-        last: the last of them, KEPT * MOST_STRIDE or fewer.
-        """
-        s = np.append(self._rough, self._look(t, y)[0])
-        self._rough = s[-3:]
-        if suspects(s):
-            return False
-        self._t, self._samples = self._t[:0], last
-        return True
-
-    def add(self, t: Array, y: Array, stride: int, between: bool = True) -> Vanishing | None:
-        """The next samples: looked at closely, or with a stride above 1 at a glance.
-
-        between: also between samples in a glance, which costs some times as much.
         Returns the first place where s passes through zero, if there is one.
         """
         last = -1 if stride == 1 else -KEPT * stride
         if len(self._samples[0]):
             before, states = self._samples
             t, y = np.append(before[last:], t), np.append(states[last:], y, 0)
-        self._samples = t[-KEPT * MOST_STRIDE :], y[-KEPT * MOST_STRIDE :]
-        return self._closely(t, y) if stride == 1 else self._at_a_glance(t, y, stride, between)
+        self._samples = t[-KEPT * STRIDE :], y[-KEPT * STRIDE :]
+        if stride == 1:
+            return self._closely(t, y)
+        s, _ = self._look(t[::stride], y[::stride])
+        for k in np.flatnonzero(falls(s)).tolist():
+            around = slice(max(0, (k - 2) * stride), (k + 2) * stride + 1)
+            self._t = self._t[:0]
+            found = self._closely(t[around], y[around])
+            if found is not None:
+                return found
+        self._t = self._t[:0]
+        return None
 
     def _closely(self, t: Array, y: Array) -> Vanishing | None:
         """All samples, and states between them; goes on from what was looked at closely before."""
@@ -214,28 +166,6 @@ class Follower:
             s, ways = np.append(self._s[:-1], s), np.append(self._way, ways)
         self._t, self._y, self._s, self._way = times[-3:], states[-3:], s[-3:], ways[-2:]
         return self._first(times, states, s, ways)
-
-    def _at_a_glance(self, t: Array, y: Array, stride: int, between: bool) -> Vanishing | None:
-        """Every stride-th sample, those around a suspect, and, if between, closely the last ones,
-        as far back as as many places go once more."""
-        rough, states = t[::stride], y[::stride]
-        s, _ = self._look(rough, states)
-        if between:
-            found = self._first(rough, states, s, self._ways(rough, states), sure=True)
-            if found is not None:
-                return found
-        looks = [slice(max(0, (k - 2) * stride), (k + 3) * stride + 1) for k in suspects(s)]
-        if between:
-            most = max(4, len(rough))
-            last = slice(-most - 1, None)  # each of them goes by one part at least
-            parts = np.cumsum(parts_of(self._ways(t[last], y[last]))[::-1]) <= most
-            looks.append(slice(len(t) - 1 - int(parts.sum()), None))
-        for look in looks:
-            self._t = self._t[:0]
-            found = self._closely(t[look], y[look])
-            if found is not None:
-                return found
-        return None
 
     def _filled(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
         """The samples and states between them, and the way from each of these to the next."""
@@ -262,24 +192,14 @@ class Follower:
         jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
         return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
 
-    def leave_out(self) -> None:
-        """Samples follow that nobody looks at."""
-        self._t, self._rough = self._t[:0], self._rough[:0]
-        self._samples = np.zeros(0), np.zeros((0, 0))
-
-    def _first(
-        self, t: Array, y: Array, s: Array, ways: Array, sure: bool = False
-    ) -> Vanishing | None:
-        """The first of the places where s passes through zero.
-
-        ways: from each place to the next. sure: only where s is zero at a place, or interpolation
-        shows it.
-        """
+    def _first(self, t: Array, y: Array, s: Array, ways: Array) -> Vanishing | None:
+        """The first of the places where s passes through zero. ways: from each place to the
+        next."""
         inner = s[1:-1]
         low = np.flatnonzero((inner < s[:-2]) & (inner <= s[2:])) + 1
         fine = low[np.maximum(ways[low - 1], ways[low]) <= RESOLVED]
         told = [k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED]
-        places = [self._told(t, y, s, k) for k in told if not sure or s[k] <= VANISHED][:1]
+        places = [self._told(t, y, s, k) for k in told[:1]]
         places += self._around(t, y, s, fine)
         return min(places, key=lambda place: place.at, default=None)
 
@@ -350,12 +270,12 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
     return np.stack(quaternion_rate(*parts), axis=-1)
 
 
-# Whether constraints come to depend on each other on the way: a dead point, or the end of a way.
+# Whether constraints become dependent during a run: a singular configuration.
 #
 # Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
 # lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
-# does, so that around a dead point the samples of s make a V whose two lowest add up to one step of
-# its sides.  What comes after one, the laws of motion do not decide.
+# does, so that around a singular configuration the samples of s make a V whose two lowest add up to
+# one step of its sides.  The motion beyond it is not unique.
 #
 # Where lines depend on each other for good some are left out, in loops those that are chosen after
 # each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
@@ -364,31 +284,16 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
 # of A over all lines.
 #
 # States between samples are looked at, too (see above), where bodies turn by much from one to
-# the next.  Once a run is long only every few samples are, and of some blocks a part closely.
+# the next.  Once a run is long only every few samples are, and closely what they show.
 
 
 MOST_LINES = 120
 """Lines up to which a scene is watched: the law that tells s is traced as a whole."""
-STRIDE = MOST_STRIDE
-"""Samples of which one is looked at, at a glance, once a run is long."""
-ALL = slice(None)
-ROUGH, ROUGHEST = 2 * STRIDE, 8 * STRIDE
-"""As STRIDE, where the account has nothing: so that bodies go on by half of RESOLVED, but no closer
-and no farther than this; where those show something, STRIDE is taken. Where bodies go on by more
-than RESOLVED in ROUGH samples these show nothing of a V, and none is looked at."""
-SPARSE = 4 * ROUGHEST
-"""Of so many samples one tells how fast bodies go on."""
-UNSEEN = 7
-"""Blocks that are passed without a look after one that goes too fast for it."""
-LOOKS, CREDIT = 0.01, 500.0
-"""Looks at s between samples for each sample of a long run, and those that it begins with. One with
-what is done about it costs a tenth to a third of a sample, so that all are less than half a
-percent of the run."""
 
+ALL = slice(None)
 
 UNDECIDED = (
-    "the laws of motion do not decide how it goes on: end the run before, or change lengths or "
-    "drives so that it is not reached"
+    "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
 )
 
 
@@ -405,27 +310,26 @@ class DeadPoint(NamedTuple):
     @property
     def finding(self) -> Finding:
         """The finding that tells of it."""
-        advice = f"there {UNDECIDED}"
+        advice = UNDECIDED
         if self.too_many:
             advice = (
-                "of lines that hold a motion twice those left out at the start are needed there, "
-                "so that digits are lost: try one joint of the loop with fewer lines, or end the "
-                "run before"
+                "equations dropped as redundant at the start are needed here, so digits are lost; "
+                "use a joint with fewer equations in this loop, or end the run before"
             )
-        what = "the number of constraint lines that come to depend on others"
-        return Finding("dead point", self.t, 1.0, 0.0, what, self.constraint, advice)
+        what = "number of constraint equations that become dependent"
+        return Finding("singular configuration", self.t, 1.0, 0.0, what, self.constraint, advice)
 
     @property
     def refusal(self) -> str:
         """What a run that ends there says."""
         return (
-            f"the motion comes to a dead point at t = {self.t:.4g} s, where lines of "
-            f"{self.constraint!r} come to depend on others and {UNDECIDED}"
+            f"singular configuration at t = {self.t:.4g} s: constraint {self.constraint!r} loses "
+            f"rank, and {UNDECIDED}"
         )
 
 
 class Conditioning:
-    """Follows s over the samples of a run; `found` is the first dead point, if there was one.
+    """Follows s over the samples of a run; `found`: its first singular configuration, or None.
 
     compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
     """
@@ -438,10 +342,6 @@ class Conditioning:
         self._watched: list[int] = []
         """lines of which s tells."""
         self._lines: list[int] = []
-        self._samples = self._unseen = 0
-        """samples so far, and blocks that are still to be passed without a look."""
-        self._too_fast = False
-        """whether the last block was, for a look at few of its samples."""
         self._laws: list[LeastOf] = []
         if not layout.contacts and has_loops(scene):
             self._make(scene, compiled)
@@ -466,7 +366,7 @@ class Conditioning:
         if laws.choice is not None:
             self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, told=True))
         self._system = system
-        self._follower, self._account = Follower(self.shares, system.length), CREDIT
+        self._follower = Follower(self.shares, system.length)
         self._watched = [*self._lines, *laws.changing]
         self._rank = len(self._watched) - laws.inputs.chosen.count(0.0)
 
@@ -476,53 +376,13 @@ class Conditioning:
         return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock, stride: int = 1) -> None:
-        """The next samples; of them every stride-th is looked at.
-
-        With a stride above 1 between them only where the account pays for it.
-        """
+        """The next samples; of them every stride-th is looked at."""
         if not self.watching or not len(block):
             return
-        follower, spent = self._follower, self._follower.spent
-        self._account += LOOKS * len(block)
-        self._samples += len(block)
-        between = stride == 1 or self._account > 0.0
-        if not between and self._unseen:
-            self._unseen -= 1
-            return
-        if not between:
-            few, last = self._few(block), slice(-KEPT * STRIDE, None)
-            if few is None:
-                follower.leave_out()
-                self._unseen = UNSEEN
-                return
-            tail = block.t[last], coordinates(block, last)
-            if follower.clear(block.t[few], coordinates(block, few), tail):
-                return
-        place = follower.add(block.t, coordinates(block, ALL), stride, between)
-        if stride > 1 and between:
-            self._account -= follower.spent - spent
+        place = self._follower.add(block.t, coordinates(block, ALL), stride)
         if place is not None:
             owner = self._owner(self._watched[place.line])
             self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
-
-    def _few(self, block: SampleBlock) -> slice | None:
-        """Which samples to look at where the account has nothing; None: they would show nothing."""
-        if len(block) < 2:
-            return slice(None)
-        interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
-        v = block.linear_velocity[::SPARSE]
-        speed = np.ptp(v, axis=1) if v.shape[1] > 1 else np.abs(v)
-        spin = np.abs(block.angular_velocity[::SPARSE]).max()
-        way = interval * float(max(spin, speed.max() / self._system.length))
-        too_fast, before = ROUGH * way > RESOLVED, self._too_fast
-        self._too_fast = too_fast
-        if too_fast and before:  # what only now is too fast may be about to come to a dead point
-            return None
-        stride = ROUGH
-        while stride < ROUGHEST and 4.0 * stride * way <= RESOLVED:
-            stride *= 2
-        # so that the looks of all blocks are equally far apart
-        return slice(-(self._samples - len(block)) % stride, None, stride)
 
     def _owner(self, line: int) -> str:
         """The constraint to which the line belongs."""
@@ -532,7 +392,7 @@ class Conditioning:
         return owners[part_of(self._system, line)]
 
     def told(self, t: float, least: float, line: int) -> DeadPoint:
-        """The dead point at t where s of this line comes to zero."""
+        """The singular configuration at t where s of this line comes to zero."""
         return DeadPoint(t, least, self._owner(self._watched[line]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.bounds import below, effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import below, effort_of
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import ADVICE, Forecast
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
 
 
 ADVICE_IN_CONTACT = (
-    "where points slip slowly side by side, friction limits the steps at any tolerance, since it "
-    "turns each slip at the rate of mu g over its speed; try method time_stepping, a larger "
-    "tolerance, or a shorter duration"
+    "slow slips with friction keep the steps short at any tolerance; try method time_stepping, a "
+    "larger tolerance, or a shorter duration"
 )
 
 
@@ -66,9 +66,6 @@ user waits for the word."""
 
 MOST_TRIALS = 16
 """Smaller steps that are tried, each at most half of the one before."""
-
-LARGER = 3
-"""Doublings that are tried where no smaller step does."""
 
 STIFF = 0.02
 """Share of the step asked for at and below which one that does is of a stiff scene, for which there
@@ -110,16 +107,15 @@ def step_that_runs(
     step = simulation.setting.step
     whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
-    where = "to the end" if horizon == end else f"to t = {horizon:.3g} s at least"
+    where = "to the end" if horizon == end else f"at least to t = {horizon:.3g} s"
     trials = _Trials(simulation, horizon, None, goes_on)
-    found = _search(trials, below(step), step)
+    found = _search(trials, below(step))
     if found is not None:
-        worse = "" if found < step or trials.loud else "smaller steps fail, too; "
-        return f"{worse}with step {found:g} s it runs {where}"
+        return f"use step {found:g} s, which runs {where}"
     if trials.loud:
-        return f"with step {min(trials.loud):g} s it runs {where}, not without a warning"
+        return f"step {min(trials.loud):g} s runs {where}, but with a warning"
     smallest = min(trials.failed, default=step)
-    tried = f"steps down to {smallest:g} s fail, too; " if smallest < step else ""
+    tried = f"steps down to {smallest:g} s fail as well; " if smallest < step else ""
     return tried + _otherwise(simulation)
 
 
@@ -140,15 +136,14 @@ def quiet_step(
     first = min(finer)
     known = frozenset(finding.watch for finding in findings if finding.finer_step is None)
     trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
-    found = _search(trials, first, step)
+    found = _search(trials, first)
     if found is not None:
-        worse = "" if found < step else "smaller steps do not end it; "
-        mends = f"{worse}with step {found:g} s {'it' if worse else 'this warning'} does not come"
+        mends = f"use step {found:g} s, which passes all checks"
         return mends + _in_longer_steps(simulation, found / step)
     tried = trials.loud + trials.failed
     if not tried:
-        return f"step {first:g} s should do by the order of the method (not tried: too long)"
-    return f"steps down to {min(tried):g} s do not end it; {_otherwise(simulation)}"
+        return f"try step {first:g} s (estimated by the order of the method)"
+    return f"steps down to {min(tried):g} s do not help; {_otherwise(simulation)}"
 
 
 def _in_longer_steps(simulation: Run, share: float) -> str:
@@ -156,7 +151,7 @@ def _in_longer_steps(simulation: Run, share: float) -> str:
     stiff = METHODS["radau5"]
     if share > STIFF or not stiff.suits(simulation.compiled.system):
         return ""
-    return "; method radau5 with a tolerance may take longer ones"
+    return ", or method radau5 with a tolerance"
 
 
 def _otherwise(simulation: Run) -> str:
@@ -166,20 +161,14 @@ def _otherwise(simulation: Run) -> str:
     return "use method dopri853 with a tolerance"
 
 
-def _search(trials: _Trials, first: float, step: float) -> float | None:
-    """The first step [s] that is quiet: from `first` down, then larger than `step`, unless one of
-    the smaller ones at least came to the end. None where there is none in time."""
-    smaller = first
-    try:
+def _search(trials: _Trials, first: float) -> float | None:
+    """The first step [s] from `first` down that is quiet; None where there is none in time."""
+    step = first
+    with suppress(_NoTimeError):
         for _ in range(MOST_TRIALS):
-            if trials.quiet(smaller):
-                return smaller
-            smaller = below(smaller)
-        for k in range(1, LARGER + 1):
-            if trials.quiet(step * 2**k):
-                return step * 2**k
-    except _NoTimeError:
-        pass
+            if trials.quiet(step):
+                return step
+            step = below(step)
     return None
 
 

@@ -27,10 +27,17 @@ if TYPE_CHECKING:
 # The general formulation in maximal coordinates tells it.
 
 
+RESIDUAL = 1e-9
+"""Constraints are projected after every step to round-off; this is the relative violation above
+which the scene compiler, too, takes constraints for contradictory."""
+
+CONTACT_RESIDUAL = 1e-6
+"""In contact the residual also tells overlaps, which an event's location leaves behind."""
+
 CONTRADICTORY = (
-    "look for constraints that contradict each other from here on, or try method dopri853"
+    "check for constraints that contradict each other from here on, or try method dopri853"
 )
-STEPPED = "time stepping holds joints to first order: try a smaller step, or an event-driven method"
+STEPPED = "joints are accurate to first order only; try a smaller step or an event-driven method"
 
 
 def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
@@ -68,7 +75,7 @@ def residual_found(
     i = int(beyond[0])
     where = violated_constraint(scene, layout, block, i)
     advice = STEPPED if scene.simulation.method == "time_stepping" else CONTRADICTORY
-    what = "violation of a constraint, relative to the scene's size or speed,"
+    what = "constraint violation relative to the scene's size or speed"
     figure = float(np.nanmax(block.residual[i:]))
     return Finding("residual", float(block.t[i]), figure, bound, what, where, advice)
 
@@ -114,10 +121,10 @@ class Inside:
                 A = state_of(y, -1 if parent is None else self._bodies.index(parent))
                 depth = max(_depth(part.row, t, B, A) for part in parts)
                 if depth > limit:
-                    what = f"depth of the shape of {body} in the support of this contact [m]"
+                    what = f"penetration of the shape of {body} into the contact's support [m]"
                     advice = (
-                        "only the listed points touch: list more points, or leave points out so "
-                        "that the whole shape touches"
+                        "only the listed points make contact; list more points, or remove `points` "
+                        "so that the whole shape does"
                     )
                     return Finding("inside", t, depth, limit, what, name, advice)
         return None

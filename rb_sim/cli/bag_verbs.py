@@ -10,12 +10,15 @@ import typer
 
 from rb_sim.cli import options as opt
 
-AnyBag = Annotated[Path, typer.Argument(metavar="BAG", help="A folder, an .mcap or a .db3 file.")]
+AnyBag = Annotated[
+    Path, typer.Argument(metavar="BAG", help="Bag: a folder, an .mcap or a .db3 file.")
+]
 Wrench = Annotated[
     list[str] | None,
     typer.Option(
         metavar="[BODY=]TOPIC",
-        help="Bags of others: wrench that was commanded (several add up), or none.",
+        help="Topic of an applied wrench in a bag not recorded by rb_sim, or none; repeatable: "
+        "they add up.",
         show_default="by frame and name",
     ),
 ]
@@ -25,27 +28,40 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a tabl
 def replay(
     bag: AnyBag,
     save: Annotated[
-        Path | None, typer.Option(metavar="FILE.rrd", help="Save the recording; no viewer.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.rrd", help="Save a Rerun recording instead of opening the viewer."
+        ),
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Save a picture; no viewer.")
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Save a picture instead of opening the viewer."),
     ] = None,
     video: Annotated[
-        Path | None, typer.Option(metavar="FILE.mp4", help="Save a film of the motion (ffmpeg).")
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Save a film of the motion (needs ffmpeg)."),
     ] = None,
     publish: Annotated[
-        bool, typer.Option("--publish", help="Play its topics over DDS, with /clock; no viewer.")
+        bool,
+        typer.Option(
+            "--publish",
+            help="Publish its topics over DDS, with /clock, instead of opening the viewer.",
+        ),
     ] = False,
     rate: Annotated[
         float | None,
-        typer.Option(metavar="X", help="--publish: times real time (1); 0: no pacing."),
+        typer.Option(
+            metavar="X",
+            help="With --publish: speed relative to real time; 0: as fast as possible. Default: 1.",
+        ),
     ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="--publish: again and again.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="With --publish: repeat for ever.")] = False,
     start: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="--publish: from this time of the run.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="With --publish: start at this time of the run."),
     ] = None,
 ) -> int:
-    """Show a recorded bag in the Rerun viewer, as a picture or film, or play its topics."""
+    """Show a bag in the Rerun viewer, save a picture or a film of it, or publish its topics."""
     from rb_sim.cli.verbs.replay import PlayOptions, play
     from rb_sim.cli.verbs.replay import replay as show
 
@@ -83,7 +99,7 @@ def show(
 
 
 def info(bag: AnyBag, json: Json = False) -> int:
-    """What is in a bag: scene, settings, versions, topics, rates, gaps, damage."""
+    """List the contents of a bag: scene, settings, versions, topics, rates, gaps, damage."""
     from rb_sim.cli.verbs.info import info as tell
 
     return tell(bag, json)
@@ -93,11 +109,16 @@ def resim(
     bag: opt.Bag,
     out: opt.Out = None,
     scene: Annotated[
-        str | None, typer.Option(metavar="SCENE", help="What if it had been this scene.")
+        str | None,
+        typer.Option(metavar="SCENE", help="Simulate this scene instead of the recorded one."),
     ] = None,
     change: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="What if, as bodies.top.mass=2."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
+        ),
     ] = None,
     method: opt.Method = None,
     step: opt.Step = None,
@@ -105,7 +126,7 @@ def resim(
     overwrite: opt.Overwrite = False,
     json: Json = False,
 ) -> int:
-    """Simulate a recorded run again: the same to the last bit, or what if."""
+    """Simulate a recorded run again: bit for bit the same, or with changes."""
     from rb_sim.cli.verbs.resim import ResimOptions
     from rb_sim.cli.verbs.resim import resim as again
 
@@ -115,33 +136,50 @@ def resim(
 
 def compare(
     a: AnyBag,
-    b: Annotated[str, typer.Argument(metavar="OTHER", help="A bag, a scene or a CSV file.")],
+    b: Annotated[
+        str, typer.Argument(metavar="OTHER", help="Bag, scene or CSV file to compare with.")
+    ],
     out: opt.Out = None,
     align: Annotated[
         str | None,
         typer.Option(
             metavar="none|first|offset|clock",
-            help="Clock of OTHER: as recorded; first stamps together; offset estimated from the"
-            " motions; offset and drift (at most 1e-4) estimated.",
+            help="Clock of OTHER: none: as recorded; first: equal first stamps; offset: estimated "
+            "from the motions; clock: offset and drift (at most 1e-4) estimated.",
             show_default="none; offset if the times do not overlap",
         ),
     ] = None,
     match: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=NAME", help="Which body is which.")
+        list[str] | None,
+        typer.Option(metavar="NAME=NAME", help="Body of BAG and its name in OTHER; repeatable."),
     ] = None,
     wrench: Wrench = None,
-    max_position: Annotated[float | None, typer.Option(metavar="M", help="Else exit 1.")] = None,
-    max_angle: Annotated[float | None, typer.Option(metavar="RAD", help="Likewise.")] = None,
-    max_velocity: Annotated[float | None, typer.Option(metavar="M/S", help="Likewise.")] = None,
-    max_spin: Annotated[float | None, typer.Option(metavar="RAD/S", help="Likewise.")] = None,
-    max_force: Annotated[float | None, typer.Option(metavar="N", help="Of reactions.")] = None,
-    max_torque: Annotated[float | None, typer.Option(metavar="NM", help="Likewise.")] = None,
+    max_position: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Exit 1 if positions differ by more."),
+    ] = None,
+    max_angle: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Exit 1 if attitudes differ by more.")
+    ] = None,
+    max_velocity: Annotated[
+        float | None, typer.Option(metavar="M/S", help="Exit 1 if velocities differ by more.")
+    ] = None,
+    max_spin: Annotated[
+        float | None,
+        typer.Option(metavar="RAD/S", help="Exit 1 if angular velocities differ by more."),
+    ] = None,
+    max_force: Annotated[
+        float | None, typer.Option(metavar="N", help="Exit 1 if reaction forces differ by more.")
+    ] = None,
+    max_torque: Annotated[
+        float | None, typer.Option(metavar="NM", help="Exit 1 if reaction torques differ by more.")
+    ] = None,
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Save a picture of both motions.")
     ] = None,
     json: Json = False,
 ) -> int:
-    """Lay a recorded motion beside another one: how far apart, since when, how fast."""
+    """Compare two motions: largest differences, when they begin, how fast they grow."""
     from rb_sim.cli.verbs.compare import CompareOptions
     from rb_sim.cli.verbs.compare import compare as beside
 
@@ -157,51 +195,59 @@ def analyze(
     bag: AnyBag,
     out: opt.Out = None,
     topic: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be repeated.")
+        list[str] | None, typer.Option(metavar="NAME", help="Analyse this topic only; repeatable.")
     ] = None,
     masses: Annotated[
         str | None,
         typer.Option(
             metavar="FILE",
-            help="Of bags of others: scene, for balances and constraints, too, or .urdf.",
+            help="Scene or URDF with the masses, for a bag not recorded by rb_sim; a scene also "
+            "gives effects and constraints.",
         ),
     ] = None,
     parquet: Annotated[
-        bool, typer.Option("--parquet", help="Write DIR/samples.parquet as well.")
+        bool, typer.Option("--parquet", help="Also write DIR/samples.parquet.")
     ] = False,
-    screenshot: Annotated[
-        bool, typer.Option("--screenshot/--no-screenshot", help="Put a picture into the report.")
-    ] = True,
     json: Json = False,
 ) -> int:
-    """Rates, gaps, energy, momenta, wrenches, spectra of any bag with poses; a report."""
+    """Report rates, gaps, energy, momenta, wrenches and spectra of any bag with poses."""
     from rb_sim.cli.verbs.analyze import AnalyzeOptions
     from rb_sim.cli.verbs.analyze import analyze as read
 
     topics = tuple(topic or ())
-    return read(AnalyzeOptions(bag, out, topics, masses, parquet, screenshot, json))
+    return read(AnalyzeOptions(bag, out, topics, masses, parquet, json))
 
 
 def fit(
     bag: AnyBag,
     free: Annotated[
-        str, typer.Option(metavar="KEY,KEY", help="As bodies.top.mass,effects.air.coefficient.")
+        str,
+        typer.Option(
+            metavar="KEY,KEY",
+            help="Parameters to fit, e.g. bodies.top.mass,effects.air.coefficient.",
+        ),
     ],
     scene: Annotated[
-        str | None, typer.Option(metavar="SCENE", help="Instead of the scene in the bag.")
+        str | None, typer.Option(metavar="SCENE", help="Scene to fit; default: the one in the bag.")
     ] = None,
     out: opt.Out = None,
     match: Annotated[
-        list[str] | None, typer.Option(metavar="BODY=NAME", help="Which pose is of which body.")
+        list[str] | None,
+        typer.Option(
+            metavar="BODY=NAME", help="Body of the scene and its pose in the bag; repeatable."
+        ),
     ] = None,
     wrench: Wrench = None,
     noise: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="M RAD", help="Of positions and attitudes; else it is estimated."),
+        typer.Option(
+            metavar="M RAD",
+            help="Standard deviation of positions and attitudes; default: estimated.",
+        ),
     ] = None,
     json: Json = False,
 ) -> int:
-    """Find the numbers of a scene that make it follow a recorded motion."""
+    """Fit parameters of a scene to a recorded motion."""
     from rb_sim.cli.verbs.fit import FitOptions
     from rb_sim.cli.verbs.fit import fit as solve
 

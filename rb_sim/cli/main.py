@@ -115,9 +115,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Rigid bodies under constraints: motion and reactions, to round-off.",
-    epilog="Exit code: 0; 1 the simulation or a log failed; 2 bad input; 3 accuracy lost, --strict;"
-    " 130, 143 interrupted.",
+    help="Simulate constrained rigid bodies: motion and the reaction of every constraint.",
+    epilog="Exit codes: 0 success; 1 the simulation or a log failed; 2 bad input; 3 an accuracy "
+    "check failed (--strict); 130, 143 interrupted.",
 )
 
 
@@ -148,7 +148,7 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     except ModuleNotFoundError as error:
         from rb_sim.base.installed import complaint
 
-        missing = f"error: this needs the Python module {error.name}, not installed"
+        missing = f"error: the Python module {error.name} is not installed"
         code, line = FAILED, complaint() or missing
     except TerminatedError as error:
         code, line = 128 + error.number, "interrupted"
@@ -189,7 +189,7 @@ def common(
         bool,
         typer.Option(
             "--version",
-            help="Print the version and leave.",
+            help="Print the version and exit.",
             is_eager=True,
             callback=_print_version,
         ),
@@ -223,7 +223,7 @@ def run(
     split_size: opt.SplitSize = None,
     split_duration: opt.SplitDuration = None,
 ) -> int:
-    """Simulate a scene (without ROS), log it, and say what the run showed.
+    """Simulate a scene without ROS, record it, and print a summary with its accuracy.
 
     With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
     """
@@ -262,21 +262,23 @@ def run(
 def scenes(
     folder: Annotated[
         Path | None,
-        typer.Argument(metavar="[DIR | NAME]", help="Instead of the shipped scenes; one of them."),
+        typer.Argument(
+            metavar="[DIR | NAME]", help="A folder of scenes; with --show the name of a scene."
+        ),
     ] = None,
     show: Annotated[bool, typer.Option("--show", help="Print the YAML of the scene NAME.")] = False,
     statics: Annotated[
-        bool, typer.Option("--statics", help="Those for `rb_sim statics`, of bodies at rest.")
+        bool, typer.Option("--statics", help="List statics scenes (bodies at rest).")
     ] = False,
 ) -> int:
     """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
     from rb_sim.cli.verbs.scenes import scenes as list_them
+    from rb_sim.scene.listing import find_scene
 
     if show:
         if folder is None:
-            raise RbSimError("--show: got no scene; must be given the NAME of one")
-        text = find_moving_or_at_rest(str(folder))[0].read_text(encoding="utf-8")
+            raise RbSimError("--show: got no scene; must be the NAME of a scene")
+        text = find_scene(str(folder)).read_text(encoding="utf-8")
         print(text, end="" if text.endswith("\n") else "\n")
         return 0
 
@@ -304,11 +306,11 @@ def layout(
 def warm(
     scene: Annotated[
         list[str] | None,
-        typer.Argument(help="Files or names; all shipped ones if none."),
+        typer.Argument(help="Scenes: files or names; default: all shipped ones."),
     ] = None,
     method: opt.Method = None,
 ) -> int:
-    """Compile scenes ahead, so that their first run starts at once."""
+    """Compile scenes in advance so that their first run starts at once."""
     from rb_sim.cli.verbs.scenes import warm as warm_scenes
 
     return warm_scenes(scene or [], method)
@@ -317,9 +319,11 @@ def warm(
 @verb()
 def recover(
     bag: opt.Bag,
-    directory: Annotated[Path | None, typer.Argument(help="Where to; else BAG_recovered.")] = None,
+    directory: Annotated[
+        Path | None, typer.Argument(help="Folder for the repaired bag; default: BAG_recovered.")
+    ] = None,
 ) -> None:
-    """Make a readable bag of one that is damaged or was never finished (killed, disk full)."""
+    """Repair a bag that is damaged or was not finished (process killed, disk full)."""
     from rb_sim.cli.verbs.replay import recover as recover_bag
 
     recover_bag(bag, directory)
@@ -336,12 +340,12 @@ def recover(
 def node(context: typer.Context, scene: opt.Scene) -> int:
     """Simulate a scene as a ROS 2 node: SCENE [--ros-args -p NAME:=VALUE ...].
 
-    The same as rb_sim_node; its --help lists the parameters.
+    Same as rb_sim_node; `rb_sim_node --help` lists the parameters.
     """
-    from rb_sim.cli.verbs.scenes import find_moving
     from rb_sim.ros.main import main as run_node
+    from rb_sim.scene.listing import find_scene
 
-    return run_node([str(find_moving(scene)), *context.args])
+    return run_node([str(find_scene(scene)), *context.args])
 
 
 @verb()
@@ -349,29 +353,29 @@ def statics(
     scene: Annotated[
         str,
         typer.Argument(
-            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes [--statics]`."
+            metavar="SCENE",
+            help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`.",
         ),
     ],
     out: opt.Out = None,
 ) -> int:
-    """Reactions that hold bodies at rest, how unique they are, or what gives.
+    """Compute reactions of bodies at rest, their ranges if not unique, or why none exist.
 
-    Of a scene of motion: at its initial pose, without its velocities and commands.
+    A scene of motion is taken at its initial pose, without velocities and commands.
     """
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
     from rb_sim.cli.verbs.statics import statics as solve
+    from rb_sim.scene.listing import find_scene
 
-    path, at_rest = find_moving_or_at_rest(scene)
-    return solve(path, out, at_rest=at_rest)
+    return solve(find_scene(scene), out)
 
 
 @verb()
 def explain(scene: opt.Scene, out: opt.Out = None) -> int:
-    """What a scene consists of, and what each part costs."""
+    """List the parts of a scene and the CPU time that each one costs."""
     from rb_sim.cli.verbs.explain import explain as tell
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
 
-    return tell(find_moving(scene), out)
+    return tell(find_scene(scene), out)
 
 
 @verb()
@@ -382,17 +386,18 @@ def linearize(
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
     json: Annotated[
-        bool, typer.Option("--json", help="Print JSON, A, B, C, D included, instead of tables.")
+        bool, typer.Option("--json", help="Print JSON, including A, B, C and D, instead of tables.")
     ] = False,
 ) -> int:
-    """Small deviations from the motion: A, B, C, D with names, eigenvalues, damping.
+    """Linearise a scene: A, B, C, D with names, eigenvalues, damping.
 
-    With --out, DIR gets linear_model.npz, whose arrays python-control takes.
+    With --out, DIR gets linear_model.npz with arrays for python-control, the poles as poles.png
+    and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
 
-    return tell(find_moving(scene), at, axes, turning, out, json)
+    return tell(find_scene(scene), at, axes, turning, out, json)
 
 
 study_verbs.register(verb)

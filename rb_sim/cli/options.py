@@ -8,118 +8,128 @@ from typing import Annotated
 import typer
 
 Scene = Annotated[
-    str, typer.Argument(metavar="SCENE", help="A YAML file, or a name that `rb_sim scenes` lists.")
+    str, typer.Argument(metavar="SCENE", help="Scene: a YAML file, or a name from `rb_sim scenes`.")
 ]
 SceneOrBag = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="A YAML file, a name of `rb_sim scenes`, or a bag: the scene in it.",
+        help="Scene: a YAML file, a name from `rb_sim scenes`, or a bag that contains one.",
     ),
 ]
 Bag = Annotated[
-    Path, typer.Argument(metavar="BAG", help="A folder or .mcap file recorded by rb_sim.")
+    Path, typer.Argument(metavar="BAG", help="Bag recorded by rb_sim: a folder or an .mcap file.")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder for the results, made if need be."),
+    typer.Option(
+        "--out", metavar="DIR", help="Folder for the results; created if it does not exist."
+    ),
 ]
 Duration = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Simulated time instead of the scene's.")
+    float | None, typer.Option(metavar="SECONDS", help="Simulated time; default: the scene's.")
 ]
-Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per simulated second.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(metavar="HZ", help="Samples per simulated second; default: the scene's."),
+]
 Method = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping (contacts) or auto.",
+        help="Integration method: euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping "
+        "(contacts) or auto.",
     ),
 ]
 Step = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Fixed step; not with --tolerance.")
+    float | None, typer.Option(metavar="SECONDS", help="Fixed step size; excludes --tolerance.")
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="NUMBER", help="Of the adaptive step; for auto the global error."),
+    typer.Option(
+        metavar="NUMBER",
+        help="Local error per adaptive step; with auto: global error, in m and rad.",
+    ),
 ]
-NoBag = Annotated[bool, typer.Option("--no-bag", help="Write no DIR/bag.")]
+NoBag = Annotated[bool, typer.Option("--no-bag", help="Do not write DIR/bag.")]
 Rerun = Annotated[
     bool | None,
     typer.Option(
         "--rerun/--no-rerun",
-        help="DIR/recording.rrd: insist on it, or leave it out.",
+        help="Write DIR/recording.rrd (Rerun), or do not.",
         show_default="if rerun-sdk is installed",
     ),
 ]
 Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the run that is in DIR already.")
+    bool, typer.Option("--overwrite", help="Replace a run that DIR already contains.")
 ]
-NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write no DIR/plots.png.")]
+NoPlots = Annotated[bool, typer.Option("--no-plots", help="Do not write DIR/plots.png.")]
 Npz = Annotated[
     Path | None,
-    typer.Option("--npz", metavar="FILE.npz", help="All samples as numpy arrays; kept in memory."),
+    typer.Option(
+        "--npz",
+        metavar="FILE.npz",
+        help="Write all samples as numpy arrays; they are kept in memory until the end.",
+    ),
 ]
 Accelerations = Annotated[
     bool,
     typer.Option(
         "--accelerations",
-        help="Of the bodies, linear and angular: into the bag (BODY/accel), plots and .npz.",
+        help="Record accelerations of the bodies: bag (BODY/accel), plots, .npz.",
     ),
 ]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")
-]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print warnings and errors only.")]
 WallStamps = Annotated[
     bool,
     typer.Option(
         "--wall-stamps",
-        help="Log times in the bag are those of the wall, not simulated time.",
+        help="Use wall-clock time for the log times in the bag instead of simulated time.",
     ),
 ]
 SplitSize = Annotated[
-    int | None, typer.Option(metavar="BYTES", help="Begin another file of the bag at this size.")
+    int | None, typer.Option(metavar="BYTES", help="Start a new bag file at this size.")
 ]
 SplitDuration = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Likewise, after this simulated time.")
+    float | None,
+    typer.Option(metavar="SECONDS", help="Start a new bag file after this simulated time."),
 ]
-Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit code 3 if a watch sees accuracy lost.")
-]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit code 3 if an accuracy check fails.")]
 Certify = Annotated[
     bool,
     typer.Option(
         "--certify",
-        help="Bound the errors of pose, twist and reactions by runs of other methods.",
+        help="Bound the errors of pose, twist and reactions with runs of other methods.",
     ),
 ]
 Check = Annotated[
     bool | None,
     typer.Option(
         "--check/--no-check",
-        help="State the global error by a second run at half of the steps or a tenth of the "
-        "tolerance; by default of runs up to about 20 s.",
+        help="Measure the global error with a second run at half the step or a tenth of the "
+        "tolerance; default: for runs up to about 20 s of CPU time.",
     ),
 ]
 MaxWall = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
-        help="End a run that takes longer than this by the clock on the wall, exit code 1.",
+        help="Stop the run after this wall-clock time, with exit code 1.",
     ),
 ]
 Change = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY=VALUE", help="Of the scene, as bodies.top.mass=2; may be repeated."
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
     ),
 ]
 At = Annotated[
-    float, typer.Option("--at", metavar="SECONDS", help="Instant of the motion to linearise about.")
+    float, typer.Option("--at", metavar="SECONDS", help="Time of the motion at which to linearise.")
 ]
-Axes = Annotated[
-    str, typer.Option(metavar="NAME", help="Of the states: world, or body (they turn with it).")
-]
+Axes = Annotated[str, typer.Option(metavar="NAME", help="Axes of the states: world or body.")]
 Turning = Annotated[
     float,
-    typer.Option(metavar="RAD/S", help="The world's axes turn about z at this rate."),
+    typer.Option(metavar="RAD/S", help="Rate at which the world axes turn about z."),
 ]

@@ -13,30 +13,21 @@ if TYPE_CHECKING:
     from rb_sim.fit.unknowns import Fitted
     from rb_sim.linear import LinearModel
     from rb_sim.scene.schema import Scene
-    from rb_sim.statics.model import StaticsScene
     from rb_sim.statics.result import StaticsResult
 
 Source = str | PathLike[str] | Mapping[str, Any]
 """Of a scene: a file, the name of a shipped one, or a mapping."""
 
 
-def statics(scene: StaticsScene | Scene | Source) -> StaticsResult:
+def statics(scene: Scene | Source) -> StaticsResult:
     """The reactions that hold the bodies of a scene at rest, with their ranges, or what gives.
 
-    scene: of bodies at rest, or of motion, at its initial pose. Raises SceneError.
+    scene: at its initial pose. Raises SceneError.
     """
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
-    from rb_sim.scene.load import load_scene
-    from rb_sim.statics.model import load_statics
+    from rb_sim.scene.load import load_statics
     from rb_sim.statics.solve import solve
 
-    if isinstance(scene, Mapping):
-        at_rest, source = "supports" in scene or "loads" in scene, scene
-    elif isinstance(scene, (str, PathLike)):
-        source, at_rest = find_moving_or_at_rest(str(scene))
-    else:
-        return solve(scene)
-    return solve(load_statics(source) if at_rest else load_scene(source))
+    return solve(load_statics(scene) if isinstance(scene, (str, PathLike, Mapping)) else scene)
 
 
 def compare(
@@ -53,14 +44,13 @@ def compare(
     bag of others, those that were commanded (TOPIC or BODY=TOPIC), or "none"; else by their names.
     """
     from rb_sim.bags.compare import differences
-    from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs import compare as verb
 
     pairs = tuple(f"{name}={of}" for name, of in (match or {}).items())
     options = verb.CompareOptions(
         Path(bag), str(other), align=align, match=pairs, wrench=tuple(wrenches)
     )
-    a = tracks_of_bag(Path(bag))
+    a = verb.first_tracks(options)
     return differences(a, verb.other_tracks(options, a), align=align, match=match)
 
 

@@ -16,44 +16,52 @@ def accuracy(
     scene: Annotated[
         str,
         typer.Argument(
-            metavar="SCENE", help="A YAML file, or a name of `rb_sim scenes [--statics]`."
+            metavar="SCENE",
+            help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`.",
         ),
     ],
     out: opt.Out = None,
     target: Annotated[
         float | None,
         typer.Option(
-            metavar="ERROR", help="Global error in m and rad: name the cheapest way to it."
+            metavar="ERROR",
+            help="Global error in m and rad; the cheapest setting within it is printed.",
         ),
     ] = None,
     budget: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Wall time of the runs, compiling aside.")
+        float,
+        typer.Option(metavar="SECONDS", help="Wall-clock time of all runs, without compiling."),
     ] = 60.0,
 ) -> int:
-    """What accuracy costs on a scene: error against time, by method.
+    """Measure error against CPU time for each method on a scene.
 
-    Of bodies at rest: how exact their reactions are.
+    For a statics scene: the accuracy of its reactions.
     """
     from rb_sim.cli.verbs.accuracy import accuracy as of_motion
     from rb_sim.cli.verbs.accuracy import of_statics
-    from rb_sim.cli.verbs.scenes import find_moving_or_at_rest
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import is_statics
 
-    path, at_rest = find_moving_or_at_rest(scene)
-    return of_statics(path, out, target) if at_rest else of_motion(path, out, target, budget)
+    path = find_scene(scene)
+    if is_statics(path):
+        return of_statics(path, out, target)
+    return of_motion(path, out, target, budget)
 
 
 def hard_cases(
     folder: Annotated[
-        Path | None, typer.Argument(help="Of cases of your own, instead of the shipped ones.")
+        Path | None, typer.Argument(help="Folder with your own cases; default: the shipped ones.")
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Cases with this in their name; may come again."),
+        typer.Option(metavar="NAME", help="Run only cases whose name contains this; repeatable."),
     ] = None,
     out: opt.Out = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Only those of a few seconds.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Run only the cases that take a few seconds.")
+    ] = False,
 ) -> int:
-    """Run scenes that are hard to simulate, and say what holds, by what margin.
+    """Run scenes that are hard to simulate and print the margin of each bound.
 
     With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
     """
@@ -67,41 +75,45 @@ def sweep(
         str,
         typer.Argument(
             metavar="PLAN | report | list",
-            help="A YAML file or the name of a shipped plan; `report DIR`; `list`.",
+            help="Plan: a YAML file or the name of a shipped one; or `report DIR`; or `list`.",
         ),
     ],
     folder: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Of a sweep, for `report`.")
+        Path | None, typer.Argument(metavar="[DIR]", help="With `report`: folder of a sweep.")
     ] = None,
     out: opt.Out = None,
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes on this machine; one a core if none.")
+        int | None, typer.Option(metavar="N", help="Number of processes; default: one per core.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, instead of workers.")
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Address of a dask scheduler to use instead of local processes."
+        ),
     ] = None,
     batch: Annotated[
-        int | None, typer.Option(metavar="RUNS", help="Per task; about a second's worth if none.")
+        int | None,
+        typer.Option(metavar="RUNS", help="Runs per task; default: about one second of work."),
     ] = None,
     lanes: Annotated[
-        bool, typer.Option("--lanes/--no-lanes", help="Let runs share the vectors of the machine.")
+        bool,
+        typer.Option(
+            "--lanes/--no-lanes", help="Compute several runs at once with vector instructions."
+        ),
     ] = True,
-    device: Annotated[
-        str, typer.Option(metavar="NAME", help="cpu, or cuda: a GPU, one run a thread.")
-    ] = "cpu",
 ) -> int:
-    """Run a scene many times with varied numbers; what DIR holds already is not run again."""
+    """Run a scene many times with varied parameters; runs that DIR already contains are kept."""
     from rb_sim.cli.verbs import sweep as verbs
 
     if plan == "list":
         return verbs.sweep_plans()
     if plan == "report":
         if folder is None:
-            raise RbSimError("report: got no folder; must be the --out of a sweep")
+            raise RbSimError("report: got no folder; must be the folder of a sweep (its --out)")
         return verbs.sweep_report(folder)
     if folder is not None:
         raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, lanes, device)
+    return verbs.sweep(plan, out, workers, scheduler, batch, lanes)
 
 
 def register(verb: Callable[..., Any]) -> None:

@@ -185,11 +185,9 @@ def print_summary(summary: dict[str, Any], console: Console) -> None:
 
 
 def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of each line of the table."""
+    """Label and text of each line of the table. Warnings are printed after it, on stderr."""
     energy, momentum = summary["energy"], summary["momentum"]
     rows = [("scene", _joined(summary["scene"], summary["description"], ": "))]
-    if summary["outcome"] != "finished":
-        rows.append(("outcome", summary["outcome"]))
     rows += [
         ("simulated", _simulated(summary)),
         ("method", _method(summary)),
@@ -198,25 +196,24 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     rows += _errors(summary)
     if energy is not None:
-        rows.append(("energy balance", _balance(energy, "J")))
+        rows.append(("energy error", _balance(energy, "J")))
     if momentum is not None:
         share = momentum["linear"]["share"]
-        over = f", over {share:.2g} of the samples" if share < 1.0 else ""
-        rows.append(("momentum balance", _balance(momentum["linear"], "N s") + over))
-        rows.append(("angular momentum", _balance(momentum["angular"], "N m s")))
+        over = f", for {share:.2g} of the samples" if share < 1.0 else ""
+        rows.append(("momentum error", _balance(momentum["linear"], "N s") + over))
+        rows.append(("angular momentum error", _balance(momentum["angular"], "N m s")))
     elif summary["samples"]:
-        rows.append(("momentum balance", f"not taken: {_why_no_momentum(summary)}"))
+        rows.append(("momentum error", f"not known: {_why_no_momentum(summary)}"))
     rows += _contacts(summary.get("contacts"))
-    rows.append(("worst residual", f"{summary['worst_residual']:.2g} of the scene's scale"))
+    rows.append(("constraint violation", f"{summary['worst_residual']:.2g} (relative)"))
     if summary["choice"] is not None and summary["choice"]["errors"]:
         rows.append(("global error by auto", listed(summary["choice"]["errors"])))
     certificate = summary.get("certificate") or {"text": []}
     rows += list(zip(("certified", "", "", ""), certificate["text"], strict=False))
-    rows += [("warning", finding["text"]) for finding in summary["warnings"]]
     if summary["indeterminate_reactions"]:
         rows.append(
             (
-                "indeterminate",
+                "redundant constraints",
                 _indeterminate(summary["indeterminate_reactions"], summary["ranges_at_start"]),
             )
         )
@@ -232,8 +229,8 @@ def _errors(summary: dict[str, Any]) -> list[tuple[str, str]]:
 def _why_no_momentum(summary: dict[str, Any]) -> str:
     cause = summary["momentum_not_balanced_because_of"]
     if "contacts" in summary:
-        return f"the samples do not tell the whole impulse of {cause}"
-    return f"the force of {cause} is not among the samples"
+        return f"the samples do not contain the whole impulse of {cause}"
+    return f"the samples do not contain the force of {cause}"
 
 
 def _contacts(contacts: dict[str, Any] | None) -> list[tuple[str, str]]:
@@ -243,10 +240,10 @@ def _contacts(contacts: dict[str, Any] | None) -> list[tuple[str, str]]:
     rows = [("work of contacts", f"{contacts['work']:.6g} J")]
     for name, impulse in contacts["impulses"].items():
         vector = ", ".join(f"{component:.4g}" for component in impulse)
-        rows.append(("impulse of impacts", f"({vector}) N s by {name}"))
+        rows.append(("impact impulse", f"({vector}) N s by {name}"))
     if "impacts_at_once" in contacts:
         law = contacts["impacts_at_once"].replace("_", " ")
-        rows.append(("impacts at once", f"{law} (simulation.impacts)"))
+        rows.append(("simultaneous impacts", f"{law} (simulation.impacts)"))
     counts = contacts["events"]
     by_kind = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     rows.append(("contact events", by_kind or "none"))
@@ -269,8 +266,10 @@ def _joined(first: str, second: str, by: str) -> str:
 def _simulated(summary: dict[str, Any]) -> str:
     factor = summary["real_time_factor"]
     times = "" if factor is None else f" ({factor:.3g} times real time)"
-    logged = f"{summary['wall_time']:.3g} s with logging"
-    return f"{summary['simulated']:g} s in {summary['processor_time']:.3g} s{times}, {logged}"
+    logged = f"{summary['wall_time']:.3g} s wall-clock time with logging"
+    return (
+        f"{summary['simulated']:g} s in {summary['processor_time']:.3g} s CPU time{times}, {logged}"
+    )
 
 
 def _method(summary: dict[str, Any]) -> str:
@@ -294,9 +293,9 @@ def _steps(summary: dict[str, Any]) -> str:
 def _balance(balance: dict[str, Any], unit: str) -> str:
     text = f"{balance['error']:.2g} {unit}"
     if balance["relative"] is not None:
-        text += f", {balance['relative']:.2g} of {balance['scale']:.3g} {unit}"
+        text += f" (relative {balance['relative']:.2g})"
     if balance["quadrature"] > 0.1 * abs(balance["error"]):
-        text += f" (half the samples change it by {balance['quadrature']:.2g})"
+        text += f", sampling error {balance['quadrature']:.2g} {unit}"
     return text
 
 
@@ -304,12 +303,12 @@ def _indeterminate(names: list[str], ranges: dict[str, dict[str, list[float]]]) 
     """Reactions with their components that are not determined, and by how much if bounded."""
     shown = [f"{name} ({_spans(ranges[name])})" if name in ranges else name for name in names]
     more = f" and {len(shown) - SHOWN_RANGES} more" if len(shown) > SHOWN_RANGES else ""
-    return f"{', '.join(shown[:SHOWN_RANGES])}{more}: minimum-norm reactions are reported"
+    return f"{', '.join(shown[:SHOWN_RANGES])}{more}: minimum-norm reactions reported"
 
 
 def _spans(components: dict[str, list[float]]) -> str:
     free = [key for key, span in components.items() if not any(map(math.isfinite, span))]
-    texts = [f"{', '.join(free)} undetermined"] if free else []
+    texts = [f"{', '.join(free)} not unique"] if free else []
     for key, (low, high) in components.items():
         if key not in free:
             unit = "N m" if key.startswith("torque") else "N"

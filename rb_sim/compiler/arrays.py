@@ -245,16 +245,16 @@ def copied(f: Builder, to: Value, of: Value) -> Value:
 
 def counted(f: Builder, count: str, does: object) -> None:
     """does(i) for i from 0 to count - 1."""
-    workspace = f.workspace("i64")
-    f.store("i64", "0", workspace)
+    slot = f.slot("i64")
+    f.store("i64", "0", slot)
     look, inside, after = f.label("look"), f.label("each"), f.label("after")
     f.go(look)
     f.begin(look)
-    at = f.load("i64", workspace)
+    at = f.load("i64", slot)
     f.part(f.get(f"icmp slt i64 {at}, {count}"), inside, after)
     f.begin(inside)
     does(at)  # type: ignore[operator]
-    f.store("i64", f.get(f"add i64 {at}, 1"), workspace)
+    f.store("i64", f.get(f"add i64 {at}, 1"), slot)
     f.go(look)
     f.begin(after)
 

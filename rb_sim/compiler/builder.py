@@ -71,7 +71,7 @@ class Builder:
 
     def __init__(self) -> None:
         self._count = 0
-        self.rooms: list[str] = []
+        self.slots: list[str] = []
         """What stands at the very begin."""
         self.blocks: list[Block] = []
         first = self.label("begin")
@@ -119,10 +119,10 @@ class Builder:
             self.do(f"br i1 {condition}, label %{yes.label}, label %{no.label}")
             self.block.ended = yes.reached = no.reached = True
 
-    def workspace(self, kind: str) -> str:
+    def slot(self, kind: str) -> str:
         """A place for a value of the LLVM type, as long as the function runs."""
         name = self.name()
-        self.rooms.append(f"{name} = alloca {kind}, align 8")
+        self.slots.append(f"{name} = alloca {kind}, align 8")
         return name
 
     def place(self, kind: str, pointer: str, index: str) -> str:
@@ -141,7 +141,7 @@ class Builder:
         for i, block in enumerate(self.blocks):
             if block.reached:
                 lines.append(f"{block.label}:")
-                lines += [f"  {line}" for line in (self.rooms if i == 0 else ())]
+                lines += [f"  {line}" for line in (self.slots if i == 0 else ())]
                 lines += [f"  {line}" for line in block.lines]
                 if not block.ended:
                     lines.append("  unreachable")

@@ -143,7 +143,7 @@ def _turn(f: Any, n: str, place: str) -> None:
 
 def _call(f: Any, name: str, places: list[str]) -> Value:
     """Call a function of LAPACK, which tells at last how it went."""
-    symbol, order = f"lapack_{name}", [*places, f.workspace("i32")]
+    symbol, order = f"lapack_{name}", [*places, f.slot("i32")]
     f.unit.externals[symbol] = 0
     f.unit.declarations.add(_FOUND.replace("SYMBOL", symbol))
     function = f.get(f"call ptr @{symbol}.found()")
@@ -175,13 +175,13 @@ used. It asks again where a signal has come between, see `finder`."""
 
 def _int(f: Any, value: str) -> str:
     """Where the integer is, as Fortran's."""
-    workspace = f.workspace("i32")
-    f.store("i32", f.get(f"trunc i64 {value} to i32"), workspace)
-    return workspace
+    slot = f.slot("i32")
+    f.store("i32", f.get(f"trunc i64 {value} to i32"), slot)
+    return slot
 
 
 def _letter(f: Any, letter: str) -> str:
     """Where the letter is."""
-    workspace = f.workspace("i8")
-    f.store("i8", str(ord(letter)), workspace)
-    return workspace
+    slot = f.slot("i8")
+    f.store("i8", str(ord(letter)), slot)
+    return slot

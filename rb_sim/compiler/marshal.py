@@ -124,24 +124,24 @@ class Program:
         self._into = struct.Struct("=q" + "".join(_SLOTS[leaf] for leaf in given))
         self._out = struct.Struct("=" + "".join(_SLOTS[leaf] for leaf in result.leaves))
         self._at = self._into.size
-        self._rooms: list[Any] = []
+        self._buffers: list[Any] = []
         """Slots that nobody uses at the moment."""
 
     def __call__(self, numbers: list[Any], arrays: Arrays) -> Any:
         try:
-            workspace = self._rooms.pop()
+            buffer = self._buffers.pop()
         except IndexError:
-            workspace = ctypes.create_string_buffer(self._at + self._out.size)
-        self._into.pack_into(workspace, 0, 0, *numbers)
-        self._call(workspace)
+            buffer = ctypes.create_string_buffer(self._at + self._out.size)
+        self._into.pack_into(buffer, 0, 0, *numbers)
+        self._call(buffer)
         result = None
         if self._out.size:
-            leaves = self._out.unpack_from(workspace, self._at)
+            leaves = self._out.unpack_from(buffer, self._at)
             single = self._result in (REAL, INTEGER)
             result = leaves[0] if single else _back(self._result, iter(leaves), arrays)
-        if self._new and _FIRST.unpack_from(workspace)[0]:  # made, and copied by now: free them
-            self._call(workspace)
-        self._rooms.append(workspace)
+        if self._new and _FIRST.unpack_from(buffer)[0]:  # made, and copied by now: free them
+            self._call(buffer)
+        self._buffers.append(buffer)
         return result
 
 

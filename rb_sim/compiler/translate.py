@@ -57,7 +57,7 @@ class Variable:
     """A variable of the function: its kind, and where each of its leaves is kept."""
 
     def __init__(self, f: Builder, kind: Kind) -> None:
-        self.kind, self.rooms = kind, [f.workspace(leaf) for leaf in kind.leaves]
+        self.kind, self.slots = kind, [f.slot(leaf) for leaf in kind.leaves]
 
 
 RESULT = "return"
@@ -106,17 +106,15 @@ class Variables(Builder):
                 self.kinds[name] = kind
                 raise AgainError
         leaves = numbers.converted(self, value, variable.kind).leaves
-        for leaf, workspace, type_ in zip(
-            leaves, variable.rooms, variable.kind.leaves, strict=True
-        ):
-            self.store(type_, leaf, workspace)
+        for leaf, slot, type_ in zip(leaves, variable.slots, variable.kind.leaves, strict=True):
+            self.store(type_, leaf, slot)
 
     def read(self, name: str) -> Value:
         """The value of a variable."""
         variable = self.variables[name]
         leaves = tuple(
-            self.load(kind, workspace)
-            for kind, workspace in zip(variable.kind.leaves, variable.rooms, strict=True)
+            self.load(kind, slot)
+            for kind, slot in zip(variable.kind.leaves, variable.slots, strict=True)
         )
         return Value(variable.kind, leaves)
 
@@ -125,8 +123,8 @@ class Variables(Builder):
         if self.hands_over:
             return "%owner"
         if not self.list:
-            self.list = self.workspace("ptr")
-            self.rooms.append(f"store ptr null, ptr {self.list}, align 8")
+            self.list = self.slot("ptr")
+            self.slots.append(f"store ptr null, ptr {self.list}, align 8")
         return self.list
 
     def refuse(self, node: ast.AST) -> Any:
@@ -513,12 +511,12 @@ class Translation(Expressions):
             if not isinstance(ends[2].number, int) or not ends[2].number:
                 raise KindError("the step of a range is a constant")
             step = ends[2].number
-        workspace = self.workspace("i64")
-        self.store("i64", first.leaf, workspace)
+        slot = self.slot("i64")
+        self.store("i64", first.leaf, slot)
         look, inside, more, after = (self.label(w) for w in ("for", "each", "more", "done"))
         self.go(look)
         self.begin(look)
-        at = self.load("i64", workspace)
+        at = self.load("i64", slot)
         word = "slt" if step > 0 else "sgt"
         self.part(self.get(f"icmp {word} i64 {at}, {last.leaf}"), inside, after)
         self.begin(inside)
@@ -526,7 +524,7 @@ class Translation(Expressions):
         self.around(node.body, more, after)
         self.go(more)
         self.begin(more)
-        self.store("i64", self.get(f"add i64 {self.load('i64', workspace)}, {step}"), workspace)
+        self.store("i64", self.get(f"add i64 {self.load('i64', slot)}, {step}"), slot)
         self.go(look)
         self.begin(after)
         return None

@@ -27,7 +27,7 @@ _TABLE = re.compile(
     r"(@[\w.]+) = (?:private unnamed_addr constant|internal global) (\[\d+ x \w+\])"
 )
 _PLACE = re.compile(r"( *)(%\S+) = getelementptr (\w+), ptr (\S+), i64 (\S+)$")
-_WORKSPACE = re.compile(r"( *)(%\S+) = alloca (\w+), align (\d+)$")
+_SLOT = re.compile(r"( *)(%\S+) = alloca (\w+), align (\d+)$")
 _LOAD = re.compile(r"( *)(%\S+) = load (\w+), ptr (\S+), (.*)$")
 _STORE = re.compile(r"( *)store (\w+) (\S+), ptr (\S+), (.*)$")
 _CALL = re.compile(r"( *(?:%\S+ = )?)call (void|double) (%\S+)\((.*)\)$")
@@ -52,7 +52,7 @@ def _line(line: str, spare: str) -> Iterator[str]:
         yield f"{indent}{spare} = bitcast ptr {place} to {kind}*"
         yield f"{indent}{spare}.at = getelementptr {kind}, {kind}* {spare}, i64 {index}"
         yield f"{indent}{name} = bitcast {kind}* {spare}.at to ptr"
-    elif found := _WORKSPACE.match(line):
+    elif found := _SLOT.match(line):
         indent, name, kind, align = found.groups()
         yield f"{indent}{spare} = alloca {kind}, align {align}"
         yield f"{indent}{name} = bitcast {kind}* {spare} to ptr"

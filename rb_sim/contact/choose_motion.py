@@ -28,7 +28,8 @@ def motion_of(compiled: Compiled, method: Any) -> Motion:
         compared = "cannot be compared with other methods: time_stepping is "
         raise SceneError(
             f"{compared if name == 'time_stepping' else asked}the only one for a contact `between` "
-            f"bodies (constraints.{group}); others need pairs as contacts with body and parent",
+            f"bodies (constraints.{group}); for others list each pair as a contact with body and "
+            "parent",
             key="simulation.method",
             file=scene.file,
         )

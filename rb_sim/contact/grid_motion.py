@@ -11,6 +11,30 @@ import numpy as np
 from rb_sim.mechanics.samples import Array
 from rb_sim.motion.motion import Motion
 
+OTHERS = (
+    "the contact problem has several solutions; the minimum-norm one was used, or the one that "
+    "separates"
+)
+"""What to know where no setting would decide: of choices of the laws."""
+OPEN_SHARES = "relative difference between the accelerations that the contact laws allow"
+
+
+class LeftOpen(NamedTuple):
+    """The widest choice that the laws left in a run."""
+
+    figure: float = 0.0
+    """how far two motions that both obey them are apart, relative to the largest of its kind."""
+    t: float = 0.0
+    """[s]."""
+    contact: str = ""
+    what: str = ""
+    """what differs by the figure."""
+    by_setting: bool = False
+    """whether it is the step or the tolerance that leaves it open."""
+    advice: str = OTHERS
+    """what to try, or to know, where it is not."""
+
+
 # The grid of steps of bodies in contact: where an integration stands.
 
 

@@ -152,9 +152,11 @@ def refuse_sunk(
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
-                f"a side of the body sinks by {depth:.2g} m into the support of contact "
-                f"{sides.name} at t = {t:.9g} s, between the corners or ends with which it "
-                f"touches: contact of its sides is not computed here"
+                f"an edge of the body penetrates the support of contact {sides.name} by "
+                f"{depth:.2g} m "
+                f"at t = {t:.9g} s: only its corners and ends make contact here; add points "
+                "between "
+                "them"
             )
 
 

@@ -154,7 +154,7 @@ def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
             at = ", ".join(f"{x:.6g}" for x in t[far][:TOLD]) + ", ..." * bool(far.sum() > TOLD)
             lines.append(
                 f"{body}: {far.sum()} of {len(t)} poses are off by more than {FAR:g} times the "
-                f"noise of the others (t = {at} s): they draw the fit and enlarge its errors"
+                f"noise of the others (t = {at} s): they distort the fit and enlarge its errors"
             )
     return tuple(lines)
 

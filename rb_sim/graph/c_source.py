@@ -1,4 +1,4 @@
-"""A graph as a function in C, for compilers that are not LLVM here: CUDA's, or any of C.
+"""A graph as a function in C, to be used outside: `python -m tools.c_law SCENE` prints one.
 
 The operations stand in the order of the graph, one a line; a compiler that joins none of them (no
 fused multiply-add) gives the numbers of the machine code of `emit`, except that sines and the like
@@ -29,15 +29,15 @@ _OPERATION = {
 
 
 def c_function(name: str, outputs: Sequence[Any]) -> str | None:
-    """void name(double t, const double *y, const double *p, double *out), static, on the device.
+    """void name(double t, const double *y, const double *p, double *out), with its headers.
 
     outputs: symbols of one graph and numbers. None where the graph calls functions by address.
     """
     order = in_order(outputs)
     if any(x.op == "call" for x in order):
         return None
-    head = f"__device__ static void {name}"
-    lines = [f"{head}(double t, const double *y, const double *p, double *out)", "{"]
+    head = f"void {name}(double t, const double *y, const double *p, double *out)"
+    lines = ["#include <math.h>", "#include <stdbool.h>", "", head, "{"]
     for x in order:
         if x.op not in INPUTS:
             kind = "bool" if isinstance(x, Condition) else "double"

@@ -206,10 +206,10 @@ class Piece:
     def call(self, x: Symbol) -> str:
         """A function by address: arguments in an array of this function, results in the frame."""
         function, *arguments = x.operands
-        workspace = f"[{max(1, len(arguments))} x double]"
-        array = self.line(f"alloca {workspace}, align 16")
-        kind = "ptr" if self.pointer == "ptr" else f"{workspace}*"
-        start = self.line(f"getelementptr {workspace}, {kind} {array}, i64 0, i64 0")
+        array_type = f"[{max(1, len(arguments))} x double]"
+        array = self.line(f"alloca {array_type}, align 16")
+        kind = "ptr" if self.pointer == "ptr" else f"{array_type}*"
+        start = self.line(f"getelementptr {array_type}, {kind} {array}, i64 0, i64 0")
         for i, argument in enumerate(arguments):
             self.store(self.value(argument), start, i)
         results = self.place("%frame", self.pieces.slots[x.number])

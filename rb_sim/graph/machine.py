@@ -183,14 +183,14 @@ def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
     numbers before its arguments; for this process only, so not kept on disk.
     """
     p, count = pointer_type(), len(numbers) + arguments
-    workspace, kind = f"[{count} x double]", f"void ({p}, {p})"
-    array = "ptr" if p == "ptr" else f"{workspace}*"
+    array_type, kind = f"[{count} x double]", f"void ({p}, {p})"
+    array = "ptr" if p == "ptr" else f"{array_type}*"
     lines = [
         f"define void @law({p} %arguments, {p} %results) nounwind {{",
-        f"  %room = alloca {workspace}, align 16",
+        f"  %room = alloca {array_type}, align 16",
     ]
     for i in range(count):
-        lines.append(f"  %to{i} = getelementptr {workspace}, {array} %room, i64 0, i64 {i}")
+        lines.append(f"  %to{i} = getelementptr {array_type}, {array} %room, i64 0, i64 {i}")
         value = f"%x{i}"
         if i < len(numbers):
             value = constant(numbers[i])

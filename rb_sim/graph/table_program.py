@@ -34,7 +34,7 @@ def arrays(name: str, kind: str, entries: Sequence[Any]) -> str:
     return f"{name} = internal constant [{len(entries)} x {kind}] [{inner}], align 16"
 
 
-def workspace(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
+def first_element(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
     """`name` becomes the pointer to the first element of an array."""
     whole = f"[{count} x {kind}]"
     at = "ptr" if pointer == "ptr" else f"{whole}*"
@@ -259,7 +259,7 @@ class Program:
             own = f"@table{number}"
             table = np.array([field.at for field in call.fields], dtype=np.int32).T
             head.append(arrays(own, "i32", table.ravel().tolist()))
-            calls += workspace(own, "i32", table.size, f"%rows{number}", pointer)
+            calls += first_element(own, "i32", table.size, f"%rows{number}", pointer)
             integers = "ptr" if pointer == "ptr" else "i32*"
             calls.append(
                 f"  call void @{name}(double %t, {pointer} %y, {pointer} %p, {pointer} %const, "
@@ -287,7 +287,7 @@ class Program:
                 f"  %room = alloca {kind}, align 16",
                 f"  %frame = getelementptr {kind}, {'ptr' if p == 'ptr' else kind + '*'} %room, "
                 "i64 0, i64 0",
-                *workspace("@const", "double", len(numbers), "%const", p),
+                *first_element("@const", "double", len(numbers), "%const", p),
                 *calls,
                 "  ret void",
                 "}",

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.numerics.rotations import angle_between
+from rb_sim.checks.effort import effort_of
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
@@ -79,6 +79,8 @@ class Case(_Strict):
     """One hard case."""
 
     title: str
+    theme: str = "other"
+    """under which the picture shows it."""
     why: str
     """why it is hard."""
     engines: Mapping[str, str] = {}
@@ -340,9 +342,8 @@ def _against(case: Case, check: Check, outcome: Outcome) -> float:
     other = run(case, check.against).run
     if other is None or len(other) != len(outcome.run):
         return float("inf")
-    a, b = outcome.run.block, other.block
-    shift = np.linalg.norm(a.position - b.position, axis=2).max()
-    return float(max(shift, angle_between(a.orientation, b.orientation).max()))
+    poses = (np.dstack([r.block.position, r.block.orientation]) for r in (outcome.run, other))
+    return float(max(gap.max() for gap in pose_gaps(*poses)))
 
 
 FIGURES: dict[str, Callable[[Case, Check, Outcome], float]] = {

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
 from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
 
 HEAD = """# Hard cases
@@ -18,7 +19,7 @@ Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` a
 as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
 case. CPU times are of one run on one machine, kernels %s.
 %s
-![Figure over bound of every case](pictures/hard-cases.png)
+![Margin of every case](pictures/hard-cases.png)
 
 | case | method | step or tolerance | figure | is | bound | margin | CPU [s] | verdict |
 |---|---|---|---|---|---|---|---|---|
@@ -75,7 +76,7 @@ def write(
     if peers:
         paths.append(folder / "hard-cases-peers.json")
         write_json(paths[-1], [row._asdict() for row in peers])
-    picture(rows, paths[2])
+    picture(cases, rows, paths[2])
     return paths
 
 
@@ -142,23 +143,121 @@ def sentence(text: str) -> str:
     return line if line.endswith((".", ":")) else f"{line}."
 
 
-def picture(rows: Sequence[Row], path: Path) -> None:
-    """Figure over bound of every row, on a logarithmic axis."""
+WIDE = 10.0
+"""Margin below which a case is marked."""
+
+FARTHEST = 1e8
+"""Margins are drawn up to here."""
+
+COLUMNS = 3
+MARKER = 5.0
+"""Diameter of the dot of a case's least margin [points]."""
+
+
+def picture(cases: Sequence[Case], rows: Sequence[Row], path: Path) -> None:
+    """The margins of every case, bound over figure: a line a case, grouped by theme, the least
+    first; on one page."""
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if row.check not in ("told", "refused")]
-    figure = Figure(figsize=(9.0, 1.2 + 0.17 * len(shown)), layout="constrained")
-    axes = figure.add_subplot()
-    colours = {FAILS: "#c0392b", LIMIT: "#d68910"}
-    for place, row in enumerate(shown):
-        share = min(max(row.figure / row.bound, 1e-12), 1e6)
-        axes.plot([1e-12, share], [place, place], color="0.88", lw=1.0, zorder=1)
-        axes.plot(share, place, "o", ms=4, color=colours.get(row.verdict, "#1f618d"), zorder=2)
-    axes.axvline(1.0, color="0.3", lw=1.0)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(shown)))
-    axes.set_yticklabels([f"{row.case}, {row.method} ({row.check})" for row in shown], fontsize=6)
-    axes.set_ylim(len(shown) - 0.3, -0.7)
-    axes.set_xlabel("figure over bound (left of 1 holds; 1e-12 and below at the left edge)")
-    axes.set_title("Hard cases: what is left of each bound", loc="left", fontsize=10)
-    figure.savefig(path, dpi=130)
+    groups: dict[str, list[str]] = {}
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.case, []).append(row)
+    for case in cases:
+        if case.name in found:
+            groups.setdefault(case.theme, []).append(case.name)
+    for names in groups.values():
+        names.sort(key=lambda name: (least_margin(found[name]), name))
+    columns = balanced([(theme, *names) for theme, names in groups.items()])
+    height = max(len(column) for column in columns)
+    figure = Figure(figsize=(4.7 * len(columns), 1.5 + 0.2 * height), layout="constrained")
+    for axes, column in zip(figure.subplots(1, len(columns), squeeze=False)[0], columns,
+                            strict=True):  # fmt: skip
+        for place, (name, is_theme) in enumerate(column):
+            if is_theme:
+                axes.text(0.0, place, name, transform=axes.get_yaxis_transform(), fontsize=9,
+                          fontweight="bold", va="center", ha="left", color=TEXT,
+                          bbox={"facecolor": "white", "edgecolor": "none", "pad": 2})  # fmt: skip
+            elif name:
+                draw_case(axes, place, found[name])
+        axes.set_xscale("log")
+        axes.set_xlim(0.1, FARTHEST)
+        axes.axvline(1.0, color=TEXT, lw=1.0, zorder=1)
+        axes.axvspan(0.1, 1.0, color="0.93", lw=0, zorder=0)
+        axes.set_yticks([k for k, (name, is_theme) in enumerate(column) if name and not is_theme])
+        axes.set_yticklabels([name for name, is_theme in column if name and not is_theme],
+                             fontsize=7)  # fmt: skip
+        axes.set_ylim(height - 0.4, -0.8)
+        axes.set_xlabel("bound over error (at the right edge: 1e8 or more)", fontsize=8)
+        axes.tick_params(labelsize=7, length=0)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+    figure.suptitle("Hard cases: margin to the bound of each check (large: least of its case)",
+                    x=0.01, ha="left", fontsize=11, color=TEXT)  # fmt: skip
+    figure.legend(
+        handles=[*legend()], loc="outside lower center", ncols=5, frameon=False, fontsize=8
+    )
+    figure.savefig(path, dpi=110)
+
+
+def balanced(groups: Sequence[Sequence[str]]) -> list[list[tuple[str, bool]]]:
+    """The groups, a theme and its names each, in COLUMNS of about one height; the longest first.
+    A line is a text and whether it is a theme; an empty one is between groups."""
+    columns: list[list[tuple[str, bool]]] = [[] for _ in range(min(COLUMNS, len(groups)))]
+    for theme, *names in sorted(groups, key=lambda group: -len(group)):
+        column = min(columns, key=len)
+        column += [("", False)] * bool(column) + [(theme, True)]
+        column += [(name, False) for name in names]
+    return columns
+
+
+def is_words(row: Row) -> bool:
+    """Whether what must come is a message, not a figure."""
+    return row.check in ("told", "refused")
+
+
+def least_margin(rows: Sequence[Row]) -> float:
+    """The least of a case; beyond all others without a figure."""
+    return min((row.margin for row in rows if not is_words(row)), default=math.inf)
+
+
+def colour_of(row: Row) -> str:
+    """That of its margin, or of its verdict where it does not hold."""
+    return BAD if row.verdict in (FAILS, LIMIT) else NARROW if row.margin < WIDE else GOOD
+
+
+def draw_case(axes: Any, place: int, rows: Sequence[Row]) -> None:
+    """A dot for each check of each run, large that with the least margin; words as words."""
+    figures = sorted((row for row in rows if not is_words(row)), key=lambda row: row.margin)
+    axes.plot([0.1, FARTHEST], [place, place], color="0.92", lw=0.6, zorder=1)
+    for k, row in reversed([*enumerate(figures)]):
+        axes.plot(
+            min(max(row.margin, 0.12), 0.8 * FARTHEST), place, "o", zorder=3 if k else 4,
+            ms=0.5 * MARKER if k else MARKER, color=colour_of(row), alpha=0.45 if k else 1.0,
+            markerfacecolor="white" if row.verdict == LIMIT else colour_of(row), clip_on=False,
+        )  # fmt: skip
+    if figures and figures[0].margin < WIDE:
+        axes.text(min(1.7 * max(figures[0].margin, 0.12), FARTHEST), place,
+                  f"{figures[0].margin:.1f}×", fontsize=7, va="center", color=colour_of(figures[0]),
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+                  zorder=5)  # fmt: skip
+    words = [row for row in rows if is_words(row)]
+    if words:
+        missed = any(row.verdict == FAILS for row in words)
+        kind = "refused" if all(row.check == "refused" for row in words) else "warned"
+        axes.text(1.6, place, f"not {kind}" if missed else f"{kind}, as it must be", fontsize=7,
+                  va="center", style="italic", color=BAD if missed else FAINT,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip
+
+
+def legend() -> Iterator[Any]:
+    """What the dots mean."""
+    from matplotlib.lines import Line2D
+
+    for colour, face, label in (
+        (GOOD, GOOD, f"margin {WIDE:g} or more"),
+        (NARROW, NARROW, f"margin below {WIDE:g}"),
+        (BAD, BAD, "fails"),
+        (BAD, "white", "known limit"),
+    ):
+        yield Line2D([], [], marker="o", ls="", ms=MARKER, color=colour, markerfacecolor=face,
+                     label=label)  # fmt: skip

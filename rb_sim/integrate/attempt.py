@@ -235,17 +235,23 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
 
 
 @helper
-def ended(laws, setting, n, t, y, p, last, work, status):
-    """The status of a step that has come to the row y at t; `status` if there is nothing else.
+def begin(laws, setting, n, t, y, p, last, work):
+    """Write the inputs of a step that begins in the row y at t, where some are kept from step to
+    step or chosen for each; `last` is the place of its length among them.
 
-    Lines are chosen for the next step; `last` is the place of its length among the inputs.
+    Not where the step before ends: samples in it are steps of the same law.
     """
-    if not math.isfinite(y[2 * n]):
-        return NOT_FINITE
     if laws[CHOICE]:
         at, count = part(work, AT * n), int(setting[CHOSEN])
         call_law(laws[CHOICE], t, y, p, at)
         copy(count, part(p, last - count), at)
+
+
+@helper
+def ended(laws, n, t, y, p, work, status):
+    """The status of a step that has come to the row y at t; `status` if there is nothing else."""
+    if not math.isfinite(y[2 * n]):
+        return NOT_FINITE
     if laws[INSIDE]:
         at = part(work, AT * n)
         call_law(laws[INSIDE], t, y, p, at)

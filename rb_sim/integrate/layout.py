@@ -57,15 +57,15 @@ ULPS = 1e-15
 
 RATE, SETTLE, GAP, POSITION, VELOCITY, INSIDE, SAMPLE, WHOLE, JACOBIAN, BACK = range(10)
 ALONG, SHARE, CHOICE, EXPAND, ADD, SLOPE, BEGIN, COORDINATES, STEP, LAWS = range(10, 20)
-"""Places in `laws`; 0 where there is nothing to call.  WHOLE is a step as one law, `stepped`; BACK
+"""Places in `laws`; 0 where there is nothing to call. WHOLE is a step as one law, `stepped`; BACK
 is the way to the manifold from nearby, which writes n coordinates and how far off it they were.
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
-the share of the step after which a piece ends.  CHOICE writes the inputs of the next step that say
-which of too many lines get a multiplier, and two numbers more.  For a method that steps along a
-Taylor series, EXPAND and ADD write and sum it, and SLOPE is dy/dt of what has it; where that are
-not the coordinates, BEGIN gives it at the start of a step, and COORDINATES the change of y from its
-own."""
+the share of the step after which a piece ends.  CHOICE writes the inputs of a step that are kept
+from the one before or chosen for each: turns of torsion springs, and which of too many lines get a
+multiplier; two numbers more may follow.  For a method that steps along a Taylor series, EXPAND and
+ADD write and sum it, and SLOPE is dy/dt of what has it; where that are not the coordinates, BEGIN
+gives it at the start of a step, and COORDINATES the change of y from its own."""
 
 ORIGIN, T0, T1, NEXT, CLOCKS = range(5)
 """Places in `clock`: start of the grid, last step, step to try next (0 before the first) [s]."""
@@ -93,9 +93,9 @@ numbers of a sample there are (0: nothing is sampled). At REACHED it tells how m
 times of this call it has reached; at CALL are, as real numbers, the time beyond which it does not
 go, from FIRST_TIME on these times, and at WORST the worst residual, which is the last number of a
 sample, of those taken since it was set to zero."""
-FIRST_TIME, WORKSPACE = 1, 256
-"""WORKSPACE: times of a call for which there is room."""
-WORST = FIRST_TIME + WORKSPACE
+FIRST_TIME, CAPACITY = 1, 256
+"""CAPACITY: the most times of one call."""
+WORST = FIRST_TIME + CAPACITY
 
 
 # Systems as loops pass them on: one address, behind which numbers and tables are packed.

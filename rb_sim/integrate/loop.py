@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from rb_sim.graph.machine import interpreted
-from rb_sim.integrate.attempt import MOST_CUTS, attempt, copy, ended, finish, root, share_of
+from rb_sim.integrate.attempt import MOST_CUTS, attempt, begin, copy, ended, finish, root, share_of
 from rb_sim.integrate.layout import (
     ADD,
     BEGIN,
     CALL,
     CALL_AT,
+    CAPACITY,
     CLOCK_AT,
     COORDINATE_COUNT,
     COORDINATES,
@@ -58,7 +59,6 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WIDTH,
     WORK_AT,
-    WORKSPACE,
     WORST,
 )
 from rb_sim.integrate.taylor_steps import (
@@ -110,6 +110,7 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
     taken, t0, t1 = count[TAKEN], clock[T0], clock[T1]
     cut, status, parts = stop - ULPS * abs(stop), FINE, 0
     while t1 < until and taken < most and status == FINE:
+        begin(laws, setting, n, t1, old, p, last, work)
         h, t0, t1, whole = step, t1, clock[ORIGIN] + (taken + 1) * step, 1
         if t1 > cut or t1 == stop:
             t1 = stop
@@ -122,7 +123,7 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
             attempt(laws, setting, n, t0, old, h, p, last, work, new)
         finish(laws, setting, n, t1, old, p, work, new)
         old, new, end, taken = new, old, 1 - end, taken + whole
-        status, parts = ended(laws, setting, n, t1, old, p, last, work, FINE), parts + 1 - whole
+        status, parts = ended(laws, n, t1, old, p, work, FINE), parts + 1 - whole
         if parts >= PIECE_STEPS and status == FINE:
             status = UNFINISHED
     clock[T0], clock[T1], count[TAKEN], count[END] = t0, t1, taken, end
@@ -230,6 +231,7 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
     """One more step of adaptive length, not beyond `stop`; returns a status."""
     row = 2 * n + EXTRA
     old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
+    begin(laws, setting, n, clock[T1], old, p, last, work)
     if laws[EXPAND]:
         t, status = advance_series(
             laws, setting, sizes, n, clock, count, p, stop, work, old, new, series
@@ -242,7 +244,7 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
     clock[T0], clock[T1] = clock[T1], t
     count[TAKEN] += 1
     count[END] = 1 - count[END]
-    return ended(laws, setting, n, t, new, p, last, work, status)
+    return ended(laws, n, t, new, p, work, status)
 
 
 # The loop that Python calls: carry a state over a grid of steps and sample on the way.
@@ -333,7 +335,7 @@ class Places:
     """
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
-        self.rows = np.zeros((WORKSPACE, width))
+        self.rows = np.zeros((CAPACITY, width))
         workspace = np.zeros(CALL + WORST + 1)
         self.call = workspace[CALL:]
         plain = interpreted()
@@ -372,7 +374,7 @@ def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]
     """
     first, count, status = 0, len(times), FINE
     while first < count and status == FINE:
-        some = times if count <= WORKSPACE else times[first : first + WORKSPACE]
+        some = times if count <= CAPACITY else times[first : first + CAPACITY]
         places.tell(some, stop)
         status = record_into(places.at)
         done = len(some) if status == FINE else int(places.numbers[REACHED])

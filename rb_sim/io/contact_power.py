@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # P = F . v + (T + r x F) . R(q) w,        r from the centre of mass to the point
 
 
-NORMAL_FORCE, TORQUE, POINT, POSITION, ORIENTATION, VELOCITY, SPIN, TOTAL = range(8)
+FORCE, TORQUE, POINT, POSITION, ORIENTATION, VELOCITY, SPIN, TOTAL = range(8)
 STRIDES, COUNT, SIGN = 8, 16, 17
 """Places in what `add_power_into` is told: where the vectors at the first instant are, and the
 totals; from STRIDES on by how many numbers each goes on; how many instants; 1 or -1."""
@@ -34,7 +34,7 @@ totals; from STRIDES on by how many numbers each goes on; how many instants; 1 o
 @for_python
 def add_power_into(places):
     """Add the power, times SIGN, to the totals."""
-    forces, torques = pointer_to(places, NORMAL_FORCE), pointer_to(places, TORQUE)
+    forces, torques = pointer_to(places, FORCE), pointer_to(places, TORQUE)
     points, positions = pointer_to(places, POINT), pointer_to(places, POSITION)
     turns, velocities = pointer_to(places, ORIENTATION), pointer_to(places, VELOCITY)
     spins, totals = pointer_to(places, SPIN), pointer_to(places, TOTAL)

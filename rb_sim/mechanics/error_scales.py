@@ -463,6 +463,8 @@ class Small:
     def __init__(self, n: int) -> None:
         self.floors, self.starts, self.rounding = np.ones(n), np.zeros(n), np.zeros(n)
         self.drifting = np.zeros(n, dtype=bool)
+        self.absolute = np.zeros(n)
+        """errors that the scene allows, where it says so."""
         self.bodies: set[int] = set()
         """held to their motion."""
 
@@ -480,8 +482,10 @@ class Small:
 
     def within(self, tolerance: float) -> Array:
         """The floors with which this tolerance asks for no less than rounding leaves."""
-        least = self.rounding / tolerance if tolerance > 0.0 else 0.0
-        return np.minimum(1.0, np.maximum(self.floors, least))
+        if not tolerance > 0.0:
+            return np.minimum(1.0, self.floors)
+        found = np.minimum(1.0, np.maximum(self.floors, self.rounding / tolerance))
+        return np.where(self.absolute > 0.0, self.absolute / tolerance, found)
 
     def drift(self, held: Iterable[tuple[Group, Turn]]) -> None:
         """Take what is held for coordinates that go on together, as far as they like."""

@@ -49,11 +49,13 @@ MOST_CHANGING = 60
 
 
 def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool]) -> list[int]:
-    """The lines in loops of three bodies and more, the world one of them, where some are left out.
+    """The holonomic lines in loops of three bodies and more, the world one of them, where some are
+    left out.
 
     In such a loop lines that are left out at one place are needed at another.  Of two bodies the
-    lines turn with the parent, so that one choice serves for good.  Where one of the lines is not
-    holonomic, positions and velocities have choices of their own: none is made anew.
+    lines turn with the parent, so that one choice serves for good.  Lines that are not holonomic,
+    as of a drive, are kept, whichever of the others are.  Where they depend on the others positions
+    and velocities have choices of their own: none is made anew.
     """
     pairs = [frozenset((c.body, c.parent)) for c in system.constraints]
     loops, first = set(pairs), system.first_row
@@ -69,8 +71,10 @@ def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool
         if pair in loops
         for k in range(int(first[part]), int(first[part + 1]))
     ]
-    some = dependent.lines & set(found) and all(holonomic[k] for k in found)
-    return found if some and len(found) <= MOST_CHANGING else []
+    placed = [k for k in found if holonomic[k]]
+    some, among = dependent.lines & set(found), dependent.positions & set(placed)
+    alike = some <= set(placed) and len(some) == len(among)
+    return placed if some and alike and len(placed) <= MOST_CHANGING else []
 
 
 def factored(system: MultiBody, order: list[int]) -> Factors:

@@ -105,6 +105,61 @@ def _rows(system: Any) -> list[Any]:
     return [*rows, *getattr(system, "spins", ())]
 
 
+def _with_ends(system: Any) -> Iterator[tuple[Any, int, int]]:
+    """What has inputs, in their order, with the numbers of its body and parent."""
+    for effect in system.effects:
+        placed = effect if isinstance(effect, Placed) else Placed(effect, 0, -1)
+        if type(placed.row) in CHANGING:
+            yield placed.row, placed.body, placed.parent
+    for x in (*getattr(system, "spins", ()), system):
+        if type(x) in CHANGING:
+            yield x, -1, -1
+
+
+States = Callable[[int], Any]
+"""The state of a body by its number; of the world for -1."""
+
+
+def kept_inputs(system: Any) -> list[int]:
+    """Which of the inputs are kept from step to step."""
+    found: list[int] = []
+    at = 0
+    for x, *_ in _with_ends(system):
+        kind = CHANGING[type(x)]
+        found += range(at, at + kind.count) if kind.next is not None else ()
+        at += kind.count
+    return found
+
+
+def next_inputs(system: Any, inputs: Sequence[Any], state: States) -> list[Any]:
+    """The inputs of the step after one with these inputs that has come to where `state` says."""
+    found: list[Any] = []
+    for x, body, parent in _with_ends(system):
+        kind, at = CHANGING[type(x)], len(found)
+        own = tuple(inputs[at : at + kind.count])
+        if kind.next is not None:
+            own = kind.next(kind.symbolic(x, own), state(body), state(parent))
+        found += own
+    return found
+
+
+def with_kept(system: Any, values: Sequence[float]) -> Any:
+    """The system with these values of what is kept from step to step, in their order."""
+    left = iter(values)
+
+    def taken(row: Any) -> Any:
+        kind = CHANGING.get(type(row))
+        if kind is None or kind.next is None:
+            return row
+        return kind.symbolic(row, tuple(next(left) for _ in range(kind.count)))
+
+    effects = tuple(
+        effect._replace(row=taken(effect.row)) if isinstance(effect, Placed) else taken(effect)
+        for effect in system.effects
+    )
+    return system._replace(effects=effects)
+
+
 def input_values(system: Any, t: float, onwards: bool = True) -> list[float]:
     """The inputs for the steps from t on, or for the instant t alone."""
     changing = [x for x in (*_rows(system), system) if type(x) in CHANGING]
@@ -149,6 +204,17 @@ class Inputs:
         """The inputs for the steps from t on, or for the instant t alone."""
         own = input_values(system, t, onwards)
         return own + [number_at(system, place) for place in self.varied] + self.chosen
+
+    def kept(self, system: Any) -> list[int]:
+        """Places in `values` of what is kept from step to step, but for `chosen`."""
+        return kept_inputs(system)
+
+    def next(self, system: Any, graph: Graph, state: States) -> list[Any]:
+        """Symbols of the inputs of the next step, but for `chosen`, after one that has come to
+        where `state` says."""
+        count = len(input_values(system, 0.0))
+        symbols = graph.vector("p", count + len(self.varied))
+        return [*next_inputs(system, symbols, state), *symbols[count:]]
 
     def symbolic(self, system: Any, graph: Graph) -> Any:
         """The system with symbols for its inputs, in the order of `values`."""

@@ -57,37 +57,31 @@ class Lanes:
 
     @cached_property
     def step(self) -> Law | None:
-        """A step as one law in lanes; None where it cannot be."""
-        outputs = self.step_outputs()
-        return None if outputs is None else compile_lanes(outputs, self._given + lane_loops.TIME)
-
-    def step_outputs(self) -> list[Any] | None:
-        """A step as a graph; None where runs of this method cannot go together."""
+        """A step as one law in lanes; None where runs of this method cannot go together."""
         found = loop_of(type(self.method))
         if found is None or found[0].traced is None or (self.adaptive and found[1] != 8.0):
             return None
         if self.laws.whole(found[0]) is None:  # too long
             return None
-        return self._attempt(found[0]) if self.adaptive else self._fixed(found[0])
+        outputs = self._attempt(found[0]) if self.adaptive else self._fixed(found[0])
+        return compile_lanes(outputs, self._given + lane_loops.TIME)
 
     @cached_property
     def sample(self) -> Law | None:
         """What is reported at one instant, in lanes."""
-        return compile_lanes(self.sample_outputs(), self._given + lane_loops.TIME)
-
-    def sample_outputs(self) -> list[Any]:
-        """What is reported at one instant, as a graph."""
 
         def outputs(system: Any, t: Any, y: Any) -> list[Any]:
             out: list[Any] = [0.0] * self.laws.width
             sample(system, t, y, out)
             return [out[i] for i in self.columns]
 
-        return self.laws.traced(outputs)
+        return compile_lanes(self.laws.traced(outputs), self._given + lane_loops.TIME)
 
     @property
     def possible(self) -> bool:
         """False where the runs have to go one at a time."""
+        if self.laws.carried:  # lanes keep nothing from step to step
+            return False
         return self.step is not None and self.sample is not None
 
     def _moved(

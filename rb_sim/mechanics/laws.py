@@ -20,6 +20,7 @@ from rb_sim.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
 from rb_sim.mechanics.systems.guides import GuidedLaws, ways
+from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.taylor_variables import Variables, variables_of
 from rb_sim.numerics.kernels import Step
 
@@ -138,6 +139,24 @@ class ReducedLaws(GuidedLaws):
         """One number, 0 once the state has left the system's domain."""
         (output,) = self.traced(lambda system, t, y: [inside(system, y)])
         return domain_law(output)
+
+    @cached_property
+    def carried(self) -> int:
+        """How many of the inputs, the last but that of the step's length, `choice` gives."""
+        return len(self.inputs.values(self.system, 0.0)) if self.inputs.kept(self.system) else 0
+
+    @cached_property
+    def choice(self) -> CompiledLaws | None:
+        """The inputs of the next step, where laws keep something from step to step."""
+        if not self.carried:
+            return None
+
+        def kernel(system: Any, t: Any, y: Any) -> list[Any]:
+            out: list[Any] = [0.0] * self.width
+            sample(system, t, y, out)  # which begins with the state of the body
+            return self.inputs.next(self.system, y[0].graph, lambda body: state_of(out, body))
+
+        return compile_law(self.traced(kernel))
 
     @cached_property
     def along(self) -> CompiledLaws | None:

@@ -38,6 +38,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     apply_effects,
     fill_all,
     six,
+    state_of,
 )
 from rb_sim.mechanics.systems.multibody import (
     power_of_reactions,
@@ -228,20 +229,34 @@ class SolvedLines(GuidedLaws):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
 
     @cached_property
-    def choice(self) -> CompiledLaws | None:
-        """Which of the `changing` lines get a multiplier in a step from here, 1 or 0 each.
+    def carried(self) -> int:
+        """How many of the inputs, the last but that of the step's length, `choice` gives."""
+        if self.inputs.kept(self.system):
+            return len(self.inputs.values(self.system, 0.0))
+        return len(self.changing)
 
-        Then their least pivot, scaled to a diagonal of ones, and the number of its line among them.
+    @cached_property
+    def choice(self) -> CompiledLaws | None:
+        """The inputs of a step from here: which of the `changing` lines get a multiplier, 1 or 0
+        each, after all others where laws keep some of these from step to step.
+
+        Then, of changing lines, their least pivot, scaled to a diagonal of ones, and the number of
+        its line among them.
         """
-        if not self.changing:
+        if not self.carried:
             return None
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            found: list[Any] = []
+            if self.carried > len(self.changing):
+                found = self.inputs.next(self.system, y[0].graph, lambda body: state_of(y, body))
+            if not self.changing:
+                return found
             write_rows(system, t, y)
             matrix, lines = constraint_matrix(system, self.changing), self.changing
             entries = [matrix[i].get(j, 0.0) for i in lines for j in lines]
             rank = len(lines) - self.inputs.chosen.count(0.0)
-            return list(chosen_lines(len(lines), rank, entries))
+            return [*found, *chosen_lines(len(lines), rank, entries)]
 
         return self.traced(kernel)
 

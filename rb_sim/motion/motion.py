@@ -71,9 +71,13 @@ class Motion(ABC):
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
 
+    kept: Any = np.zeros(0)
+    """what laws keep from step to step beside the coordinates: turns of torsion springs."""
+
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """As reset, with what laws keep from step to step as another motion of the scene has it."""
         self.reset(y, time)
+        self.kept = run.kept
 
     @property
     @abstractmethod
@@ -161,16 +165,16 @@ class Motion(ABC):
             )
         if status == STEP_UNDERFLOW and isinstance(self.method, AdaptiveTaylor):
             return (
-                f"the motion has no Taylor series at t = {t:.9g} s, as where a speed that drag is "
-                "quadratic in vanishes; dopri853 needs none"
+                f"the motion has no Taylor series at t = {t:.9g} s (for example quadratic drag at "
+                "zero speed); use method dopri853"
             )
         if status in (NOT_FINITE, STEP_UNDERFLOW):
             return (
-                f"no step is small enough at t = {t:.9g} s: the motion has a singularity there, or"
-                " a force is too strong for it"
+                f"no step is small enough at t = {t:.9g} s: the equations are singular there or a "
+                "force is too large"
             )
         if status == LEFT_DOMAIN:
-            return f"the body left the end of its guide at t = {t:.9g} s"
+            return f"the body passed the end of its guide at t = {t:.9g} s"
         return f"the integration ended at t = {t:.9g} s (status {status})"
 
 

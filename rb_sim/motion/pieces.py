@@ -88,7 +88,7 @@ class Forecast:
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
         if over:
-            self.given_up = f"ended after {waited:.3g} s of wall time: {self._said(t, left)}"
+            self.given_up = f"ended after {waited:.3g} s of wall-clock time: {self._said(t, left)}"
         elif left > self._most and spent >= PATIENCE * self._effort:
             self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
         elif left > LONG and self._tell is not None:
@@ -98,19 +98,19 @@ class Forecast:
 
     def _said(self, t: float, left: float) -> str:
         return (
-            f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would go on "
-            f"{in_words(left)} at this pace; {self._advice}"
+            f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would take "
+            f"{in_words(left)} more at this pace; {self._advice}"
         )
 
 
 def in_words(seconds: float) -> str:
     """A time in the largest unit of which it has more than one."""
     if not math.isfinite(seconds):
-        return "for ever"
+        return "infinite time"
     for size, unit in UNITS:
         if seconds >= size:
-            return f"for {seconds / size:.3g} {unit}"
-    return f"for {seconds:.0f} seconds"
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} seconds"
 
 
 PIECE = 0.05
@@ -242,6 +242,6 @@ def stalled(motion: Motion, steps: int, waited: float) -> str:
     """Why a motion that no longer advances is given up, in one line."""
     t, h = motion.frontier
     return (
-        f"the motion no longer advances: {steps} steps ({waited:.1f} s) after t = "
-        f"{motion.time:.9g} s it is at t = {t:.9g} s, and a step is {h:.2g} s long"
+        f"the motion no longer advances: {steps} steps ({waited:.1f} s) from t = "
+        f"{motion.time:.9g} s reached t = {t:.9g} s; the step is {h:.2g} s"
     )

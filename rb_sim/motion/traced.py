@@ -54,13 +54,16 @@ class TracedStepper:
         self._work[IS_VELOCITY] = laws.velocities
         self._work[FLOOR] = self._work[SHARE_OF_WAY] = 1.0
         self.small = small
-        self._chosen = len(getattr(laws, "changing", ()))
-        self._inputs = np.zeros(1)
+        self._carried = laws.carried
+        self._kept = np.array(laws.inputs.kept(laws.system), dtype=int)
+        """places of the inputs that laws keep from step to step."""
+        self._inputs = np.zeros(0)
         self._rooms: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
-    def start(self, t: float, y: Any, system: Any, h: float = 0.0) -> None:
-        """A new grid of steps at (t, y); h: step to try first, 0 for none [s]."""
+    def start(self, t: float, y: Any, system: Any, h: float = 0.0, *, fresh: bool = True) -> None:
+        """A new grid of steps at (t, y); h: step to try first, 0 for none [s]; fresh: what laws
+        keep from step to step begins anew, too."""
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
@@ -70,26 +73,43 @@ class TracedStepper:
             )
         self._clock[:] = (t, t, t, h)
         self._count[:] = 0
-        self.change(system, t)
-        if self._chosen:
-            self._inputs[-1 - self._chosen : -1] = self.laws.inputs.chosen
+        kept = None if fresh else self.kept
+        self._inputs[:] = self._values(system, t)
+        if kept is not None:
+            self.kept = kept
+        if self._carried:
             self._choose(t, y)
 
+    @property
+    def kept(self) -> Array:
+        """What laws keep from step to step."""
+        return self._inputs[self._kept]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._inputs[self._kept] = values
+
     def _choose(self, t: float, y: Array) -> None:
-        """Choose lines for the first step as the loop does for those that follow."""
-        found = np.zeros((1, self._chosen + 2))
+        """Find the inputs of the first step as the loop does for those that follow."""
+        found = np.zeros((1, self._carried + 2))
         evaluate_rows(self.laws.choice, np.array([t]), y[None], self._inputs, found)
-        self._inputs[-1 - self._chosen : -1] = found[0, : self._chosen]
+        self._inputs[-1 - self._carried : -1] = found[0, : self._carried]
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
-        """Take the inputs of the laws from the system at t; lines stay chosen as they are."""
+        """Take the inputs of the laws from the system at t; what is kept from step to step stays,
+        and so do the lines that are chosen."""
+        lines = len(getattr(self.laws, "changing", ()))
+        kept, chosen = self.kept, self._inputs[-1 - lines : -1].copy()
+        self._inputs[:] = self._values(system, t, onwards)
+        self.kept, self._inputs[-1 - lines : -1] = kept, chosen
+
+    def _values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
+        """The inputs for the steps from t on, or for the instant t alone, and a step's length."""
         values = [*self.laws.inputs.values(system, t, onwards), 0.0]
         if len(values) != len(self._inputs):
             self._inputs = np.zeros(len(values))
             self._calls.clear()  # they have the address
-        if self._chosen:
-            values[-1 - self._chosen : -1] = self._inputs[-1 - self._chosen : -1]
-        self._inputs[:] = values
+        return values
 
     def keep(self) -> Kept:
         """A record from which `back_to` carries on from here again, to the last bit."""
@@ -173,7 +193,7 @@ class TracedStepper:
         called: Any = [*map(reference, (*used, *series)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
-        settings = np.array([*setting, self.length, float(laws.splines), float(self._chosen)])
+        settings = np.array([*setting, self.length, float(laws.splines), float(self._carried)])
         state = self._clock, self._count, self._state, self._inputs, self._work
         arrays = called, settings, sizes, *state, table
         width = laws.width if sampling else 0
@@ -186,7 +206,8 @@ class TracedStepper:
     def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
         """The setting for variables other than coordinates, whose sizes nobody knows."""
         assert self.small is not None
-        scaled = setting[place.TOLERANCE] * float(self.small.floors.min())
+        tolerance = setting[place.TOLERANCE]
+        scaled = tolerance * float(self.small.within(tolerance).min())
         return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
@@ -273,6 +294,14 @@ class TracedMotion(Motion):
         return self._cut_before + self._stepper.cut
 
     @property
+    def kept(self) -> Array:
+        return self._stepper.kept
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._stepper.kept = values
+
+    @property
     def frontier(self) -> tuple[float, float]:
         begin, end = self._stepper.last_step
         return end, end - begin
@@ -332,7 +361,7 @@ class TracedMotion(Motion):
         self._steps_before += stepper.steps
         self._rejected_before += stepper.rejected
         self._cut_before += stepper.cut
-        stepper.start(self.time, stepper.y, self.system, h)
+        stepper.start(self.time, stepper.y, self.system, h, fresh=False)
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         record, method, done = self._stepper.record, self.method, 0
@@ -356,8 +385,8 @@ class TracedMotion(Motion):
         t, passed = self.frontier[1], MOST_ROUNDS * PIECE_STEPS
         return (
             f"one step has passed {passed} pieces of a guide by t = {t:.9g} s: step "
-            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()} on this "
-            "scene, or the body is that fast"
+            f"{self.method.step:g} s is too large for {type(self.method).__name__.lower()}, or the "
+            "body is too fast"
         )
 
     def _reached(self, times: Array, count: int) -> int:
@@ -368,9 +397,17 @@ class TracedMotion(Motion):
 
 
 def small_of(compiled: Compiled, method: Any) -> Small | None:
-    """The bodies that move by little from the scene's start; a fixed step needs none of it."""
-    if not getattr(method, "tolerance", 0.0) or compiled.layout.commanded or compiled.breakpoints:
+    """The bodies that move by little from the scene's start, and those whose absolute tolerance the
+    scene gives; a fixed step needs none of it."""
+    if not getattr(method, "tolerance", 0.0):
         return None
-    laws: Any = compiled.laws
-    inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
-    return small_motions(compiled.system, laws, np.array(compiled.y, dtype=float), inputs)
+    found, y = None, np.array(compiled.y, dtype=float)
+    if not (compiled.layout.commanded or compiled.breakpoints):
+        laws: Any = compiled.laws
+        inputs = np.array([*laws.inputs.values(compiled.system, 0.0), 0.0])
+        found = small_motions(compiled.system, laws, y, inputs)
+    if compiled.absolute:
+        found = found or Small(len(y))
+        each = np.array([value or 0.0 for value in compiled.absolute])
+        found.absolute[:] = np.repeat(each, len(y) // len(each))  # 13 of each, or those of one
+    return found

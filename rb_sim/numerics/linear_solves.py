@@ -193,23 +193,6 @@ def solve_semidefinite(A, b, x, L, order, n):
     return rank
 
 
-@inline
-def minimum_norm(A, x, rank):
-    """The solution of least |x| among those with the same A x, for A of the given rank."""
-    values, vectors = np.linalg.eigh(A)
-    n = x.shape[0]
-    kept = np.zeros(n)
-    for k in range(n - rank, n):
-        v = vectors[:, k]
-        share = 0.0
-        for i in range(n):
-            share += v[i] * x[i]
-        for i in range(n):
-            kept[i] += share * v[i]
-    for i in range(n):
-        x[i] = kept[i]
-
-
 # Small linear systems A x = b whose matrix is neither symmetric nor of full rank.
 #
 # Friction makes them: the reaction of a slipping contact is not along the line that it enforces.

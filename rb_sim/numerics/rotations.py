@@ -80,3 +80,37 @@ def angle_between(p: Array, q: Array) -> Array:
     """Its angle [rad], exact near 0 and near half a turn; shape (...)."""
     apart = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4.0 * np.arcsin(np.minimum(0.5 * apart, 1.0))
+
+
+def roll_pitch_yaw(quaternion: Array) -> Array:
+    """Angles about the fixed axes x, y, z, in that order [rad], shapes (..., 4) and (..., 3).
+
+    Where roll and yaw turn about the same axis, at a pitch of a quarter turn, all of it is yaw.
+    """
+    x, y, z, w = np.moveaxis(np.asarray(quaternion, dtype=float), -1, 0)
+    sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
+    alike = np.abs(sine) > 1.0 - 1e-12
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    pitch = np.where(alike, np.copysign(0.5 * np.pi, sine), np.arcsin(sine))
+    yaw = np.where(alike, -2.0 * np.sign(sine) * np.arctan2(x, w), yaw)
+    return np.stack([np.where(alike, 0.0, roll), pitch, yaw], axis=-1)
+
+
+def without_jumps(angles: Array, before: Array | None = None) -> Array:
+    """Roll, pitch and yaw over time [rad], shape (n, ..., 3), as angles that go on beyond a turn.
+
+    (roll + pi, pi - pitch, yaw + pi) is the same attitude: at each sample that of the two is taken
+    which is nearer to the sample before. before: the last angles so far, shape (..., 3).
+    """
+    if not len(angles):
+        return angles
+    first = angles[:1] if before is None else before[None]
+    rows = np.concatenate([first, angles])
+    other = np.stack([rows[..., 0] + np.pi, np.pi - rows[..., 1], rows[..., 2] + np.pi], axis=-1)
+    stays, turns = (
+        np.sum(np.abs(np.angle(np.exp(1j * (to[1:] - rows[:-1])))), axis=-1) for to in (rows, other)
+    )
+    turned = np.cumsum(turns < stays, axis=0) % 2 == 1
+    chosen = np.where(turned[..., None], other[1:], angles)
+    return np.unwrap(np.concatenate([first, chosen]), axis=0)[1:]

@@ -87,7 +87,7 @@ class Diagnostics:
             "real-time factor, measured": f"{measured:.4g}",
             **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
             "thread priority": str(self._watched.priority),
-            "slipped against the wall [s]": f"{self._watched.pacer.slipped:.6f}",
+            "behind the wall clock [s]": f"{self._watched.pacer.slipped:.6f}",
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
             **{f"warning, {finding.watch}": str(finding) for finding in self._found},
@@ -99,7 +99,7 @@ class Diagnostics:
             name = self._node.get_fully_qualified_name()
             self._node.get_logger().warning(
                 f"another node is called {name}: rename one (--ros-args -r __node:=NAME),"
-                " or what the two publish is mixed"
+                " or their messages are mixed"
             )
         self._twins = count
 
@@ -112,7 +112,7 @@ class Diagnostics:
         if count > self._clocks:
             self._node.get_logger().warning(
                 f"another node publishes {topic}: start all but one with publish_clock:=false,"
-                " or time jumps to and fro for all that use it"
+                " or the clock jumps for all that use it"
             )
         self._clocks = count
 

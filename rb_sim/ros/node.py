@@ -117,6 +117,8 @@ class SimulationLoop:
             node, settings.publish_depth, settings.skipped, settings.frame_prefix
         )
         extras = asked_for(node, settings)
+        found = (getattr(sink, "latest", None) for sink in (self._topics, *extras))
+        self._latest = [latest for latest in found if latest is not None]
         self._watches = WatchSink(simulation)
         self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
         self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
@@ -148,7 +150,7 @@ class SimulationLoop:
     def show(self) -> None:
         """Emit the initial state; from here on requests are taken."""
         self._stepper.emit()
-        self._presence.tell(self._state)
+        self._tell_state()
         self._services.serve(self)
 
     def run(self) -> None:
@@ -218,7 +220,7 @@ class SimulationLoop:
         self._stepper.reset()
         self._watches.reset()
         if self.failure:
-            self._node.get_logger().info("reset after an error: the simulation goes on")
+            self._node.get_logger().info("reset after an error: the simulation continues")
             self._pacer.restart(self.t, self._settings.real_time_factor)
         self.failure = ""
 
@@ -331,6 +333,8 @@ class SimulationLoop:
         self._serving.check()
         self._keep_to_the_clock()
         self.commands.collect()
+        for latest in self._latest:
+            latest.tick(stands=self._stands)
         if self._logs is None or not self._logs.tick():  # not both between the same two samples
             self._report()
 
@@ -340,8 +344,14 @@ class SimulationLoop:
             return "error"
         return "inactive" if self.inactive else "paused" if self.paused else "running"
 
-    def _report(self) -> None:
+    def _tell_state(self) -> None:
+        """Publish and record it, if it is a new one."""
         self._presence.tell(self._state)
+        if self._logs is not None:
+            self._logs.note_state(self._state)
+
+    def _report(self) -> None:
+        self._tell_state()
         factor = self._settings.real_time_factor
         self._diagnostics.tick(self._state, self.failure, real_time_factor=factor)
 

@@ -69,7 +69,7 @@ class Settings:
     )
     overrun: str = setting(
         "catch_up",
-        "what a sample that comes late leads to: the next ones hurry, or simulated time slips",
+        "after a late sample: catch_up runs faster, slip lets simulated time fall behind",
         choices=OVERRUN,
     )
     thread_priority: int = setting(
@@ -86,27 +86,27 @@ class Settings:
     )
     wrench_timeout: float = setting(
         0.0,
-        "simulated time that a commanded wrench holds [s]; 0: until the next command",
+        "simulated time after which a commanded wrench becomes zero [s]; 0: never",
         low=0,
         high=1e9,
         live=True,
     )
     max_force: float = setting(
-        0.0, "strongest force that is taken [N]; 0: any", low=0, high=1e300, live=True
+        0.0, "largest force accepted in a command [N]; 0: no limit", low=0, high=1e300, live=True
     )
     max_torque: float = setting(
-        0.0, "strongest torque that is taken [N m]; 0: any", low=0, high=1e300, live=True
+        0.0, "largest torque accepted in a command [N m]; 0: no limit", low=0, high=1e300, live=True
     )
     max_sample_steps: int = setting(
         1_000_000,
-        "steps of the method from one sample to the next; beyond it the node stops with an error",
+        "most integration steps between two samples; beyond it the node stops with an error",
         low=1,
         high=1_000_000_000_000,
         live=True,
     )
     max_sample_time: float = setting(
         10.0,
-        "wall time from one sample to the next [s]; beyond it the node stops with an error",
+        "most wall-clock time between two samples [s]; beyond it the node stops with an error",
         low=1e-3,
         high=1e9,
         live=True,
@@ -119,12 +119,12 @@ class Settings:
     )
     split_size: int = setting(
         0,
-        f"bytes after which the bag goes on in another file, at least {LEAST_SPLIT}; 0: never",
+        f"file size after which a new bag file starts [bytes], at least {LEAST_SPLIT}; 0: never",
         low=0,
         high=1_000_000_000_000_000,
     )
     split_duration: float = setting(
-        0.0, "time of the log after which it does [s]; 0: never", low=0, high=1e9
+        0.0, "time after which a new bag file starts [s]; 0: never", low=0, high=1e9
     )
     log_queue: int = setting(
         20_000,
@@ -145,7 +145,7 @@ class Settings:
     )
     odometry: bool = setting(False, "publish BODY/odometry (nav_msgs/Odometry)")
     joint_states: bool = setting(
-        False, "publish joint_states (sensor_msgs/JointState) of the fixed axes"
+        False, "publish joint_states (sensor_msgs/JointState) of axes and linear guides"
     )
     accelerations: bool = setting(
         False,
@@ -246,11 +246,10 @@ def warn_of_unknown(node: Node, those: Callable[[str], bool]) -> None:
     words = []
     for name in sorted(unknown):
         near = get_close_matches(name, known, 1)
-        words.append(f"{name} (is {near[0]} meant?)" if near else name)
+        words.append(f"{name} (did you mean {near[0]}?)" if near else name)
     if words:
         node.get_logger().warning(
-            f"parameters without effect, the node has none of this name: {', '.join(words)};"
-            " rb_sim_node --help lists all"
+            f"unknown parameters: {', '.join(words)}; rb_sim_node --help lists all"
         )
 
 

@@ -130,6 +130,7 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
         recorded(settings),
         settings.split,
         settings.accelerations,
+        settings.odometry,
     )
 
     def warn(line: str) -> None:

@@ -144,6 +144,7 @@ class Player:
         return not (self.paused or self._stop.cause)
 
     def _serve(self, timeout: float) -> None:
+        self._topics.latest.tick(stands=self.paused)
         now = time.monotonic()
         if timeout or now - self._served >= SERVE_PERIOD:
             self._served = now

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,8 @@ def compile_scene(
     project it, or if a kind or the method cannot be used as it stands.
     """
     compiled = compile_motion(scene, coordinates, place)
+    if absolute := absolute_tolerances(scene, compiled):
+        compiled = replace(compiled, absolute=absolute)
     name = scene.simulation.method
     method = methods.METHODS.get(name)  # none for auto
     if method is not None and not method.suits(compiled.system):
@@ -50,6 +53,19 @@ def compile_scene(
             file=scene.file,
         )
     return compiled
+
+
+def absolute_tolerances(scene: Scene, compiled: Compiled) -> tuple[float | None, ...]:
+    """Of the bodies, () where none is given. Raises SceneError in contact."""
+    given = tuple(body.absolute_tolerance for body in scene.bodies.values())
+    if not any(given):
+        return ()
+    for name, value in zip(scene.bodies, given, strict=True):
+        if value is not None and compiled.layout.contacts:
+            key = f"bodies.{name}.absolute_tolerance"
+            text = f"got {value:g}; must be left out in a scene with contacts"
+            raise SceneError(text, key=key, file=scene.file)
+    return given
 
 
 def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = None) -> Compiled:

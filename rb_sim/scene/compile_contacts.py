@@ -154,8 +154,8 @@ def check_contacts(
     if scene.simulation.project_initial:
         if not move_apart(system, y, laws, t):
             raise SceneError(
-                "contacts contradict each other or the constraints: no state near the initial one "
-                f"is without overlap ({deepest_name(system, names, laws)})",
+                "contacts contradict each other or the constraints: every state near the initial "
+                f"one has an overlap ({deepest_name(system, names, laws)})",
                 key="constraints",
                 file=scene.file,
             )
@@ -163,10 +163,16 @@ def check_contacts(
     for c, name in enumerate(names):
         gap = system.touch[c, GAP] / system.length
         if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
-            refuse_initial(scene, name, "the initial position", abs(float(gap)))
+            amount = abs(float(system.touch[c, GAP]))
+            string = scene.constraints[name.split("/")[0]].type == "string"
+            what = "stretch" if string else "overlap" if gap < 0.0 else "gap"
+            problem = f"{what} of {amount:.2g} m at the start"
+            refuse_initial(scene, name, problem)
         slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
-            refuse_initial(scene, name, "the initial velocity (it is perfectly rough)", slip)
+            amount = f"{slip * system.speed:.2g} m/s"
+            problem = f"the contact point of this rough contact slips at {amount} at the start"
+            refuse_initial(scene, name, problem)
 
 
 def refuse_middle(
@@ -181,8 +187,8 @@ def refuse_middle(
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
-                f"the center of mass of {body} is in the very middle of the round surface, where "
-                f"no point is the nearest; move bodies.{body}.position by a little",
+                f"the center of mass of {body} is at the centre of the round surface, where no "
+                f"point is nearest; change bodies.{body}.position slightly",
                 key=f"constraints.{name}",
                 file=scene.file,
             ) from None
@@ -421,6 +427,6 @@ def contact_scales(
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in states]
     speed = max([*speeds, (9.81 * length) ** 0.5])
     if not isfinite(length * length + speed * speed):
-        what = "lengths, speeds or spins are so large that their squares overflow"
+        what = "lengths, speeds or spins are too large: their squares overflow"
         raise SceneError(what, key="bodies", file=scene.file)
     return length, speed

@@ -102,6 +102,8 @@ class Compiled:
     """whether contacts that strike at once do so one after the other."""
     between: Between | None = None
     """pairs of bodies that touch without a constraint of their own; None where there are none."""
+    absolute: tuple[float | None, ...] = ()
+    """absolute tolerances of the bodies; () where none is given."""
 
     @property
     def reduced(self) -> bool:

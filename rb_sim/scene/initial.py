@@ -10,7 +10,15 @@ from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.mechanics.initial_projection import lines_matrix, relative, start_on_manifold
 from rb_sim.mechanics.samples import SampleLayout
-from rb_sim.mechanics.systems.many_bodies import BODY, INERTIA, MASS, PARENT, WIDTH, MultiBody
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    INERTIA,
+    MASS,
+    PARENT,
+    WIDTH,
+    MultiBody,
+    angles,
+)
 from rb_sim.mechanics.systems.multipliers import write_rows
 from rb_sim.numerics.rank import Ranked, null_space, ranked
 from rb_sim.scene.place import InitialPlace
@@ -162,6 +170,9 @@ def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> 
 MISFIT = 1e-6
 """Relative violation of a constraint up to which an initial state is taken as rounded."""
 
+UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s")}
+"""Of what a start violates: of a length, of an angle."""
+
 ON_MANIFOLD = 1e-9
 """Relative violation above which constraints that were to be satisfied contradict each other."""
 
@@ -171,16 +182,16 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     if scene.simulation.project_initial:
         return
     name = next(iter(scene.bodies))
-    size, what = misfit(place.state(name), reduced.state, reduced.length)
+    size, what, amount = misfit(place.state(name), reduced.state, reduced.length)
     if size > MISFIT:
         joint = next(k for k, s in scene.constraints.items() if s.type != "free")
-        refuse_initial(scene, joint, f"the initial {what} of {name}", size)
+        refuse_initial(scene, joint, f"the initial {what} of {name} violates it by {amount}")
 
 
-def refuse_initial(scene: Scene, constraint: str, what: str, size: float) -> None:
+def refuse_initial(scene: Scene, constraint: str, problem: str) -> None:
+    """Raise SceneError: the start violates a constraint. problem: what does, and by how much."""
     raise SceneError(
-        f"{what} violates it by {size:.2g} (relative to the scene's size; at most {MISFIT:g} is "
-        "allowed); correct it or set simulation.project_initial: true",
+        f"{problem} (must be 0); correct it or set simulation.project_initial: true",
         key=f"constraints.{constraint}",
         file=scene.file,
     )
@@ -202,13 +213,17 @@ def check_maximal(
         with np.errstate(all="ignore"):  # what does not stay finite is refused below
             before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
-        refuse_lines(scene, "have no direction there: points that must be apart coincide")
+        refuse_lines(scene, "have no direction: points that must be apart coincide")
     lines = before.shape[1]
-    misfits = zip(("position", "velocity"), relative(system, before, *scales), strict=True)
-    for what, error in misfits if lines and not scene.simulation.project_initial else ():
+    checked = not scene.simulation.project_initial and lines > 0
+    misfits = zip(UNITS, before, relative(system, before, *scales), strict=True)
+    for what, amounts, error in misfits if checked else ():
         if error.max() > MISFIT:
-            owner = owners[part_of(system, int(error.argmax()))]
-            refuse_initial(scene, owner, f"the initial {what}", float(error.max()))
+            line = int(error.argmax())
+            turns = angles([constraint.row for constraint in system.constraints])[line]
+            amount = f"{amounts[line]:.2g} {UNITS[what][turns]}"
+            problem = f"the initial {what} violates it by {amount}"
+            refuse_initial(scene, owners[part_of(system, line)], problem)
     if not (relative(system, after, system.length, system.speed) <= ON_MANIFOLD).all():  # nor NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
@@ -220,17 +235,16 @@ def check_maximal(
             hidden = hidden_by_masses(system, t, y) if isinstance(system, MultiBody) else ()
             singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     except np.linalg.LinAlgError:
-        refuse_lines(scene, "overflow there: lengths or masses are too large, or too small")
+        refuse_lines(scene, "overflow: lengths or masses are too large or too small")
     if len(hidden):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
         refuse_masses(scene, ", ".join(found))
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(
-            f"the lines of {', '.join(found)} depend on each other in the initial position only (a "
-            "dead centre, or bearings too close to tell apart), where accelerations and reactions "
-            "are not determined; start beside it, set bearings further apart, or leave one of them "
-            "out",
+            f"singular initial position: {', '.join(found)} lose rank there (a dead centre, or "
+            "bearings too close together), so that accelerations and reactions are not unique; "
+            "start in another position, move bearings apart, or remove one of these constraints",
             key="constraints",
             file=scene.file,
         )
@@ -239,16 +253,16 @@ def check_maximal(
 
 def refuse_lines(scene: Scene, why: str) -> NoReturn:
     raise SceneError(
-        f"their lines in the initial position {why}", key="constraints", file=scene.file
+        f"their equations in the initial position {why}", key="constraints", file=scene.file
     )
 
 
 def refuse_masses(scene: Scene, constraints: str) -> None:
     masses = [body.mass for body in scene.bodies.values()]
     raise SceneError(
-        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg hang on each other by "
-        f"{constraints}: doubles cannot tell its lines from dependent ones; give the light body "
-        "more mass (a ratio up to some 1e10 runs), or leave it out",
+        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg connected by {constraints} "
+        "differ too much for double precision; give the light body more mass (ratios up to about "
+        "1e10 run), or remove it",
         key="constraints",
         file=scene.file,
     )

@@ -17,6 +17,9 @@ from rb_sim.scene.errors_text import scene_error
 SHARE = Path("share", "rb_sim", "config")
 """Where setup.py installs the scenes, below the prefix."""
 
+STATICS = "statics"
+"""Folder of the scenes of bodies at rest, among the shipped ones."""
+
 
 class ListedScene(NamedTuple):
     """One line of `rb_sim scenes`."""
@@ -61,6 +64,17 @@ def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScen
     return [ListedScene(path.stem, path, text) for path, text in listed if text is not None]
 
 
+def statics_folder() -> Path | None:
+    """Where the shipped scenes of bodies at rest are; None if they were not installed."""
+    return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
+
+
+def shipped_statics() -> dict[str, Path]:
+    """The shipped scenes of bodies at rest, by name."""
+    folder = statics_folder()
+    return {} if folder is None else {file.stem: file for file in sorted(folder.glob("*.yaml"))}
+
+
 def find_scene(name_or_path: str | PathLike[str]) -> Path:
     """Path of a scene given by its file, or by the bare name of a shipped scene.
 
@@ -70,11 +84,12 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
     if path.is_file():
         return path
     shipped = {scene.name: scene.path for scene in list_scenes()}
-    if str(name_or_path) in shipped:
-        return shipped[str(name_or_path)]
+    known = shipped_statics() | shipped
+    if str(name_or_path) in known:
+        return known[str(name_or_path)]
     what = "is a folder" if path.is_dir() else "does not exist"
     names = one_of(path.stem, shipped)
-    message = f"{what}; a scene must be a YAML file or, of those that come with rb_sim, {names}"
+    message = f"{what}; a scene must be a YAML file or the name of a shipped scene: {names}"
     raise scene_error(message, (), str(name_or_path))
 
 

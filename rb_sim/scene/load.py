@@ -19,13 +19,23 @@ from rb_sim.catalogue.spec import one_of
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
-from rb_sim.scene.schema import FIXED_STEP_METHODS, TOLERANCE_METHODS, Scene, SimulationOptions
+from rb_sim.scene.schema import (
+    FIXED_STEP_METHODS,
+    TOLERANCE_METHODS,
+    Body,
+    Scene,
+    SimulationOptions,
+    StaticsScene,
+)
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
 
 
 SHOWN = 12
 """Names that one line lists."""
+
+DENSEST = 3e5
+"""Density [kg/m^3] beyond which a mass is taken for grams: osmium has 2.3e4, water in grams 1e6."""
 
 FAR_FROM_UNIT = 1e-2
 """Of the length of a quaternion: two digits of each component leave less."""
@@ -40,6 +50,9 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
             yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
+        yield from _grams(name, scene.bodies[name])
+    if scene.at_rest:
+        return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
     if others := [f"{name} -> {to}" for name, to in called.items() if name != to]:
         more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
@@ -47,7 +60,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
     if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
         yield (
-            "nothing moves: the scene has no effects, and no body a velocity; for weight give "
+            "nothing moves: the scene has no effects and no body has a velocity; for gravity add "
             "effects: {weight: {type: gravity}}"
         )
 
@@ -55,13 +68,13 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
 def _quaternion(key: str, q: list[float]) -> Iterator[str]:
     if q == [1.0, 0.0, 0.0, 0.0]:
         yield (
-            f"{key}: [1, 0, 0, 0] is half a turn about x, as the order is [x, y, z, w]; for no "
-            "turn leave it out, for half a turn write {axis: [1, 0, 0], angle: 3.141592653589793}"
+            f"{key}: [1, 0, 0, 0] is half a turn about x, since the order is [x, y, z, w]; for no "
+            "rotation use [0, 0, 0, 1], for half a turn {axis: [1, 0, 0], angle: 180 deg}"
         )
     elif abs(math.hypot(*q) - 1.0) > FAR_FROM_UNIT:
         yield (
-            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for roll, "
-            "pitch, yaw or degrees write {axis: [x, y, z], angle: radians}"
+            f"{key}: the quaternion has length {math.hypot(*q):.4g} and is scaled to 1; for an "
+            "angle about an axis use {axis: [x, y, z], angle: 30 deg}"
         )
 
 
@@ -69,8 +82,19 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
     """A whole number beyond half a turn: as radians nobody writes it, as degrees many do."""
     if isinstance(angle, (int, float)) and abs(angle) > math.pi and angle == round(angle):
         yield (
-            f"{key}: {angle:g} is in radians, {math.degrees(angle):.4g} degrees; for {angle:g} "
-            f"degrees write {angle:g} deg, for radians {angle:g} rad"
+            f"{key}: {angle:g} is in radians ({math.degrees(angle):.4g} degrees); use "
+            f"{angle:g} deg "
+            f"for degrees, or {angle:g} rad to confirm radians"
+        )
+
+
+def _grams(name: str, body: Body) -> Iterator[str]:
+    """A mass of more than any solid has in the ball around the body's shape."""
+    reach = 0.0 if body.shape is None else body.shape.reach
+    if reach > 0.0 and body.mass > DENSEST * 4.0 / 3.0 * math.pi * reach**3:
+        yield (
+            f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
+            f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
         )
 
 
@@ -105,6 +129,30 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
     text = yaml_reader.read_text(path)
     data = yaml_reader.parse(text, str(path))
     return _build(data, text, path.stem, str(path), overrides)
+
+
+def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
+    """As `load_scene`, of bodies that stand: they need neither mass nor inertia."""
+    if isinstance(source, Mapping):
+        plain = _plain(source, IN_MEMORY)
+        text = partial(yaml_reader.write, plain)
+        scene = _build(plain, text, "statics", IN_MEMORY, {}, kind=StaticsScene)
+    else:
+        path = _path_of(source)
+        text = yaml_reader.read_text(path)
+        data = yaml_reader.parse(text, str(path))
+        scene = _build(data, text, path.stem, str(path), {}, kind=StaticsScene)
+    assert isinstance(scene, StaticsScene)
+    return scene
+
+
+def is_statics(path: Path) -> bool:
+    """Whether a file is of bodies at rest: it has supports or loads.
+
+    Raises SceneError if it is no YAML file.
+    """
+    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
 
 
 def _path_of(source: str | PathLike[str]) -> Path:
@@ -166,11 +214,12 @@ def _build(
     file: str,
     overrides: Mapping[str, Any],
     by_hand: bool = True,
+    kind: type[Scene] = Scene,
 ) -> Scene:
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
-    scene = validated(Scene, data, file).from_source(name, file, text)
+    scene = validated(kind, data, file).from_source(name, file, text)
     for line in habits(data, scene) if by_hand else ():
         warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}

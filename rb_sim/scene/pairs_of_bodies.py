@@ -85,10 +85,10 @@ class Between:
             names = {self.names[i] for i in members}
             between = self._specs[group].between
             if len(members) < 2 or (between != "all" and set(between or ()) != names):
-                what = "body cannot be given beside between; leave body out"
+                what = "body cannot be combined with between; omit body"
                 raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
             if shapeless := [name for name in names if self._place.shape(name) is None]:
-                what = f"{min(shapeless)} has no shape; every body that between names needs one"
+                what = f"{min(shapeless)} has no shape; every body in between needs one"
                 raise SceneError(what, key=f"constraints.{group}.between", file=self.scene.file)
             examples: dict[Any, list[int]] = {}
             for i in members:
@@ -103,7 +103,9 @@ class Between:
         for group, members in self.groups.items():
             for other, others in self.groups.items():
                 if group < other and len(members.keys() & others.keys()) > 1:
-                    what = f"two of its bodies are in {other} as well; one contact between two"
+                    what = (
+                        f"two of its bodies are also in {other}; a pair of bodies takes one contact"
+                    )
                     raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
 
     def rows_of(self, group: str, pair: Pair) -> PairRows:
@@ -117,8 +119,8 @@ class Between:
         refused, kinds = "", [self._place.shape(self.names[i]).type for i in pair]
         if not touches_everywhere(kinds):
             refused = (
-                "between takes spheres with every shape and boxes with boxes; leave one out, "
-                "or give this pair a contact of its own, with points"
+                "between supports spheres with every shape and boxes with boxes; remove one, or "
+                "give this pair its own contact with points"
             )
         for swapped in () if refused else (False, True):
             first, second = (self.names[i] for i in (reversed(pair) if swapped else pair))

@@ -87,7 +87,7 @@ class InitialPlace:
         return vector(point) if body is None else sub(vector(point), self.inertials[body].r_OC)
 
     def partner_point(
-        self, parent: str | None, point: Vec3 | None, body: str, point_B: Vec3
+        self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
         if point is not None:
             return self.from_com(parent, point)
@@ -95,7 +95,9 @@ class InitialPlace:
         world = add(B.p_WC, rotate(B.q_WB, self.from_com(body, point_B)))
         return unrotate(A.q_WB, sub(world, A.p_WC))
 
-    def partner_axis(self, parent: str | None, axis: Vec3 | None, body: str, axis_B: Vec3) -> Vec3:
+    def partner_axis(
+        self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
+    ) -> Vec3:
         if axis is not None:
             return vector(axis)
         return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))

@@ -274,17 +274,19 @@ AT_REST = 1e-9
 of pi moves by 1e-16 m/s, of which a misfit of 1e-6 is rounding."""
 
 
-def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str]:
-    """(largest difference relative to the state's scale, what differs)."""
+def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str, str]:
+    """The largest difference: relative to the state's scale, what differs, how much in SI units."""
     turn = abs(sum(a * b for a, b in zip(given.q_WB, admissible.q_WB, strict=True)))
     arm = max(length, 1e-12)
     speed = norm(given.v_WC) + arm * norm(given.w_WB_B)
     speed = max(speed, AT_REST * math.sqrt(9.81 * arm))
+    angle = 2.0 * math.acos(min(1.0, turn)) if turn < 1.0 - 1e-15 else 0.0
     differences = {
-        "position": norm(sub(given.p_WC, admissible.p_WC)) / arm,
-        "orientation": 2.0 * math.acos(min(1.0, turn)) if turn < 1.0 - 1e-15 else 0.0,
-        "linear_velocity": norm(sub(given.v_WC, admissible.v_WC)) / speed,
-        "angular_velocity": arm * norm(sub(given.w_WB_B, admissible.w_WB_B)) / speed,
+        "position": (norm(sub(given.p_WC, admissible.p_WC)), arm, "m"),
+        "orientation": (angle, 1.0, "rad"),
+        "linear_velocity": (norm(sub(given.v_WC, admissible.v_WC)), speed, "m/s"),
+        "angular_velocity": (norm(sub(given.w_WB_B, admissible.w_WB_B)), speed / arm, "rad/s"),
     }
-    what = max(differences, key=lambda key: differences[key])
-    return differences[what], what
+    what = max(differences, key=lambda key: differences[key][0] / differences[key][1])
+    size, scale, unit = differences[what]
+    return size / scale, what, f"{size:.2g} {unit}"

@@ -119,9 +119,11 @@ def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
         if field.startswith("r_")
     ]
     gyration = [
-        (max(b.inertia[:3]) / b.mass) ** 0.5 for b in (place.inertial(name) for name in names)
+        (max(b.inertia[:3]) / b.mass) ** 0.5
+        for b in (place.inertial(name) for name in names)
+        if b.mass > 0.0  # of a body at rest it may be left out
     ]
-    length = max([norm(p) for p in points] + gyration)
+    length = max([norm(p) for p in points] + gyration, default=0.0)
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
     return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))
 

@@ -8,7 +8,7 @@ what they refuse into one line.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
@@ -27,6 +27,7 @@ from pydantic_core import PydanticCustomError
 from rb_sim.base.names import clashes
 from rb_sim.catalogue.spec import (
     Name,
+    NonNegative,
     Positive,
     Spec,
     State3,
@@ -86,6 +87,9 @@ class Body(Spec):
     """of O, world [m/s]."""
     angular_velocity: State3 = (0.0, 0.0, 0.0)
     """body axes [rad/s]."""
+    absolute_tolerance: Positive | None = None
+    """error of a step that is allowed however small the motion, beside the tolerance times its
+    coordinates [m, m/s; of the quaternion 1; rad/s]; None: found from the motion."""
 
     @property
     def inertia(self) -> np.ndarray:
@@ -104,12 +108,12 @@ class Body(Spec):
         if self.given_inertia is not None:
             return self
         if self.shape is None:
-            raise refuse_at((("inertia",), None, refuse("given, or a shape to derive it from")))
+            raise refuse_at((("inertia",), None, refuse("given unless the body has a shape")))
         centre, com = np.array(self.shape.center_B), np.array(self.center_of_mass)
         if np.abs(centre - com).max() > SAME_POINT * self.shape.reach:
             allowed = refuse(
-                f"the shape's centre {list(self.shape.center_B)} where its uniform density gives "
-                "the inertia (set center_B or give inertia)"
+                f"the centre of the shape, {list(self.shape.center_B)}; set shape.center_B: "
+                f"{list(self.center_of_mass)}, or give inertia"
             )
             raise refuse_at((("center_of_mass",), list(self.center_of_mass), allowed))
         try:
@@ -162,19 +166,20 @@ class SimulationOptions(Spec):
     def _step_or_tolerance(self) -> SimulationOptions:
         step, tolerance, method = self.step, self.tolerance, self.method
         if step is not None and tolerance is not None:
-            problem = "step", step, "left out where tolerance is given: a step is fixed or adaptive"
+            problem = "step", step, "omitted if tolerance is given"
         elif tolerance is not None and method in FIXED_STEP_METHODS:
             adaptive = f"{', '.join(ADAPTIVE_METHODS[:-1])} or {ADAPTIVE_METHODS[-1]}"
             allowed = (
-                f"left out for method {method}: it takes a fixed step (give step, or {adaptive})"
+                f"omitted for method {method}, which has a fixed step (give step, or use "
+                f"{adaptive})"
             )
             problem = "tolerance", tolerance, allowed
         elif method in TOLERANCE_METHODS and step is not None:
-            problem = "step", step, f"left out for method {method}, which needs a tolerance"
+            problem = "step", step, f"omitted for method {method}, which needs a tolerance"
         elif method == "auto" and tolerance is None:
             problem = "tolerance", None, "given for method auto: a number > 0"
         elif method != "auto" and tolerance is not None and tolerance < SMALLEST_TOLERANCE:
-            allowed = f"at least {SMALLEST_TOLERANCE:g}: doubles resolve no smaller share"
+            allowed = f"at least {SMALLEST_TOLERANCE:g} (double precision)"
             problem = "tolerance", tolerance, allowed
         elif method == "time_stepping" and self.impacts != "together":
             problem = "impacts", self.impacts, "together for method time_stepping"
@@ -203,6 +208,13 @@ def constraint_specs() -> Mapping[str, type[Spec]]:
     return constraints.SPECS
 
 
+def support_specs() -> Mapping[str, type[Spec]]:
+    """The short forms of supports by type name."""
+    from rb_sim.catalogue.constraints import supports
+
+    return supports.SUPPORTS
+
+
 def effect_specs() -> Mapping[str, type[Spec]]:
     """The effect kinds by type name."""
     from rb_sim.catalogue import effects
@@ -221,16 +233,33 @@ else:
     EffectSpec = Annotated[
         SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(effect_specs(), value))
     ]
+SupportSpec = Annotated[
+    SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(support_specs(), value))
+]
+
+
+SECTIONS = ("constraints", "effects", "supports", "loads")
+"""Of a scene: what acts on its bodies."""
 
 
 class Scene(Spec):
-    """A whole scene, checked. `name`, `file` and `text` say where it came from."""
+    """A whole scene, checked. `name`, `file` and `text` say where it came from.
+
+    What the short form lists, `supports` and `loads`, is in `constraints` and `effects`.
+    """
 
     description: Annotated[str, AfterValidator(lambda text: " ".join(text.split()))] = ""
     bodies: Annotated[dict[BodyName, Body], BeforeValidator(_some_body)]
     constraints: dict[Name, ConstraintSpec] = Field(default_factory=dict)
     effects: dict[Name, EffectSpec] = Field(default_factory=dict)
+    supports: dict[Name, SupportSpec] = Field(default_factory=dict, exclude=True)
+    """constraints in the short form."""
+    loads: dict[Name, EffectSpec] = Field(default_factory=dict, exclude=True)
+    """effects."""
     simulation: SimulationOptions = SimulationOptions()
+
+    at_rest: ClassVar[bool] = False
+    """whether bodies need neither mass nor inertia, since none moves."""
 
     _name: str = PrivateAttr(default="scene")
     _file: str = PrivateAttr(default="<scene>")
@@ -265,7 +294,7 @@ class Scene(Spec):
     def _empty_sections(cls, data: Any) -> Any:
         """A heading with nothing below it (null in YAML) says nothing."""
         if isinstance(data, Mapping):
-            optional = ("description", "constraints", "effects", "simulation")
+            optional = ("description", "simulation", *SECTIONS)
             data = {k: v for k, v in data.items() if v is not None or k not in optional}
             return {**data, **_each_body(data)}
         return data
@@ -274,7 +303,7 @@ class Scene(Spec):
     def _names_differ_in_ros(self) -> Scene:
         """Refuse two bodies, or constraints, whose topics would be called the same."""
         problems: list[Any] = []
-        for section, taken in (("bodies", "world"), ("constraints", "")):
+        for section, taken in (("bodies", "world"), ("constraints", ""), ("supports", "")):
             for name, other, called in clashes(getattr(self, section), taken):
                 allowed = refuse(f"another name: topics call both {other} and {name} {called}")
                 problems.append(((section, name), name, allowed))
@@ -286,7 +315,7 @@ class Scene(Spec):
     def _bodies_exist(self) -> Scene:
         """Refuse constraints and effects on bodies that do not exist or on one body twice."""
         problems: list[Any] = []
-        for section in ("constraints", "effects"):
+        for section in SECTIONS:
             for name, spec in getattr(self, section).items():
                 problems += [
                     ((section, name, *path), value, error)
@@ -295,6 +324,73 @@ class Scene(Spec):
         if problems:
             raise refuse_at(*problems)
         return self
+
+    @model_validator(mode="after")
+    def _written_out(self) -> Scene:
+        """Put supports among the constraints and loads among the effects."""
+        for short, long in (("supports", "constraints"), ("loads", "effects")):
+            given = getattr(self, short)
+            if twice := [name for name in given if name in getattr(self, long)]:
+                allowed = refuse(f"another name: {long} have one called {twice[0]}")
+                raise refuse_at(((short, twice[0]), twice[0], allowed))
+        if not self.supports and not self.loads:
+            return self
+        made = {name: self._support(name, spec) for name, spec in self.supports.items()}
+        finished = {
+            "constraints": {**self.constraints, **made},
+            "effects": {**self.effects, **self.loads},
+            "supports": {},
+            "loads": {},
+        }
+        for section, entries in finished.items():
+            object.__setattr__(self, section, entries)  # frozen once it is validated
+        return self
+
+    def _support(self, name: str, spec: Any) -> Any:
+        """The constraint that a support is."""
+        from rb_sim.catalogue.constraints.supports import PointContact, Pose
+
+        if not isinstance(spec, PointContact):
+            return spec
+        key = "supports", name
+        if spec.normal_B is not None and not self.at_rest:
+            allowed = refuse(
+                "left out for bodies that move: an edge has no normal of its own; for their "
+                "reactions at rest: rb_sim statics"
+            )
+            raise refuse_at(((*key, "normal_B"), list(spec.normal_B), allowed))
+        poses = {n: Pose(b.position, b.orientation, b.shape) for n, b in self.bodies.items()}
+        try:
+            return spec.written_out(poses[spec.body], poses.get(spec.parent or "", Pose()))
+        except ValidationError as error:
+            detail: dict[str, Any] = {**error.errors(include_url=False)[0]}
+            allowed = refuse(detail["ctx"]["allowed"])
+            raise refuse_at(((*key, *detail["loc"]), detail["input"], allowed)) from None
+
+
+class BodyAtRest(Body):
+    """A rigid body that stands: mass and inertia are as good as none where they are left out."""
+
+    mass: NonNegative = 0.0  # type: ignore[assignment]
+    """[kg]; 0 is a body whose weight does not count."""
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """As of a body that moves; zero where nothing gives it."""
+        return np.zeros((3, 3)) if self.given_inertia is self.shape is None else super().inertia
+
+    @model_validator(mode="after")
+    def _has_inertia(self) -> BodyAtRest:
+        """Nothing to refuse."""
+        return self
+
+
+class StaticsScene(Scene):
+    """A scene whose bodies stand."""
+
+    bodies: Annotated[dict[BodyName, BodyAtRest], BeforeValidator(_some_body)]  # type: ignore[assignment]
+
+    at_rest: ClassVar[bool] = True
 
 
 def _each_body(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -338,7 +434,7 @@ def _spread(
 ) -> dict[str, Any]:
     """One contact per body, or one that cannot be, under its own name."""
     if value.get("between") == "all" and len(names) < 2:
-        allowed = refuse("left out where less than two bodies have a shape")
+        allowed = refuse("omitted unless two bodies have a shape")
         raise refuse_at((("constraints", name, "between"), "all", allowed))
     first = {**value, "body": next(iter([*names, *bodies]), "all")}
     if not set(names) <= set(bodies):
@@ -355,7 +451,7 @@ def _bad_references(spec: Spec, bodies: Mapping[str, Body]) -> list[Any]:
     found: list[Any] = []
     for path, name in spec.body_references():
         if name not in bodies:
-            hint = "; leave parent out for the world" if path == ("parent",) else ""
+            hint = "; omit parent for the world" if path == ("parent",) else ""
             found.append((path, name, refuse(f"a body of the scene: {one_of(name, bodies)}{hint}")))
         elif path == ("parent",) and name == getattr(spec, "body", None):
             found.append((path, name, refuse("another body than the constrained one")))

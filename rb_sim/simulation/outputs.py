@@ -43,6 +43,14 @@ class Output:
             self._sink.write(block)
         except (OSError, RbSimError) as error:
             self.lost += len(block)
+            self._fail(error, f"; the run continues without {self.path.name}")
+
+    def note_state(self, state: str) -> None:
+        """Record the state of the node in a bag."""
+        try:
+            if not self.failure:
+                self._sink.note_state(state)  # type: ignore[attr-defined]  # bags have it
+        except OSError as error:
             self._fail(error, f"; the run goes on without {self.path.name}")
 
     def leave_out(self, reason: str) -> None:
@@ -137,10 +145,10 @@ def refuse_logs(folder: Path, what: str, instead: str) -> None:
     try:
         there = folder_logs(folder)
     except OSError as error:  # a name of 300 characters, say
-        raise RbSimError(f"{what}: {folder}: cannot be looked into: {error.strerror}") from None
+        raise RbSimError(f"{what}: {folder}: cannot be read: {error.strerror}") from None
     if there:
         raise RbSimError(
-            f"{what}: {folder} has {', '.join(there)} already: name another folder, {instead}"
+            f"{what}: {folder} has {', '.join(there)} already; use another folder, {instead}"
         )
 
 

@@ -16,8 +16,7 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.contacts.touching import Touching
 from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.scene.place import InitialPlace, quaternion, vector
-from rb_sim.statics.equilibrium import Equilibrium, poles_of, put_together
-from rb_sim.statics.model import Array, Element
+from rb_sim.statics.equilibrium import Array, Element, Equilibrium, poles_of, put_together
 from rb_sim.statics.of_scene import Standing, joint_elements, still, touching_elements
 from rb_sim.statics.result import ReactionRange
 from rb_sim.statics.solve import solved

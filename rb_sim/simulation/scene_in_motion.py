@@ -44,7 +44,7 @@ from rb_sim.trajectory.states import State
 from rb_sim.trajectory.trajectory import Trajectory, method_text
 
 if TYPE_CHECKING:
-    from rb_sim.contact.events.shares import LeftOpen
+    from rb_sim.contact.grid_motion import LeftOpen
 
 
 # Says that machine code is being made, which takes seconds, once for each simulation.
@@ -60,7 +60,7 @@ def tell(line: str) -> None:
 
 def compiling(name: str) -> str:
     """The line about a scene."""
-    return f"compiling {name} (first use, some seconds; later starts take it from the cache)"
+    return f"compiling {name} (first use only; takes some seconds, later runs use the cache)"
 
 
 class Announced:
@@ -172,7 +172,7 @@ class InSteps:
     @property
     def left_open(self) -> LeftOpen | None:
         """The widest choice that the laws of contact left: how far two motions that both obey them
-        are apart, when, and where; None of what has no events."""
+        are apart, when, and where; None of what has no contacts."""
         return self._motion.left_open
 
     @property

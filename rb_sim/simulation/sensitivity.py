@@ -90,6 +90,10 @@ class TangentInputs:
     def __init__(self, inputs: Inputs, directions: Sequence[Weighted]) -> None:
         self._inputs, self._directions = inputs, directions
 
+    def kept(self, system: Any) -> list[int]:
+        """Places of what is kept from step to step, but for derivatives."""
+        return self._inputs.kept(system)
+
     def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
         """The inputs for the steps from t on, or for the instant t alone; then their derivatives.
 
@@ -126,7 +130,7 @@ class TangentLaws:
         self._own = own
         copies = 1 + len(directions)
         self.n, self.width = copies * own.n, copies * own.width
-        self.velocities = copies * own.velocities
+        self.velocities, self.carried = copies * own.velocities, copies * own.carried
         self.inputs = TangentInputs(own.inputs, directions)
 
     def __getattr__(self, name: str) -> Any:

@@ -12,11 +12,12 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.checks.check_list import Watched
-from rb_sim.checks.continuation import dead_end, rows_again, rows_ahead
+from rb_sim.checks.continuation import dead_end, rows_ahead
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.step_doubling import Coarseness, StepProbe
+from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
+from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.instants import (
     SAME_INSTANT,
@@ -81,25 +82,21 @@ class Simulation(SceneInMotion):
 
     def _start_anew(self) -> None:
         super()._start_anew()
-        self._probe: StepProbe | None = None
+        self._doubling: StepDoubling | None = None
 
     @property
-    def coarseness(self) -> Coarseness:
+    def local_error(self) -> LocalError:
         """How much of the motion a fixed step misses, from some steps taken beside the run now and
         then; nothing of an adaptive method."""
-        if self._probe is None or self._probe.run is not self._motion:
-            self._probe = StepProbe(self.scene, self._motion)
-        return self._probe.look()
+        if self._doubling is None or self._doubling.run is not self._motion:
+            self._doubling = StepDoubling(self.scene, self._motion)
+        return self._doubling.look()
 
-    def ahead(self, span: float, count: int, faster: float = 0.0) -> SampleBlock | None:
+    def ahead(self, span: float, count: int) -> SampleBlock | None:
         """The motion as it will go on for `span` [s], in count + 1 samples (see `rows_ahead`)."""
         times = self.time + span * np.arange(count + 1) / count
-        rows = rows_ahead(self._motion, times, faster)
+        rows = rows_ahead(self._motion, times)
         return None if rows is None else self._block(times, rows)
-
-    def again(self, count: int) -> SampleBlock | None:
-        """The motion after each of its first `count` steps once more (see `rows_again`)."""
-        return self._block(*found) if (found := rows_again(self._motion, count)) else None
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """The linear model of small deviations from the motion, about the present state.
@@ -119,6 +116,7 @@ class Simulation(SceneInMotion):
         check_smooth(self.layout)
         compiled = compile_scene(self.scene, coordinates="maximal")
         system = self._commands.in_law(compiled.system, compiled.commands)
+        system = with_kept(system, self._motion.kept.tolist())
         block = self.sample().block
         columns = (
             block.position,

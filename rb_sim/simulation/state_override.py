@@ -87,8 +87,8 @@ def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project:
             place=InitialPlace(scene, starts, t),
         )
     except SceneError as error:
-        words = error.message.replace("the initial ", "the given ")
-        words = words.replace("set simulation.project_initial: true", "ask to project it")
+        words = error.message.replace("the initial ", "the given ").replace(" at the start", "")
+        words = words.replace("set simulation.project_initial: true", "project it")
         raise RbSimError(f"{error.key}: {words}") from None
 
 

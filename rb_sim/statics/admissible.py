@@ -25,8 +25,7 @@ from rb_sim.numerics.cone_program import (
     widest,
 )
 from rb_sim.numerics.rank import LEAST_SINGULAR, split
-from rb_sim.statics.equilibrium import Equilibrium
-from rb_sim.statics.model import Bound, Element
+from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
 
 Array = NDArray[np.float64]
 

@@ -10,19 +10,79 @@ torques of hinges with an axis and of welds [N m].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rb_sim.statics.model import (
-    Array,
-    Element,
-    Gravity,
-    StaticsScene,
-    Wrench,
-    place_support,
-    placed,
-)
+Array = NDArray[np.float64]
+Law = Literal["two-way", "one-way"]
+
+
+class Bound(NamedTuple):
+    """|x[tails]| <= coefficient N, N the push x[0], or `push` where that is given."""
+
+    gives: Literal["slips", "rolls", "spins"]
+    """what happens beyond it."""
+    coefficient: float
+    """of friction, or the arm of a resistance to turning [m]."""
+    tails: tuple[int, ...]
+    """one or two unknowns of the element."""
+    push: float | None = None
+    """[N], of a support that gives way: its depth says how hard it pushes."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One support placed in the world, m unknowns."""
+
+    name: str
+    kind: str
+    body: str
+    parent: str | None
+    anchor_W: Array
+    """where it acts on the body, world [m], (3,)."""
+    parent_anchor_W: Array
+    """where it acts on the parent; differs from anchor_W for strings and rods, (3,)."""
+    force_W: Array
+    """force on the body per unknown, (3, m)."""
+    torque_W: Array
+    """torque on the body about anchor_W per unknown, (3, m)."""
+    law: Law
+    """two-way: any x; one-way: x[0] >= 0; its bounds hold besides."""
+    friction: float = 0.0
+    bounds: tuple[Bound, ...] = ()
+    given_W: Array = field(default_factory=lambda: np.zeros(3))
+    """force on the body whatever the unknowns are, (3,)."""
+    normal_W: Array | None = None
+    """of a contact without unknowns along it, (3,)."""
+
+    @property
+    def size(self) -> int:
+        """m."""
+        return self.force_W.shape[1]
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it is a contact with friction."""
+        return self.direction is not None and self.friction > 0.0
+
+    @property
+    def direction(self) -> Array | None:
+        """Unit vector of the first unknown: a contact's normal, a string's or rod's line; (3,)."""
+        if self.normal_W is not None:
+            return self.normal_W
+        return self.force_W[:, 0] if self.kind in ("contact", "string", "rod") else None
+
+
+def tangents(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a unit normal, right-handed with it."""
+    away = np.zeros(3)
+    away[np.argmin(np.abs(normal))] = 1.0
+    first = np.cross(normal, away)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
 
 
 @dataclass(frozen=True)
@@ -57,16 +117,6 @@ class Equilibrium:
         total = self.active.copy()
         total[:, 3:] += np.cross(self.poles - self.centres, total[:, :3])
         return total
-
-
-def assemble(scene: StaticsScene) -> Equilibrium:
-    """Build the system of a scene."""
-    bodies = tuple(scene.bodies)
-    elements = tuple(place_support(scene, name) for name in scene.supports)
-    points = points_of_application(scene, elements)
-    centres = np.array([placed(body, body.center_of_mass) for body in scene.bodies.values()])
-    poles = poles_of(bodies, points)
-    return put_together(bodies, elements, points, loads_about(scene, poles), centres)
 
 
 def poles_of(bodies: tuple[str, ...], points: dict[str, list[Array]]) -> Array:
@@ -119,32 +169,6 @@ def put_together(
     )
 
 
-def loads_about(scene: StaticsScene, poles: Array) -> Array:
-    """Active wrench on each body about its pole, world axes, (n, 6) [N, N m]."""
-    total = np.zeros((len(scene.bodies), 6))
-    for load in scene.loads.values():
-        if isinstance(load, Gravity):
-            for row, (name, pole) in enumerate(zip(scene.bodies, poles, strict=True)):
-                if load.bodies is None or name in load.bodies:
-                    body = scene.bodies[name]
-                    force = body.mass * np.array(load.acceleration)
-                    arm = placed(body, body.center_of_mass) - pole
-                    total[row] += np.concatenate([force, np.cross(arm, force)])
-        else:
-            row = list(scene.bodies).index(load.body)
-            point, force, torque = load_in_world(scene, load)
-            turning = torque + np.cross(point - poles[row], force)
-            total[row] += np.concatenate([force, turning])
-    return total
-
-
-def load_in_world(scene: StaticsScene, load: Wrench) -> tuple[Array, Array, Array]:
-    """Point of application [m], force [N] and free torque [N m] of a load, world axes."""
-    body = scene.bodies[load.body]
-    turn = np.eye(3) if load.frame == "world" else body.rotation()
-    return placed(body, load.point_B), turn @ np.array(load.force), turn @ np.array(load.torque)
-
-
 def add_end(
     matrix: Array,
     loads: Array,
@@ -166,18 +190,3 @@ def add_end(
             matrix[6 * row + 3 : 6 * row + 6, column] += sign * turning
             loads[row, :3] += sign * element.given_W
             loads[row, 3:] += sign * np.cross(lever, element.given_W)
-
-
-def points_of_application(
-    scene: StaticsScene, elements: tuple[Element, ...]
-) -> dict[str, list[Array]]:
-    """Centre of mass, loaded points and ends of supports of each body, world [m]."""
-    points = {name: [placed(body, body.center_of_mass)] for name, body in scene.bodies.items()}
-    for load in scene.loads.values():
-        if isinstance(load, Wrench):
-            points[load.body].append(load_in_world(scene, load)[0])
-    for element in elements:
-        points[element.body].append(element.anchor_W)
-        if element.parent is not None:
-            points[element.parent].append(element.parent_anchor_W)
-    return points

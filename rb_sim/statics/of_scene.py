@@ -9,24 +9,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH, anchor, fill
+from rb_sim.catalogue.constraints.rows import (
+    ANGLES,
+    COUNT,
+    ERROR,
+    HOLONOMIC,
+    ROW_WIDTH,
+    anchor,
+    fill,
+)
 from rb_sim.catalogue.contacts.touching import ContactLaw, Touching
+from rb_sim.catalogue.effects.wrench import Wrench
 from rb_sim.catalogue.geometry.boxes import box_points
 from rb_sim.catalogue.geometry.pairs import touching
-from rb_sim.catalogue.types import WORLD, BodyState, wrench
-from rb_sim.numerics.vectors import add, rotate, sub
-from rb_sim.scene.compile import compile_motion, named
-from rb_sim.scene.compile_contacts import box_sizes
+from rb_sim.catalogue.types import WORLD, BodyState, Placed, wrench
+from rb_sim.numerics.vectors import ZERO, add, rotate, sub
+from rb_sim.scene.compile import named
+from rb_sim.scene.compile_contacts import contact_scales
+from rb_sim.scene.initial import MISFIT, refuse_initial
+from rb_sim.scene.pairs_of_bodies import box_sizes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import Equilibrium, poles_of, put_together
-from rb_sim.statics.model import Bound, Element, tangents
+from rb_sim.statics.equilibrium import Bound, Element, Equilibrium, poles_of, put_together, tangents
 
 # Contacts and strings of an ordinary scene, at rest: what each point may push and rub.
 
@@ -38,11 +49,11 @@ TOUCHES = 1e-9
 
 
 class Standing(NamedTuple):
-    """One contact of a scene at its initial pose."""
+    """One constraint of a scene at its initial pose."""
 
     place: InitialPlace
     name: str
-    spec: Touching
+    spec: Any
     B: BodyState
     A: BodyState
     """of the parent, or of the world."""
@@ -159,22 +170,27 @@ def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:
 
 
 KINDS = {"distance": "rod"}
-"""What a statics scene calls the same support. Its number is the pull, positive in tension, where
+"""What the short form calls the same support. Its number is the pull, positive in tension, where
 the row of the constraint pushes the body away from the other end."""
+
+LINES = ("string", "rod", "distance")
+"""Constraints that act along a line between two points."""
 
 
 def at_rest(scene: Scene) -> Equilibrium:
     """The equilibrium of the scene's bodies at their initial pose.
 
-    Raises SceneError as compiling does, and for a bilateral contact with Coulomb friction.
+    Raises SceneError for a pose that violates a constraint, and for a bilateral contact with
+    Coulomb friction.
     """
     place = InitialPlace(scene)
-    scale = float(compile_motion(scene, "maximal").system.length)  # refuses what cannot start
     states = {name: still(place.state(name)) for name in scene.bodies}
+    scale = length_of(scene, place)
     elements: list[Element] = []
     apart: list[str] = []
     constraints: dict[str, Any] = dict(scene.constraints)
     for name, spec in constraints.items():
+        kind = spec.type
         if getattr(spec, "between", None) is not None:
             raise SceneError(
                 f"got {spec.between!r}; must be left out for statics, which needs each pair that "
@@ -186,26 +202,69 @@ def at_rest(scene: Scene) -> Equilibrium:
         if isinstance(spec, Touching):
             standing = Standing(place, name, spec, B, A, scale)
             found = named(scene, f"constraints.{name}", lambda s=standing: touching_elements(s))
-            elements += found.closed
             apart += found.apart
+            made = found.closed
         else:
-            elements += joint_elements(name, spec, place, B, A)
+            made = list(joint_elements(name, spec, place, B, A))
+        if not scene.simulation.project_initial:
+            check_pose(scene, Standing(place, name, spec, B, A, scale))
+        if kind in LINES:
+            far = far_end(spec, place, A)
+            made = [replace(element, parent_anchor_W=far) for element in made]
+        elements += made
     loads = list(active_loads(scene, place, states))
     bodies = tuple(scene.bodies)
     centres = np.array([states[name].p_WC for name in bodies])
     points = {name: [np.array(states[name].p_WC)] for name in bodies}
+    for load in loads:
+        if load.pushes:
+            points[load.body].append(load.point)
     for element in elements:
         points[element.body].append(element.anchor_W)
         if element.parent is not None:
             points[element.parent].append(element.parent_anchor_W)
-    wrenches = np.zeros((len(bodies), 6))
-    for _, body, force, torque in loads:
-        row = bodies.index(body)
-        wrenches[row, :3] += force
-        wrenches[row, 3:] += torque
-    poles = poles_of(bodies, points)
-    wrenches[:, 3:] += np.cross(centres - poles, wrenches[:, :3])
+    poles, wrenches = poles_of(bodies, points), np.zeros((len(bodies), 6))
+    for load in loads:
+        row = bodies.index(load.body)
+        wrenches[row, :3] += load.force
+        wrenches[row, 3:] += load.torque + np.cross(load.point - poles[row], load.force)
     return put_together(bodies, tuple(elements), points, wrenches, centres, tuple(apart))
+
+
+def length_of(scene: Scene, place: InitialPlace) -> float:
+    """Characteristic length of the scene [m]."""
+    parts: dict[bool, list[Any]] = {True: [], False: []}
+    for name, spec in scene.constraints.items():
+        found = named(scene, f"constraints.{name}", lambda spec=spec: spec.parts(place))
+        parts[isinstance(spec, Touching)] += found
+    contacts = [Placed(part.row, 0, -1) for part in parts[True]]
+    return contact_scales(place, scene, parts[False], contacts)[0] or 1.0
+
+
+def check_pose(scene: Scene, standing: Standing) -> None:
+    """Refuse a pose that violates a joint, or in which what is rigid overlaps."""
+    spec, place, scale = standing.spec, standing.place, standing.length
+    worst, amount = 0.0, ""
+    if not isinstance(spec, Touching):
+        for part in spec.parts(place):
+            lines = lines_of(part.row, standing.B, standing.A)
+            off = float(np.abs(lines[:, ERROR] * lines[:, HOLONOMIC]).max())
+            turned = type(part.row) in ANGLES
+            share = off if turned else off / scale
+            if share > worst:
+                worst, amount = share, f"{off:.2g} {'rad' if turned else 'm'}"
+    elif not (law := spec.law()).compliant:
+        for point in points_of(standing):
+            off = abs(point.gap) if law.bilateral else -point.gap
+            if off / scale > worst:
+                worst, amount = off / scale, f"{off:.2g} m"
+    if worst > MISFIT:
+        refuse_initial(scene, standing.name, f"the initial position violates it by {amount}")
+
+
+def far_end(spec: Any, place: InitialPlace, A: BodyState) -> Array:
+    """Where a string or a rod is fastened to its parent, world [m], (3,)."""
+    return np.array(add(A.p_WC, rotate(A.q_WB, place.from_com(spec.parent, spec.point_A))))
 
 
 def has_parent(spec: Any) -> bool:
@@ -228,7 +287,7 @@ def joint_elements(
     parent = spec.parent if has_parent(spec) else None
     for suffix, rows in groups.items():
         point = np.array(anchor(rows[0], B, A), float)
-        lines = np.vstack([lines_of(row, B, A) for row in rows])
+        lines = np.vstack([lines_of(row, B, A)[:, :12] for row in rows])
         force = lines[:, :3]
         about_centre = np.array([rotate(B.q_WB, tuple(line)) for line in lines[:, 3:6]])
         torque = about_centre - np.cross(point - np.array(B.p_WC), force)
@@ -254,25 +313,47 @@ ROUND_OFF = 1e-14
 
 
 def lines_of(row: Any, B: BodyState, A: BodyState) -> Array:
-    """The Jacobian of one part of a constraint: (lines, 12)."""
+    """One part of a constraint: the Jacobian and the columns after it, (lines, ROW_WIDTH)."""
     G = np.zeros((COUNT[type(row)], ROW_WIDTH))
     fill(row, 0.0, B, A, G, 0)
-    return G[:, :12]
+    return G
 
 
-def active_loads(
-    scene: Scene, place: InitialPlace, states: dict[str, BodyState]
-) -> Iterator[tuple[str, str, Array, Array]]:
-    """(effect, body, force, torque about C) of the effects and their opposites, world axes."""
+class Load(NamedTuple):
+    """What an effect exerts on a body at rest."""
+
+    name: str
+    """of the effect."""
+    body: str
+    point: Array
+    """where the force acts, world [m], (3,)."""
+    force: Array
+    """world axes [N], (3,)."""
+    torque: Array
+    """about the point, world axes [N m], (3,)."""
+    pushes: bool
+    """whether the scene gives it as a force at a point; else it pulls, as a weight does."""
+
+
+def active_loads(scene: Scene, place: InitialPlace, states: dict[str, BodyState]) -> Iterator[Load]:
+    """What the effects exert on their bodies and on those that they act against."""
     effects: dict[str, Any] = dict(scene.effects)
     for name, spec in effects.items():
         if spec.commandable:
             continue
-        for row, body, parent in spec.rows(place):
+        for row, body, parent in named(scene, f"effects.{name}", lambda s=spec: s.rows(place)):
             B, A = states[body], WORLD if parent is None else states[parent]
-            force, torque_B = wrench(row, 0.0, place.inertial(body), B, A)
-            torque = rotate(B.q_WB, torque_B)
-            yield name, body, np.array(force, float), np.array(torque, float)
+            force_W, torque_B = wrench(row, 0.0, place.inertial(body), B, A)
+            force, about_C = np.array(force_W, float), np.array(rotate(B.q_WB, torque_B), float)
+            arm = ZERO  # from C
+            if hasattr(spec, "point_B"):
+                arm = rotate(B.q_WB, place.from_com(body, spec.point_B))
+            moved = np.cross(arm, force)
+            torque = about_C - moved
+            torque[np.abs(torque) <= ROUND_OFF * np.abs(moved).max()] = 0.0
+            point = np.array(add(B.p_WC, arm))
+            pushes = isinstance(spec, Wrench)
+            yield Load(name, body, point, force, torque, pushes)
             if parent is not None:
-                turned = np.array(torque, float) + np.cross(sub(B.p_WC, A.p_WC), force)
-                yield name, parent, -np.array(force, float), -turned
+                turned = about_C + np.cross(sub(B.p_WC, A.p_WC), force)
+                yield Load(name, parent, np.array(A.p_WC), -force, -turned, pushes)

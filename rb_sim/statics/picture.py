@@ -7,6 +7,7 @@ between +x, -y and +z (orthographic), with the axes in the corner.
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -16,13 +17,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
+from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
+from rb_sim.catalogue.types import BodyState
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
-from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import Equilibrium, assemble, load_in_world
-from rb_sim.statics.model import Element, Gravity, StaticBody, StaticsScene, placed, tangents
-from rb_sim.statics.of_scene import active_loads, at_rest, still
+from rb_sim.scene.schema import Body, Scene
+from rb_sim.statics.equilibrium import Element, Equilibrium, tangents
+from rb_sim.statics.of_scene import Load, active_loads, at_rest, still
 from rb_sim.statics.result import StaticsResult
 
 # Where the points of a scene lie in its picture: the surfaces of shapes and the projection.
@@ -34,13 +37,13 @@ STEPS = 48
 """points around a circle."""
 
 
-def surface_points(body: StaticBody) -> Array:
+def surface_points(body: Body) -> Array:
     """Points whose convex hull is the shape, world [m], (n, 3); (0, 3) for a body without shape."""
     shape = body.shape
     if shape is None:
         return np.zeros((0, 3))
     local = np.array(shape.center_B) + _local_points(shape)
-    return np.array(body.position) + local @ body.rotation().T
+    return np.array(body.position) + Rotation.from_quat(body.orientation).apply(local)
 
 
 def _local_points(shape: shapes.Shape) -> Array:
@@ -106,84 +109,39 @@ def projection(cloud: Array, vectors: Array) -> tuple[Array, tuple[str, str] | N
     return np.array([right, up]), None
 
 
-# What the picture of a scene at rest shows, of a statics scene or an ordinary one.
-
-
-class Load(NamedTuple):
-    """One arrow."""
-
-    name: str
-    point: Array
-    """world [m], (3,)."""
-    force: Array
-    """world axes [N], (3,)."""
-    torque: Array
-    """free, world axes [N m], (3,)."""
-    pushes: bool
-    """drawn with its tip at the point; else it pulls from there."""
-
-
 class Drawn(NamedTuple):
     """Everything but the answer."""
 
     title: str
-    bodies: dict[str, StaticBody]
+    bodies: dict[str, Body]
+    states: dict[str, BodyState]
     loads: list[Load]
     system: Equilibrium
 
-
-def drawn_of(scene: StaticsScene | Scene) -> Drawn:
-    """What is drawn of a scene."""
-    title = scene.description or scene.name
-    if isinstance(scene, StaticsScene):
-        return Drawn(title, dict(scene.bodies), _loads_at_rest(scene), assemble(scene))
-    bodies = {
-        name: StaticBody(
-            mass=body.mass,
-            center_of_mass=body.center_of_mass,
-            position=body.position,
-            orientation=body.orientation,
-            shape=body.shape,
-        )
-        for name, body in scene.bodies.items()
-    }
-    return Drawn(title, bodies, _loads_of_effects(scene), at_rest(scene))
+    def centre(self, name: str) -> Array:
+        """Of mass, world [m], (3,)."""
+        return np.array(self.states[name].p_WC)
 
 
-def _loads_at_rest(scene: StaticsScene) -> list[Load]:
-    found = []
-    for name, load in scene.loads.items():
-        if isinstance(load, Gravity):
-            for body_name, body in scene.bodies.items():
-                if body.mass > 0.0 and (load.bodies is None or body_name in load.bodies):
-                    force = body.mass * np.array(load.acceleration)
-                    centre = placed(body, body.center_of_mass)
-                    found.append(Load(name, centre, force, np.zeros(3), False))
-        else:
-            found.append(Load(name, *load_in_world(scene, load), True))
-    return found
-
-
-def _loads_of_effects(scene: Scene) -> list[Load]:
-    """From the centres of mass; those that are none at rest are left out."""
+def drawn_of(scene: Scene) -> Drawn:
+    """What is drawn of a scene; loads that are none at rest are left out."""
     place = InitialPlace(scene)
     states = {name: still(place.state(name)) for name in scene.bodies}
-    return [
-        Load(name, np.array(states[body].p_WC), force, torque, False)
-        for name, body, force, torque in active_loads(scene, place, states)
-        if force.any() or torque.any()
+    loads = [
+        load for load in active_loads(scene, place, states) if load.force.any() or load.torque.any()
     ]
+    title = scene.description or scene.name
+    return Drawn(title, dict(scene.bodies), states, loads, at_rest(scene))
 
 
-LOAD, REACTION, TENSION, BODY = "#444444", "#c0392b", "#1f6fb2", "#d9c39a"
-GIVES = "#e67e22"
+BODY = "#d9c39a"
 LONGEST = 0.30
 """length of the longest arrow as a share of the scene's size."""
 SHORTEST = 0.06
 """length of the shortest arrow that is drawn."""
 
 
-def draw(scene: StaticsScene | Scene, result: StaticsResult) -> Figure:
+def draw(scene: Scene, result: StaticsResult) -> Figure:
     """The picture; save it with `Figure.savefig`."""
     canvas = _Canvas(scene, result)
     canvas.bodies()
@@ -193,22 +151,27 @@ def draw(scene: StaticsScene | Scene, result: StaticsResult) -> Figure:
     return canvas.finish()
 
 
-def save_picture(scene: StaticsScene | Scene, result: StaticsResult, path: Path) -> None:
+def save_picture(scene: Scene, result: StaticsResult, path: Path) -> None:
     """Draw and write a picture file (the format follows from the extension)."""
     draw(scene, result).savefig(path, dpi=140)
+
+
+def _greek(text: str) -> str:
+    """The text with the letter for mu, which no line break parts from its factor."""
+    return re.sub(r"(\d) μ", "\\1\u00a0μ", re.sub(r"\bmu\b", "μ", text))
 
 
 class _Canvas:
     """One picture in the making: the view, the scale, and the marks made so far."""
 
-    def __init__(self, scene: StaticsScene | Scene, result: StaticsResult) -> None:
+    def __init__(self, scene: Scene, result: StaticsResult) -> None:
         self.drawn_scene, self.result = drawn_of(scene), result
         self.system = self.drawn_scene.system
         self.points = {name: surface_points(body) for name, body in self.drawn_scene.bodies.items()}
         everything = [points for points in self.points.values() if len(points)]
         for element in self.system.elements:
             everything.append(np.array([element.anchor_W, element.parent_anchor_W]))
-        everything += [placed(b, b.center_of_mass)[None] for b in self.drawn_scene.bodies.values()]
+        everything += [self.drawn_scene.centre(name)[None] for name in self.drawn_scene.bodies]
         cloud = np.concatenate(everything)
         self.view, self.labels = projection(cloud, self._vectors())
         flat = cloud @ self.view.T
@@ -231,13 +194,13 @@ class _Canvas:
 
     def bodies(self) -> None:
         """Shapes filled; from a support outside the shape a leg to its nearest point."""
-        for name, body in self.drawn_scene.bodies.items():
+        for name in self.drawn_scene.bodies:
             ends = [(e.anchor_W, e) for e in self.system.elements if e.body == name]
             ends += [(e.parent_anchor_W, e) for e in self.system.elements if e.parent == name]
             surface = self.points[name]
             if len(surface):
                 self._filled(surface @ self.view.T)
-            core = surface if len(surface) else placed(body, body.center_of_mass)[None]
+            core = surface if len(surface) else self.drawn_scene.centre(name)[None]
             for end, element in ends:
                 leg = core[np.argmin(np.linalg.norm(core - end, axis=1))] - end
                 if element.kind == "contact" and len(surface):  # a leg stands on its ground
@@ -258,11 +221,11 @@ class _Canvas:
         """Strings and rods as lines, contacts as hatched ground, hinges as circles."""
         giving = {finding.name for finding in self.result.findings}
         for element in self.system.elements:
-            colour = GIVES if element.name in giving else "#222222"
+            colour = VERMILLION if element.name in giving else "#222222"
             anchor, far = self.flat(element.anchor_W), self.flat(element.parent_anchor_W)
-            if colour == GIVES and not self.result.reactions:
+            if colour == VERMILLION and not self.result.reactions:
                 behind = -0.07 * self.size * (self.view @ element.force_W[:, 0])
-                self._text(anchor + behind, element.name, GIVES, behind)
+                self._text(anchor + behind, element.name, VERMILLION, behind)
             if element.kind in ("string", "rod"):
                 width = 1.3 if element.kind == "string" else 3.0
                 self._line(element.anchor_W, element.parent_anchor_W, color=colour, linewidth=width)
@@ -306,17 +269,17 @@ class _Canvas:
 
     def loads(self) -> None:
         """Weights as arrows from the centre of mass, other forces as arrows that push."""
-        for name, point, force, torque, pushes in self.drawn_scene.loads:
+        for name, _, point, force, torque, pushes in self.drawn_scene.loads:
             size = float(np.linalg.norm(force))
             text = f"{name}\n{size:.4g} N" if size > 0.0 else name
             if torque.any():
                 text += f"\nK = ({', '.join(f'{v:.4g}' for v in torque)}) N m"
             if size > 0.0:
-                start, tip = self._arrow(point, force, LOAD, pushes=pushes)
+                start, tip = self._arrow(point, force, TEXT, pushes=pushes)
                 end, along = (start, start - tip) if pushes else (tip, tip - start)
-                self._text(end, text, LOAD, along)
+                self._text(end, text, TEXT, along)
             elif torque.any():
-                self._text(self.flat(point), text, LOAD)
+                self._text(self.flat(point), text, TEXT)
 
     def reactions(self) -> None:
         """Reactions as red arrows from the anchor, tensions blue; ranges below the value."""
@@ -393,12 +356,13 @@ class _Canvas:
         self.axes.set_xlim(low[0] - margin, high[0] + margin)
         self.axes.set_ylim(low[1] - margin, high[1] + margin)
         self.axes.set_aspect("equal")
-        self.axes.set_title(fill(self.drawn_scene.title, 74), fontsize=11)
-        self.figure.supxlabel(fill(self.result.explanation, 92), fontsize=9.5)
+        self.axes.set_title(fill(_greek(self.drawn_scene.title), 74), fontsize=11)
+        self.figure.supxlabel(fill(_greek(self.result.explanation), 92), fontsize=9.5)
         if self.labels is not None:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
             self.axes.grid(alpha=0.25)
+            self.axes.spines[:].set_visible(False)  # labels lie across a frame
         else:
             self.axes.set_axis_off()
             self._triad()

@@ -13,7 +13,6 @@ from rich.table import Table
 from rich.text import Text
 
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.model import StaticsScene
 from rb_sim.statics.result import Reaction, ReactionRange, StaticsResult
 
 AXES = ("x", "y", "z")
@@ -25,7 +24,7 @@ COLOURS = {
 }
 
 
-def print_report(scene: StaticsScene | Scene, result: StaticsResult, console: Console) -> None:
+def print_report(scene: Scene, result: StaticsResult, console: Console) -> None:
     """Verdict in words, then one line per component of a reaction that can be other than zero."""
     if scene.description:
         console.print(Text(scene.description))
@@ -101,7 +100,7 @@ def _closing_line(result: StaticsResult) -> str:
     )
 
 
-def as_dict(scene: StaticsScene | Scene, result: StaticsResult) -> dict[str, Any]:
+def as_dict(scene: Scene, result: StaticsResult) -> dict[str, Any]:
     """The answer in plain types; infinite ends of ranges become null, nan too."""
     return {
         "scene": scene.name,
@@ -156,7 +155,7 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def write_json(scene: StaticsScene | Scene, result: StaticsResult, path: Path) -> None:
+def write_json(scene: Scene, result: StaticsResult, path: Path) -> None:
     """Write the answer as JSON."""
     text = json.dumps(as_dict(scene, result), indent=2, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")

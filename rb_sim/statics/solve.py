@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.admissible import AdmissibleSet, Reduced, eliminate
-from rb_sim.statics.equilibrium import Equilibrium, assemble
-from rb_sim.statics.model import Bound, Element, StaticsScene
+from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
+from rb_sim.statics.of_scene import at_rest
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 
 # The verdict in words: what gives, what is about to give, what is not unique.
@@ -78,7 +78,7 @@ def _support_on(system: Equilibrium, body: str, through: Array, axis: Array) -> 
 def _failing_force(name: str, along: Array, amount: float) -> Finding:
     words = (
         f"the force balance of body '{name}' along {_direction(along)} fails: "
-        f"nothing it is held by can carry {_number(amount)} N"
+        f"no support can carry {_number(amount)} N"
     )
     return Finding("force", name, amount, words)
 
@@ -86,7 +86,7 @@ def _failing_force(name: str, along: Array, amount: float) -> Finding:
 def _failing_torque(name: str, axis: Array, through: Array, amount: float) -> Finding:
     words = (
         f"the torque balance of body '{name}' about {_direction(axis)} through {_vector(through)} "
-        f"fails: nothing it is held by can carry {_number(amount)} N m"
+        f"fails: no support can carry {_number(amount)} N m"
     )
     return Finding("torque", name, amount, words)
 
@@ -218,16 +218,14 @@ TOLERANCE = 1e-10
 """half-width of the band called "at the limit", relative to the largest load."""
 
 
-def solve(
-    scene: StaticsScene | Scene, *, tolerance: float = TOLERANCE, ranges: bool = True
-) -> StaticsResult:
-    """The reactions of a scene, of an ordinary one at its initial pose, or what gives.
+def solve(scene: Scene, *, tolerance: float = TOLERANCE, ranges: bool = True) -> StaticsResult:
+    """The reactions that hold the bodies of a scene at their initial pose, or what gives.
 
     tolerance: half-width of the band in which the verdict is "at the limit", relative to the
         largest load. Below 1e-12 rounding decides.
     ranges: also find the range of every component when the reactions are not unique.
     """
-    return solved(system_of(scene), tolerance=tolerance, ranges=ranges)
+    return solved(at_rest(scene), tolerance=tolerance, ranges=ranges)
 
 
 def solved(
@@ -298,15 +296,6 @@ def _without(
         findings=findings,
         apart=system.apart,
     )
-
-
-def system_of(scene: StaticsScene | Scene) -> Equilibrium:
-    """The equilibrium of either kind of scene."""
-    if isinstance(scene, StaticsScene):
-        return assemble(scene)
-    from rb_sim.statics.of_scene import at_rest
-
-    return at_rest(scene)
 
 
 def _reactions(system: Equilibrium, reduced: Reduced, x: Array) -> dict[str, Reaction]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.sweeps.expressions import COMPONENTS
-from rb_sim.sweeps.lane_runs import CPU, LaneRunner
+from rb_sim.sweeps.lane_runs import LaneRunner
 from rb_sim.sweeps.one_run import OK, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan
 from rb_sim.sweeps.storage import (
@@ -51,12 +51,12 @@ class Done(NamedTuple):
 class BatchRunner:
     """Runs many points of a plan: through the machine's lanes where they can, else one at a time.
 
-    lanes: False keeps all to one at a time. device: of the lanes.
+    lanes: False keeps all to one at a time.
     """
 
-    def __init__(self, runner: PlanRunner, lanes: bool = True, device: str = CPU) -> None:
+    def __init__(self, runner: PlanRunner, lanes: bool = True) -> None:
         self.runner = runner
-        self._lanes = LaneRunner(runner, device) if lanes else None
+        self._lanes = LaneRunner(runner) if lanes else None
 
     def rows(
         self, runs: Sequence[int], points: Sequence[Mapping[str, float]]
@@ -81,20 +81,19 @@ def _runner(plan: str) -> BatchRunner:
     """The runner of a plan, made once per worker."""
     data = json.loads(plan)
     runner = PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
-    return BatchRunner(runner, data["lanes"], data["device"])
+    return BatchRunner(runner, data["lanes"])
 
 
 def described(
     loaded: LoadedPlan,
     looks: Sequence[Mapping[str, float]],
     lanes: bool = True,
-    device: str = CPU,
 ) -> str:
     """What a worker has to know of a plan, as JSON.
 
     looks: values of a few runs (see PlanRunner).
     """
-    told = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes, "device": device}
+    told = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes}
     return json.dumps(told)
 
 

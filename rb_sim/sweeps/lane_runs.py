@@ -24,14 +24,8 @@ from rb_sim.scene.scales import at_its_size
 from rb_sim.sweeps.one_run import PlanRunner, ended
 from rb_sim.trajectory.trajectory import Trajectory
 
-CPU, CUDA = "cpu", "cuda"
-"""Devices."""
-
 MOST_NUMBERS = 1 << 21
 """Samples of the runs that are together in memory, in numbers: 16 MB."""
-
-MOST_ON_GPU = 1 << 26
-"""The same where a GPU runs them: 512 MB of its memory."""
 
 FEWEST = 8
 """Runs that share the lanes: where the samples of fewer fill the memory, each goes alone."""
@@ -64,14 +58,10 @@ class Alike(NamedTuple):
 
 
 class LaneRunner:
-    """Runs many points of one plan; its lanes are compiled once.
+    """Runs many points of one plan; its lanes are compiled once."""
 
-    device: "cpu" or "cuda".
-    """
-
-    def __init__(self, runner: PlanRunner, device: str = CPU) -> None:
+    def __init__(self, runner: PlanRunner) -> None:
         self._runner = runner
-        self._kind, self._most = (Lanes, MOST_NUMBERS) if device == CPU else _on_cuda()
         self._lanes: dict[Alike, Lanes] = {}
         self._layout: SampleLayout | None = None
 
@@ -83,18 +73,12 @@ class LaneRunner:
             if self._runner.of_ends:
                 times = times[:: max(1, len(times) - 1)]
             lanes = self._lanes_for(alike)
-            size = self._most // (len(times) * (lanes.n + lanes.laws.width))
+            size = MOST_NUMBERS // (len(times) * (lanes.n + lanes.laws.width))
             if not lanes.possible or size < FEWEST:
                 continue
             for first in range(0, len(placed), size):
                 found |= self._together(lanes, placed[first : first + size], times, points)
         return found
-
-    def possible(self, points: Sequence[Mapping[str, float]]) -> bool:
-        """True if all these runs can go together with others."""
-        groups = self._placed(points)
-        placed = sum(len(group) for group in groups.values())
-        return placed == len(points) and all(self._lanes_for(x).possible for x in groups)
 
     def _placed(self, points: Sequence[Mapping[str, float]]) -> dict[Alike, list[Placed]]:
         """The runs that can share lanes, by what they have to have in common."""
@@ -113,7 +97,9 @@ class LaneRunner:
                 instants = samples_at_rate(options.duration, options.rate)
             except RbSimError:  # said in the row of that run
                 continue
-            if compiled.laws is not family.laws or compiled.breakpoints or instants > self._most:
+            if compiled.laws is not family.laws or compiled.breakpoints or instants > MOST_NUMBERS:
+                continue
+            if compiled.absolute:  # lanes have one tolerance for all
                 continue
             self._layout = compiled.layout
             given = family.laws.inputs.values(compiled.system, 0.0)
@@ -126,7 +112,7 @@ class LaneRunner:
             family, layout = self._runner.family, self._layout
             assert family is not None and layout is not None
             columns = columns_of(layout, self._runner.quantities)
-            self._lanes[alike] = self._kind(family.laws, alike.method, columns)
+            self._lanes[alike] = Lanes(family.laws, alike.method, columns)
         return self._lanes[alike]
 
     def _together(
@@ -155,12 +141,6 @@ class LaneRunner:
                 outputs = self._runner.outputs(points[run.index], trajectory)
                 found[run.index] = ended(int(runs.steps[k]), outputs)
         return found
-
-
-def _on_cuda() -> tuple[type[Lanes], int]:
-    from rb_sim.mechanics.cuda import CudaLanes
-
-    return CudaLanes, MOST_ON_GPU
 
 
 def columns_of(layout: SampleLayout, quantities: Iterable[str]) -> list[int]:

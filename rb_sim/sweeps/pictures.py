@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.palette import CYCLE
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.one_run import OK
 from rb_sim.sweeps.plan import LoadedPlan, listed
@@ -108,7 +109,9 @@ def page(title: str, sections: list[str]) -> str:
 
 
 def _figure(title: str, figure: Any) -> str:
-    figure.update_layout(template="plotly_white", margin={"l": 70, "r": 20, "t": 40, "b": 50})
+    figure.update_layout(
+        template="plotly_white", colorway=CYCLE, margin={"l": 70, "r": 20, "t": 50, "b": 50}
+    )
     figure.update_xaxes(exponentformat="power")
     figure.update_yaxes(exponentformat="power")
     shown = figure.to_html(full_html=False, include_plotlyjs=False)
@@ -257,7 +260,7 @@ def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: RunTable, outpu
 
 def _draw_curve(axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
     ((x, xs, _),) = grid_axes(loaded)
-    axis.plot(xs, grid_values(loaded, table, output), ".-")
+    axis.plot(xs, grid_values(loaded, table, output), ".-", color=CYCLE[0])
     axis.set(xlabel=table.label(x), ylabel=table.label(output), xscale=_scale(loaded, x))
     axis.grid(alpha=0.3)
     return "curve"
@@ -265,6 +268,6 @@ def _draw_curve(axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> 
 
 def _draw_histogram(axis: Any, table: RunTable, output: str) -> str:
     values = table.good(output)
-    axis.hist(values[np.isfinite(values)], bins=40)
+    axis.hist(values[np.isfinite(values)], bins=40, color=CYCLE[0])
     axis.set(xlabel=table.label(output), ylabel="runs")
     return "distribution"

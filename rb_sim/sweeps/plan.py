@@ -298,7 +298,7 @@ def find_plan(source: str | Path) -> Path:
     if str(source) in plans:
         return plans[str(source)]
     why = "is a folder" if path.is_dir() else "does not exist"
-    allowed = f"a YAML file or, of those that come with rb_sim, {one_of(path.stem, plans)}"
+    allowed = f"a YAML file or the name of a shipped plan: {one_of(path.stem, plans)}"
     raise SceneError(f"{why}; a plan must be {allowed}", file=str(source))
 
 

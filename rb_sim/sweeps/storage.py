@@ -92,7 +92,8 @@ def write_table(path: Path, table: pyarrow.Table) -> None:
         unfinished.unlink(missing_ok=True)
         why = os.strerror(error.errno) if error.errno else error
         raise SinkError(
-            f"{path}: cannot be written: {why}; what has ended is kept, the same command goes on"
+            f"{path}: cannot be written: {why}; finished runs are kept; repeat the command "
+            "to continue"
         ) from None
 
 

@@ -18,7 +18,6 @@ from rb_sim.checks.check_list import Watched
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described
-from rb_sim.sweeps.lane_runs import CPU, CUDA, LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.schedule import check_guarded, client, run_batches
@@ -128,7 +127,6 @@ def sweep(
     scheduler: str | None = None,
     batch: int | None = None,
     lanes: bool = True,
-    device: str = CPU,
     progress: Progress | None = None,
 ) -> SweepResult:
     """Run a plan; what the folder `out` holds already is not run again.
@@ -136,8 +134,8 @@ def sweep(
     plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
     (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
     (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
-    they can; their numbers then differ from those of one at a time by rounding. device: "cpu", or
-    "cuda" for lanes on a GPU. progress: told of every batch that ends.
+    they can; their numbers then differ from those of one at a time by rounding. progress: told of
+    every batch that ends.
     Of the runs one in fifty (2 to 8 of them) is simulated once more and watched; accuracy that is
     lost there is an AccuracyWarning and in the result's `lost`.
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
@@ -146,7 +144,6 @@ def sweep(
     _check_arguments(out, workers, batch)
     if scheduler is None:
         check_guarded()
-    check_device(device, lanes, scheduler)
     loaded = plan if isinstance(plan, LoadedPlan) else load_plan(plan)
     storage.arrow()
     folder = Path(out)
@@ -154,15 +151,13 @@ def sweep(
     looks = _looks(values)
     runner = PlanRunner(loaded, looks)
     simulation = _checked(runner, values)
-    _check_lanes(runner, looks, device)
     bodies, runs = simulation.layout.bodies, loaded.plan.runs
     with storage.alone(folder) as start:
         todo, next_batch = _missing(runner, values, folder, bodies)
         counts = {"done": runs - len(todo), "failed": 0}
         reused = counts["done"]
         if len(todo):
-            here = CPU if scheduler else device
-            several = BatchRunner(runner, lanes, here)
+            several = BatchRunner(runner, lanes)
             size = batch or _batch_size(several, values, todo, workers or 2)
 
             def report(finished: Done) -> None:
@@ -173,7 +168,7 @@ def sweep(
 
             batches = _batches(values, todo, size, Batch(next_batch, todo, {}, bodies, start))
             with client(workers, scheduler) as connected:
-                told = described(loaded, looks, lanes, device)
+                told = described(loaded, looks, lanes)
                 run_batches(connected, told, str(folder.resolve()), batches, report)
     looked_at = to_look_at(todo) if len(todo) else []
     lost = look_over(runner, values, looked_at)
@@ -189,30 +184,6 @@ def _check_arguments(out: Any, workers: int | None, batch: int | None) -> None:
             raise RbSimError(f"{name}: got {value!r}; must be a whole number >= 1")
     if not isinstance(out, (str, Path)):
         raise RbSimError(f"out: got {out!r}; must be a folder")
-
-
-def _check_lanes(runner: PlanRunner, looks: list[dict[str, float]], device: str) -> None:
-    """Raise RbSimError for a plan that a GPU, which runs lanes only, does not take."""
-    if device == CUDA and not LaneRunner(runner, device).possible(looks):
-        raise RbSimError(
-            "device: got 'cuda', which takes one body with at most one joint under rk4, euler or "
-            "dopri853, and no table over time; must be cpu for this plan"
-        )
-
-
-def check_device(device: str, lanes: bool, scheduler: str | None) -> None:
-    """Raise RbSimError for a device that is none, or that is not here."""
-    if device not in (CPU, CUDA):
-        raise RbSimError(f"device: got {device!r}; must be {CPU} or {CUDA}")
-    if device == CPU:
-        return
-    if not lanes:
-        raise RbSimError("device: got 'cuda' with --no-lanes; a GPU runs lanes: must be without")
-    from rb_sim.mechanics.cuda import why_not
-
-    reason = why_not() if scheduler is None else None  # on a cluster the workers have the GPUs
-    if reason:
-        raise RbSimError(f"device: got 'cuda'; must be cpu: {reason}")
 
 
 def _row(values: dict[str, np.ndarray], run: int) -> dict[str, float]:

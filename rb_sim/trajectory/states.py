@@ -78,12 +78,3 @@ def beside(run: Record, event: ContactEvent) -> EventState:
             "Simulation.run(events=True) samples there"
         )
     return EventState(event, state_of(run, rows[0]), state_of(run, rows[1]))
-
-
-def roll_pitch_yaw(orientation: Array) -> Array:
-    """Of quaternions [x, y, z, w] over time, (n, bodies, 4): (n, bodies, 3), without jumps."""
-    x, y, z, w = np.moveaxis(orientation, -1, 0)
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.stack([np.unwrap(roll, axis=0), pitch, np.unwrap(yaw, axis=0)], axis=-1)

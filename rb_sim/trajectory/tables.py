@@ -78,7 +78,7 @@ def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(path, **columns)
     except OSError as error:
-        raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
+        raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
         head = ",".join(["t", *columns])
         np.savetxt(path, table, fmt="%.17g", delimiter=",", header=head, comments="")
     except OSError as error:
-        raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
+        raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:

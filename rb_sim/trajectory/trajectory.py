@@ -7,11 +7,14 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rb_sim.base.diagnostic import findings_in, global_error_in, tell
 from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.samples import Array, concatenate
+from rb_sim.numerics.rotations import roll_pitch_yaw
 from rb_sim.trajectory.record import ByName, Reaction, Record
-from rb_sim.trajectory.states import EventState, State, beside, roll_pitch_yaw, state_of
+from rb_sim.trajectory.states import EventState, State, beside, state_of
 from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches, resultant
 
 if TYPE_CHECKING:
@@ -68,7 +71,7 @@ class Trajectory(Record):
         only their sum or difference is determined.
         """
 
-        return self._by_body(roll_pitch_yaw(self.block.orientation))
+        return self._by_body(np.unwrap(roll_pitch_yaw(self.block.orientation), axis=0))
 
     @property
     def linear_acceleration(self) -> Mapping[str, Array]:

@@ -53,7 +53,7 @@ class Pages(Mapping[str, Any]):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise SinkError(f"{path}: cannot write it: {error.strerror}") from None
+            raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
         save(self._figures, path)
 
 

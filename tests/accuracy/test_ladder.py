@@ -9,11 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.colors import to_hex
 from rich.console import Console
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, climb
-from rb_sim.accuracy.picture import save_picture
+from rb_sim.accuracy.differences import Errors
+from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung, climb
+from rb_sim.accuracy.picture import diagrams, drawable, save_picture
 from rb_sim.accuracy.report import as_dict, decades, front, print_report, target_line, write_json
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import accuracy as accuracy_verb
@@ -51,7 +53,7 @@ def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy)
     assert true.agreement.pose < 1e-10
     assert 0.0 < true.floor < 1e-11
     assert 1e-13 < true.ulp_growth.pose < 1e-10  # 3 rad from hanging: errors grow by about 1e4
-    assert "round-off ends the ladder" in true.words
+    assert "cannot be measured (round-off)" in true.words
 
 
 def test_json_is_monotone_above_the_floor(climbed: Accuracy, tmp_path: Path) -> None:
@@ -90,9 +92,9 @@ def test_table_says_what_each_decade_costs_and_what_ends_the_ladder(climbed: Acc
     print_report(climbed, Console(file=text, width=140), target=1e-6)
     shown = " ".join(text.getvalue().split())
     assert "1e-06" in shown and "radau5" in shown and "taylor tol" in shown and "×" in shown
-    assert "round-off ends the ladder" in shown
+    assert "cannot be measured (round-off)" in shown
     assert "method: auto, tolerance: 1e-06" in shown
-    assert "below the floor" in target_line(climbed, 1e-16)
+    assert "below the smallest error measurable" in target_line(climbed, 1e-16)
     assert as_dict(climbed, 1e-6)["target"] == 1e-6
 
 
@@ -136,3 +138,36 @@ def test_verb_writes_both_files_and_refuses_a_bad_budget(tmp_path: Path) -> None
         assert {path.name for path in out.iterdir()} == {"accuracy.json", "accuracy.png"}
     with pytest.raises(RbSimError, match="budget: got -1"):
         accuracy_verb(PENDULUM, budget=-1.0)
+
+
+def colours(accuracy: Accuracy) -> dict[str, set[str]]:
+    """By method, the colours of its curves in the picture."""
+    found: dict[str, set[str]] = {}
+    for axis in diagrams(accuracy).axes:
+        for line in axis.get_lines():
+            label = str(line.get_label())
+            if not label.startswith("_"):
+                found.setdefault(label.split()[0], set()).add(to_hex(line.get_color()))
+    return found
+
+
+def test_a_method_has_one_colour_in_the_pictures_of_two_scenes(climbed: Accuracy) -> None:
+    box = climb(load_scene(PENDULUM.with_name("dropped_box.yaml")), budget=8.0)
+    one, other = colours(climbed), colours(box)
+    shared = one.keys() & other.keys()
+    assert len(shared) >= 3 and one.keys() != other.keys()
+    for name in shared:
+        assert len(one[name]) == 1 and one[name] == other[name], name
+    assert len(set.union(*one.values())) == len(one)
+
+
+def test_a_curve_begins_where_a_run_shows_something_and_ends_on_the_floor() -> None:
+    setting = Setting("rk4", step=0.1)
+    errors = (3.14, 3.14, 3.1, 0.5, 1e-6, 1e-15, 0.0, 1e-16)
+    rungs = tuple(
+        Rung(setting, 10, Errors(error, error, error), float(cost))
+        for cost, error in enumerate(errors, start=1)
+    )
+    found = drawable(Ladder("rk4", rungs, ""), "pose", 1e-13)
+    assert found == [(3.1, 3.0), (0.5, 4.0), (1e-6, 5.0), (1e-13, 6.0)]
+    assert drawable(Ladder("euler", rungs[:3], ""), "pose", 1e-13) == []

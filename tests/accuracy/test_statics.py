@@ -17,8 +17,8 @@ from rb_sim.accuracy.closed_forms.statics import exact_reactions
 from rb_sim.accuracy.statics_errors import measure, print_statics
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import of_statics
-from rb_sim.cli.verbs.scenes import find_moving_or_at_rest, shipped_statics
-from rb_sim.scene.listing import list_scenes
+from rb_sim.scene.listing import find_scene, list_scenes, shipped_statics
+from rb_sim.scene.load import is_statics
 from rb_sim.statics import load_statics
 from tests.statics.scenes import UP, ladder, moved, table
 
@@ -173,8 +173,6 @@ def test_report_says_what_was_compared(tmp_path: Path) -> None:
 def test_the_verb_takes_names_and_files_of_both_kinds() -> None:
     assert set(SHIPPED) == set(shipped_statics())
     assert not set(SHIPPED) & {scene.name for scene in list_scenes()}
-    assert find_moving_or_at_rest("table_offset") == (CONFIG / "table_offset.yaml", True)
-    assert find_moving_or_at_rest(str(CONFIG / "sphere_held.yaml"))[1]
-    pendulum = CONFIG.parent / "pendulum.yaml"
-    assert find_moving_or_at_rest("pendulum") == (pendulum, False)
-    assert find_moving_or_at_rest(str(pendulum)) == (pendulum, False)
+    assert find_scene("table_offset") == CONFIG / "table_offset.yaml"
+    assert is_statics(CONFIG / "sphere_held.yaml")
+    assert not is_statics(find_scene("pendulum"))

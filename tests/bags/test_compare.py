@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import Clocks, moved, overlap
@@ -76,7 +77,7 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
         assert row["first_above"] is None and row["growth"] is None
     told = [f"{table[q]['interpolation']:.2g} m" for q in ("position", "velocity") if turn > 1.0]
     assert len(found.notes) == (turn > 1.0) and all(part in found.notes[0] for part in told)
-    assert "interpolation may" in summary(found, {"angle": 0.0})["exceeded"][0]
+    assert "of which interpolation" in summary(found, {"angle": 0.0})["exceeded"][0]
     beyond = replace(b, position=b.position + [0.5, 0.0, 0.0])
     found, table = beside(a, beyond)
     assert table["position"]["first_above"] == 5.0
@@ -148,9 +149,7 @@ def test_nothing_is_interpolated_across_a_reset():
     inside = b.t[b.anew[0] - 1], b.t[b.anew[0]]
     between = int(((a.t > inside[0]) & (a.t < inside[1])).sum())
     assert found.left_out == {"top": between} and between > 0
-    assert found.notes == [
-        f"top: {between} instants left out: there B has a gap, is struck or begins anew"
-    ]
+    assert found.notes == [f"top: {between} samples skipped (gap, impact or reset in B)"]
     shifted = Track(b.t + 0.03, b.position, b.orientation, anew=b.anew)
     found, table = beside(a, shifted, align="offset")
     assert found.clocks.offset == pytest.approx(0.03, abs=1e-6)
@@ -250,7 +249,7 @@ def test_a_bound_is_not_passed_by_comparing_what_stands_still():
     found, _ = beside(a, b, align="offset")
     assert found.shared > 0.9 and found.clocks.offset == pytest.approx(1.7e9 + 4.0, abs=0.3)
     found.shared = 0.01
-    assert "1% of the motion is compared" in summary(found, {"position": 9.0})["exceeded"][-1]
+    assert "only 1% of the motion overlaps" in summary(found, {"position": 9.0})["exceeded"][-1]
 
 
 def test_an_unknown_way_to_align_is_refused():
@@ -392,7 +391,7 @@ def test_no_body_in_common():
     t = np.linspace(0, 1, 20)
     a = Tracks("a", {"top": motion(t), "nut": motion(t)})
     b = Tracks("b", {"disk": motion(t), "ball": motion(t)})
-    with pytest.raises(RbSimError, match="say which is which with --match"):
+    with pytest.raises(RbSimError, match="use --match"):
         differences(a, b)
     assert differences(a, b, match={"nut": "ball"}).pairs == {"nut": "ball"}
     with pytest.raises(RbSimError, match="the second one of disk, ball"):
@@ -515,7 +514,7 @@ def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
     bag = foreign.write(tmp_path / "bag", t=t[::-1], position=p, q=q)
     with pytest.raises(RbSimError, match="a motion of 1 sample, each later than all before"):
         compare(CompareOptions(bag, str(bag)))
-    assert "39 poses left out: their stamps are not later" in capsys.readouterr().err
+    assert "39 poses skipped: stamps do not increase" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("bound", [float("nan"), -1e-3])
@@ -523,3 +522,46 @@ def test_a_bound_that_is_none_is_refused(bound: float, tmp_path) -> None:
     options = CompareOptions(tmp_path / "none", "none", bounds={"angle": bound})
     with pytest.raises(RbSimError, match=r"^--max-angle: got .*; must be >= 0$"):
         compare(options)
+
+
+def pictured(a: Tracks, b: Tracks, tmp_path, monkeypatch) -> Figure:
+    """The figure of compare.png."""
+    from rb_sim.bags.comparison_views import picture
+
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self))
+    picture(differences(a, b), a, b, tmp_path / "compare.png")
+    return figures[0]
+
+
+def test_the_picture_lays_both_over_each_other_and_bridges_no_gap(tmp_path, monkeypatch):
+    """A rolls through three turns about y; B has a gap of 0.6 s and is 1 mm higher."""
+    t = np.linspace(0, 2, 401)
+    half = 0.5 * 6.0 * np.pi * t
+    turns = np.c_[0 * t, np.sin(half), 0 * t, np.cos(half)]
+    a = Track(t, np.c_[t, 0 * t, 0.1 * np.sin(3 * t)], turns)
+    seen = (t < 0.7) | (t > 1.3)
+    b = Track(t[seen], a.position[seen] + [0, 0, 1e-3], -turns[seen])
+    figure = pictured(Tracks("a", {"ball": a}), Tracks("b", {"ball": b}), tmp_path, monkeypatch)
+    axes = {axis.get_ylabel(): axis for axis in figure.axes if axis.axison}
+    assert list(axes) == ["x [m]", "pitch [°]", "z [m]", "position apart [m]"]  # y, roll, yaw rest
+    for label, axis in axes.items():
+        *_, last = axis.get_lines()  # of B, or of the difference
+        times, values = last.get_xdata(), last.get_ydata()
+        within = np.isnan(values[1:]) | np.isnan(values[:-1]) | (np.diff(times) < 0.1)
+        assert within.all() and np.isnan(values).any(), label
+    one, other = axes["pitch [°]"].get_lines()
+    np.testing.assert_allclose(one.get_ydata(), 1080.0 * one.get_xdata(), atol=1e-6)
+    kept = ~np.isnan(other.get_ydata())
+    np.testing.assert_allclose(other.get_ydata()[kept], 1080.0 * other.get_xdata()[kept], atol=1e-6)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["A", "B", "ball"]
+    assert not any(axis.get_legend() for axis in figure.axes)
+
+
+def test_what_is_the_same_has_no_panel_but_a_line(tmp_path, monkeypatch):
+    t = np.linspace(0, 2, 101)
+    one, other = (Tracks(name, {"top": motion(t)}) for name in "ab")
+    figure = pictured(one, other, tmp_path, monkeypatch)
+    assert "same to rounding: position, angle" in figure.get_suptitle()
+    assert not any("apart" in axis.get_ylabel() for axis in figure.axes if axis.axison)

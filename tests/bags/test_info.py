@@ -78,7 +78,7 @@ def test_messages_that_no_checksum_covers_are_told(tmp_path, capsys, options):
         writer.finish()
     assert info(path)["health"]["messages_without_checksum"] == 7
     assert verb(path) == 0
-    assert "whole as far as can be told: no checksum covers any message" in capsys.readouterr().out
+    assert "no damage found, but no checksum covers any message" in capsys.readouterr().out
     recover(path, tmp_path / "saved")
     assert "7 messages, the bag was complete; no checksum covers any" in capsys.readouterr().out
     assert info(tmp_path / "saved")["health"]["messages_without_checksum"] == 0

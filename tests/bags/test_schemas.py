@@ -106,7 +106,7 @@ def test_fields_that_somebody_added_are_passed_over(tmp_path):
 def test_a_schema_without_what_is_needed_is_refused_in_one_line(tmp_path, fields, line):
     readings = Readings(bag(tmp_path / "x.mcap", fields + HEADER + POSE, [message(1)]))
     assert not list(readings.pieces())
-    (note,) = [note for note in readings.notes if note.startswith("/body: left out: ")]
+    (note,) = [note for note in readings.notes if note.startswith("/body: skipped: ")]
     assert line in note and "\n" not in note
 
 

@@ -13,8 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim import load_scene
-from rb_sim.catalogue.types import WORLD, Inertial, potential, wrench
+from rb_sim import Simulation, load_scene
+from rb_sim.catalogue.types import CHANGING, WORLD, Inertial, potential, wrench
 from rb_sim.scene.compile import compile_scene
 from tests.moving import floats, random_state
 
@@ -55,7 +55,7 @@ ANGLES = (-4.0, -math.pi + 0.01, -1.0, 0.0, 0.7, 2.5, math.pi - 0.01, 4.5)
 @pytest.mark.parametrize("parent", [False, True])
 @pytest.mark.parametrize("angle", ANGLES)
 def test_a_turn_about_its_axis(angle: float, parent: bool, sign: float) -> None:
-    """-k (theta - theta0) along the axis, theta from -pi to pi."""
+    """-k (theta - theta0) along the axis, theta from -pi to pi where no turn was counted yet."""
     (row,) = rows(parent, stiffness=STIFFNESS, rest_angle=REST)
     B, A = states(parent, Rotation.from_rotvec(angle * AXIS), sign)
     wound = (angle + math.pi) % (2.0 * math.pi) - math.pi - REST
@@ -89,3 +89,102 @@ def test_a_damper_takes_the_relative_spin_about_the_axis(parent: bool) -> None:
 def test_what_is_left_out_is_not_there() -> None:
     assert len(rows(True, stiffness=1.0, damping=1.0)) == 2
     assert rows(True) == []
+
+
+@pytest.mark.parametrize("before", [-9.0, -3.0, 2.9, 6.3, 40.0])
+@pytest.mark.parametrize("parent", [False, True])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_turns_are_counted_from_the_angle_before(before: float, parent: bool, sign: float) -> None:
+    """Up to half a turn on, either way, from where the step before has ended."""
+    (row,) = rows(parent, stiffness=STIFFNESS, rest_angle=REST)
+    turns = before - math.remainder(before, 2.0 * math.pi)
+    row = row._replace(angle=before, turns=turns)
+    for on in (-3.0, -0.5, 0.0, 1.0, 3.1):
+        B, A = states(parent, Rotation.from_rotvec((before + on) * AXIS), sign)
+        torque = wrench(row, 0.0, BODY, B, A)[1]
+        assert_allclose(torque, -STIFFNESS * (before + on - REST) * AXIS, atol=1e-12)
+        angle, counted = CHANGING[type(row)].next(row, B, A)  # type: ignore[misc]
+        assert angle == pytest.approx(before + on, abs=1e-12)
+        assert math.remainder(counted, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
+
+
+SPIN, MOMENT = 12.0, 0.2
+"""A wheel on a torsion spring that winds it by 1.2 turns and back, I_3 [kg m^2]."""
+FREQUENCY = math.sqrt(STIFFNESS * 0.625 / MOMENT)
+KINDS = {
+    "reduced": {},
+    "maximal": {"other": {"mass": 1.0, "inertia": [0.1] * 3, "position": [9.0, 0.0, 0.0]}},
+    "contact": {"ball": {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}},
+    "tables": {f"b{k}": {"mass": 1.0, "inertia": [0.1] * 3} for k in range(12)},
+}
+
+
+def wound(kind: str, rate: float = 20.0, **options: Any) -> Simulation:
+    """The wheel beside nothing, another body, a ball on a floor, or a dozen bodies."""
+    wheel = {"mass": 1.0, "inertia": [0.1, 0.15, MOMENT], "angular_velocity": [0.0, 0.0, SPIN]}
+    spring = {"type": "torsion_spring", "body": "wheel", "axis_B": [0.0, 0.0, 1.0]}
+    axle = {"type": "fixed_axis", "body": "wheel", "axis_B": [0.0, 0.0, 1.0]}
+    scene: dict[str, Any] = {
+        "bodies": {"wheel": wheel} | KINDS[kind],
+        "constraints": {"axle": axle},
+        "effects": {"spring": spring | {"stiffness": FREQUENCY**2 * MOMENT}},
+        "simulation": {"duration": 6.0, "rate": rate} | options,
+    }
+    if kind == "contact":
+        scene["bodies"]["ball"] |= {"position": [3.0, 0.0, 0.1]}
+        scene["constraints"]["floor"] = {"type": "contact", "body": "ball"}
+        weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81], "bodies": ["ball"]}
+        scene["effects"]["weight"] = weight
+    return Simulation(load_scene(scene), announce=None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        *((kind, {"method": "dopri853", "tolerance": 1e-10}) for kind in KINDS),
+        *((kind, {"method": "rk4", "step": 1e-3}) for kind in ("reduced", "maximal", "contact")),
+        *((kind, {"method": "taylor", "tolerance": 1e-10}) for kind in ("reduced", "maximal")),
+        ("reduced", {"method": "radau5", "tolerance": 1e-9}),
+        ("contact", {"method": "time_stepping", "step": 1e-3}),
+    ],
+)
+@pytest.mark.parametrize("rate", [2.0, 20.0])
+def test_a_spring_winds_beyond_half_a_turn(kind: str, options: Any, rate: float) -> None:
+    """w = w0 cos(W t) and U = I w0^2 sin^2(W t) / 2, however far apart samples are."""
+    run = wound(kind, rate, **options).run()
+    bound = 1e-3 if options["method"] == "time_stepping" else 1e-7
+    spin = run.angular_velocity["wheel"][:, 2]
+    assert_allclose(spin, SPIN * np.cos(FREQUENCY * run.t), atol=SPIN * bound)
+    energy = 0.5 * MOMENT * (SPIN * np.sin(FREQUENCY * run.t)) ** 2
+    assert_allclose(run.block.potential_energy - run.block.potential_energy[0], energy, atol=1e-2)
+    assert run.findings == ()
+
+
+@pytest.mark.parametrize("kind", ["reduced", "contact"])
+def test_turns_stay_counted_over_a_command_and_in_a_run_that_goes_on(kind: str) -> None:
+    """Each begins a new grid of steps; at 0.7 s the spring is wound by 4 rad and more."""
+    simulation = wound(kind)
+    first = simulation.run(0.7)
+    assert SPIN / FREQUENCY * math.sin(FREQUENCY * 0.7) > 4.0
+    rest = simulation.run(5.3)
+    t = np.append(first.t, rest.t)
+    spin = np.append(first.angular_velocity["wheel"], rest.angular_velocity["wheel"], 0)[:, 2]
+    assert_allclose(spin, SPIN * np.cos(FREQUENCY * t), atol=1e-6)
+    if kind == "reduced":  # in contact no second run goes on from another one
+        assert rest.global_error is not None and rest.global_error.relative < 1e-6
+
+
+def test_the_linear_model_of_a_wound_spring_is_that_about_where_it_is() -> None:
+    """The same stiffness about any angle, and the torque of all turns."""
+    simulation = wound("reduced")
+    simulation.run(0.7)
+    values = simulation.linearize().eigenvalues
+    assert_allclose(np.abs(values).max(), FREQUENCY, rtol=1e-6)
+
+
+def test_a_reset_counts_anew() -> None:
+    simulation = wound("reduced")
+    first = simulation.run(1.0)
+    simulation.reset()
+    again = simulation.run(1.0)
+    assert_allclose(again.angular_velocity["wheel"], first.angular_velocity["wheel"], atol=1e-15)

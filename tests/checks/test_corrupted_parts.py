@@ -15,8 +15,8 @@ from rb_sim.base.diagnostic import Finding
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
-from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import effort_of
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact import contact_laws as contact_loops
 from rb_sim.mechanics.contact.contact_projection import bring_to_manifold
@@ -116,7 +116,7 @@ def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.Mo
             G[k, 6 + i] = (1.0 - 2.0 * t) * G[k, 6 + i]
 
     monkeypatch.setitem(fill.kernels, DistanceRow, turning)
-    found = told(scene)["dead point"]
+    found = told(scene)["singular configuration"]
     assert found.where == "coupler" and found.t == pytest.approx(0.5, abs=0.02)
 
 

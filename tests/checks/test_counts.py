@@ -1,4 +1,4 @@
-"""What watches count and add up, on samples by hand: events, exchanged energy, gaps, looks."""
+"""What watches count and add up, on samples by hand: events, exchanged energy, gaps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rb_sim.checks.balance import FIRST_EVENTS, Events, Exchanged, farthest
-from rb_sim.checks.check_list import CHATTER, EACH, FIRST, LOOK, SAMPLE, SHARE, Chatter, Pace
+from rb_sim.checks.check_list import CHATTER, Chatter
 from rb_sim.checks.sample_integrals import EARLY, CheckedQuadrature, Gaps
 from rb_sim.mechanics.samples import ContactEvent
 from tests.checks.blocks import Block
@@ -123,17 +123,3 @@ def test_what_takes_half_of_the_time_is_the_usual_interval() -> None:
     gaps = Gaps(1)
     gaps.add(np.array([0.0, 1.0, 2.0, 30.0]), np.ones((4, 1)))
     assert not gaps.total().any() and not Gaps(3).total().any()
-
-
-def test_looks_are_paid_from_the_account() -> None:
-    """After the first samples a look at n of them costs LOOK + EACH n of what SHARE * SAMPLE n of
-    each block has brought: so many looks in a long run, up to one."""
-    size, block, blocks = 3, 1000, 20000
-    pace = Pace(size)
-    close = [pace.close(block) for _ in range(blocks)]
-    assert close[: FIRST // block] == [True] * (FIRST // block)
-    assert close[FIRST // block] is False
-    earned = SHARE * SAMPLE * size * block * (blocks - FIRST // block)
-    looks = earned / (LOOK + EACH * size * block)
-    assert abs(sum(close[FIRST // block :]) - looks) < 1.0
-    assert Pace(size).close(FIRST) and not Pace(size).close(FIRST + 1)

@@ -1,4 +1,4 @@
-"""A motion that ends at a dead point says so, with time and constraint, and blames no step."""
+"""A motion that ends at a singular configuration names time and constraint, and blames no step."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def test_a_drive_at_the_end_of_its_way(method: str, step: float | None) -> None:
     """A rod of 1 m at x = 0.2 + t / 2: the end of its way is at 1.6 s."""
     told = failure(driven_to_the_end(), method, step)
     assert not isinstance(told, StepTooLargeError)
-    assert "dead point at t = 1.6" in str(told)
+    assert "singular configuration at t = 1.6" in str(told)
     assert "'drive'" in str(told) or "'rod'" in str(told)
 
 
 def test_a_change_point_within_the_step_that_fails() -> None:
     """In line at 0.6472 s; steps end at 0.65 s."""
-    assert "dead point at t = 0.64" in str(failure(four_bar(2.0), "gauss6", 0.05))
+    assert "singular configuration at t = 0.64" in str(failure(four_bar(2.0), "gauss6", 0.05))
 
 
 def test_a_step_that_is_too_large_for_a_loop_is_blamed_all_the_same() -> None:
@@ -47,7 +47,7 @@ def test_a_step_that_is_too_large_for_a_loop_is_blamed_all_the_same() -> None:
     scene["simulation"]["duration"] = 10.0
     told = failure(scene, "rk4", 0.01)
     assert isinstance(told, StepTooLargeError)
-    assert "dead point" not in str(told)
+    assert "singular configuration" not in str(told)
 
 
 @pytest.mark.parametrize("power", [1.0, 0.5])

@@ -10,10 +10,9 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.bounds import Effort, effort_of
-from rb_sim.checks.effort import found_in, turns
-from rb_sim.checks.step_doubling import Coarseness, Strayed
-from rb_sim.contact.events.shares import LeftOpen
+from rb_sim.checks.effort import Effort, effort_of, found_in, turns
+from rb_sim.checks.step_doubling import LocalError
+from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
 
 
@@ -21,9 +20,9 @@ from tests.checks.blocks import Block
 def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float) -> None:
     """A trial of another step blew up, and the search for a step ended in a traceback."""
     block = Simulation(load_scene("thrown_ball", duration=0.1), announce=None).sample().block
-    effort = Effort("time_stepping", 0.002, None, 50, 0, restruck=lost)
+    effort = Effort("time_stepping", 0.002, None, 50, restruck=lost)
     (finding,) = found_in(block, effort, 100.0, 1.0)
-    assert finding.watch == "running contact" and finding.figure == lost
+    assert finding.watch == "contact steps" and finding.figure == lost
     assert finding.finer_step is not None and 0.0 < finding.finer_step < 0.002
 
 
@@ -74,8 +73,8 @@ def told(
     return {finding.watch: finding for finding in found}
 
 
-STEPPED = Effort("time_stepping", 0.02, None, 50, 0)
-ADAPTIVE = Effort("dopri853", None, 1e-6, 50, 0)
+STEPPED = Effort("time_stepping", 0.02, None, 50)
+ADAPTIVE = Effort("dopri853", None, 1e-6, 50)
 
 
 def test_a_time_that_does_not_tell_steps_apart_is_told() -> None:
@@ -90,76 +89,56 @@ def test_a_time_that_does_not_tell_steps_apart_is_told() -> None:
 
 
 def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
-    """What a step misses, what all do, what a run in half steps shows; of rk4 by 0.01, 0.1, 0.05:
-    a figure 8 times its bound asks for half the step, one of 500 for a 5.6th."""
-    strayed = Strayed(0.4, 0.7, "c", "way")
-    worst = Coarseness(5.0, 0.5, "a", 0.8, "b", strayed)
-    fixed = Effort("rk4", 0.02, None, 50, 0, coarse=worst)
+    """What a step misses of the velocities, some steps of an attitude, all steps; of rk4 by 0.01,
+    0.02, 0.1: a figure 8 times its bound asks for half the step."""
+    worst = LocalError(5.0, 0.5, "a", 0.8, "b", 0.16, 0.7, "c")
+    fixed = Effort("rk4", 0.02, None, 50, local=worst)
     finding = told(fixed)["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (5.0, 0.5, "a", 0.01)
-    finding = told(fixed._replace(coarse=worst._replace(share=0.0099)))["step"]
-    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.8, 2.0, "b", 0.1)
+    finding = told(fixed._replace(local=worst._replace(share=0.0099)))["step"]
+    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.16, 0.7, "c", 0.02)
     assert finding.finer_step == 0.01
-    finding = told(fixed._replace(coarse=worst._replace(share=0.0, grown=0.099)))["step"]
-    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.4, 0.7, "c", 0.05)
-    little = Coarseness(0.0099, 0.5, "a", 0.099, "b", Strayed(0.049, 0.7, "c", "way"))
-    assert told(fixed._replace(coarse=little)) == {}
-    assert told(ADAPTIVE._replace(coarse=worst)) == {}
+    finding = told(fixed._replace(local=worst._replace(share=0.0, turn=0.019)))["step"]
+    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.8, 2.0, "b", 0.1)
+    assert told(fixed._replace(local=LocalError(0.0099, 0.5, "a", 0.099, "b", 0.019))) == {}
+    assert told(ADAPTIVE._replace(local=worst)) == {}
 
 
-def test_an_attitude_that_half_steps_turn_elsewhere_is_told() -> None:
-    """A ball that is thrown far and turns fast: the share of its way does not show its attitude."""
-    off = Strayed(0.01, 0.3, "ball", "way", 2.0, 0.019, "ball")
-    fixed = Effort("rk4", 0.02, None, 100, 0, coarse=Coarseness(strayed=off))
-    assert told(fixed) == {}
-    off = off._replace(turn=0.32)
-    found = told(fixed._replace(coarse=Coarseness(strayed=off)))["step"]
-    assert (found.figure, found.bound, found.where) == (0.32, 0.02, "ball")
-    assert found.finer_step == 0.005  # fourth order: to less than a sixteenth
+@pytest.mark.parametrize(
+    ("counted", "figure", "bound", "finer"),
+    [
+        ({"unsolved": 1, "solver_residual": 0.3}, 0.3, 1e-6, 0.01),
+        ({"circling": 1}, 0.02, 0.0, 0.002),
+        ({"restruck": 0.16}, 0.04, 0.02, 0.01),
+        ({"made": 0.08}, 0.02, 0.01, 0.01),
+        ({"astray": (0.2, 0.3, "floor")}, 0.2, 0.05, 0.002),
+        ({"paradox": 1}, 0.02, 0.0, None),
+        ({"slipping": 3}, 0.06, 0.0, None),
+    ],
+)
+def test_steps_that_do_not_follow_their_contacts_are_told(
+    counted: dict[str, Any], figure: float, bound: float, finer: float | None
+) -> None:
+    """Of 50 steps of 0.02 s and 4 J; errors of first order, so that a figure four times its bound
+    asks for a quarter of the step, and half of that for a margin."""
+    found = told(STEPPED._replace(**counted), exchanged=4.0)["contact steps"]
+    assert (found.figure, found.bound) == (pytest.approx(figure), bound)
+    assert found.finer_step == finer and ("try step" in found.advice) == (finer is not None)
+    assert found.t == (0.3 if "astray" in counted else 2.0)
+    assert found.where in ("1 of 50 steps", "3 of 50 steps", "floor", "")
 
 
-def test_unsolved_steps_and_paradoxes_are_told_with_their_share() -> None:
-    found = told(STEPPED._replace(unsolved=1, solver_residual=0.3, paradox=1))
-    assert found["solver"].where == found["paradox"].where == "1 of 50 steps"
-    assert (found["solver"].figure, found["solver"].finer_step) == (0.3, 0.01)
-    assert (found["solver"].t, found["paradox"].t) == (2.0, 2.0)
-    assert found["paradox"].figure == pytest.approx(0.02) and found["paradox"].bound == 0.0
-    assert told(STEPPED._replace(steps=0, paradox=2))["paradox"].figure == 2.0
+def test_steps_that_nearly_follow_their_contacts_are_not() -> None:
+    near = STEPPED._replace(restruck=0.079, made=0.039, astray=(0.049, 0.3, "floor"))
+    assert told(near, exchanged=4.0) == {}
+    assert told(STEPPED._replace(restruck=0.1, made=0.1), exchanged=0.0) == {}
 
 
-def test_slips_of_what_is_perfectly_rough_are_told_with_their_share() -> None:
-    found = told(STEPPED._replace(slipping=3))["rough"]
-    assert (found.figure, found.t, found.bound) == (pytest.approx(0.06), 2.0, 0.0)
-    assert found.where == "3 of 50 steps" and found.finer_step is None
-    assert told(STEPPED._replace(steps=0, slipping=2))["rough"].figure == 2.0
-
-
-def test_contacts_that_run_on_are_told_with_their_share() -> None:
-    """Points that ran around a body before energy that was lost; of 4 J a fiftieth is 0.08 J."""
-    found = told(STEPPED._replace(turned=1, restruck=9.0))["running contact"]
-    assert found.figure == pytest.approx(0.02) and found.bound == 0.0
-    assert (found.where, found.t, found.finer_step) == ("1 of 50 steps", 2.0, 0.002)
-    assert told(STEPPED._replace(steps=0, turned=2))["running contact"].figure == 2.0
-    assert told(STEPPED._replace(restruck=0.079), exchanged=4.0) == {}
-    found = told(STEPPED._replace(restruck=0.16), exchanged=4.0)["running contact"]
-    assert found.figure == pytest.approx(0.04) and found.finer_step == 0.01
-    assert told(STEPPED._replace(restruck=0.1), exchanged=0.0) == {}
-
-
-def test_energy_that_contacts_made_is_told() -> None:
-    """Of 4 J a hundredth is 40 mJ."""
-    assert told(STEPPED._replace(made=0.039), exchanged=4.0) == {}
-    found = told(STEPPED._replace(made=0.08), exchanged=4.0)["energy"]
-    assert found.figure == pytest.approx(0.02) and found.bound == 1e-2
-    assert (found.t, found.finer_step) == (2.0, 0.01)
-    assert told(STEPPED._replace(made=0.1), exchanged=0.0) == {}
-
-
-def test_impulses_along_normals_that_turned_are_told() -> None:
-    assert told(STEPPED._replace(astray=(0.049, 0.3, "floor"))) == {}
-    found = told(STEPPED._replace(astray=(0.2, 0.3, "floor")))["aim"]
-    assert (found.figure, found.t, found.where, found.bound) == (0.2, 0.3, "floor", 0.05)
-    assert found.finer_step == 0.002  # first order: to an eighth of 0.02 s
+def test_of_what_contacts_tell_the_first_is_told() -> None:
+    """Unsolved steps explain the rest."""
+    all_of_it = STEPPED._replace(unsolved=2, solver_residual=0.3, circling=1, paradox=3)
+    assert told(all_of_it)["contact steps"].where == "2 of 50 steps"
+    assert told(STEPPED._replace(steps=0, paradox=2))["contact steps"].figure == 2.0
 
 
 @pytest.mark.parametrize(
@@ -185,7 +164,7 @@ def test_turns_in_a_step_are_told_where_they_begin(stride: int, first: int) -> N
     spins = np.zeros((4, 2, 3))
     spins[:, 1, 2], spins[1, 1, 0] = (7.0, 8.0, 9.0, 0.0), 1.8
     block: Any = Block([0.0, 0.5, 1.0, 2.0], angular_velocity=spins)
-    effort = Effort("rk4", 0.4, None, 1, 0)
+    effort = Effort("rk4", 0.4, None, 1)
     (found,) = turns(block, effort, ("a", "b"), stride)
     assert (found.t, found.where) == (float(block.t[first]), "b")
     assert found.figure == pytest.approx(0.4 * np.hypot(*[(8.0, 1.8), (9.0, 0.0)][first - 1]))

@@ -48,4 +48,4 @@ def test_what_only_a_close_look_shows_in_the_last_block_is_told(
     monkeypatch.setattr(Simulation, "blocks", ends_early)
     assert run(RunOptions(str(path), quiet=True)) == FAILED
     said = capfd.readouterr().err
-    assert "angle in one step" in said and "no step is small enough" in said
+    assert "rotation in one step" in said and "no step is small enough" in said

@@ -10,8 +10,8 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.checks.balance import Ledger
-from rb_sim.checks.bounds import Effort
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import Effort
 
 FRICTION = {"type": "coulomb", "static": 0.5}
 WEIGHT = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}
@@ -46,7 +46,7 @@ def test_energy_of_what_stands_still_is_held_against_weight_times_length(
     block = simulation.run(check=False).block
     moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
-    watches.add(moved, Effort("dopri853", None, 1e-10, 10, 0))
+    watches.add(moved, Effort("dopri853", None, 1e-10, 10))
     watches.finish()
     assert any(found.watch == "energy" for found in watches.findings) is reported
 
@@ -80,7 +80,7 @@ def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     run = simulation.run()
     wrong = replace(run.block, kinetic_energy=run.block.kinetic_energy + 20.0 * run.t)
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
-    watches.add(wrong, Effort("dopri853", None, 1e-10, 10, 0))
+    watches.add(wrong, Effort("dopri853", None, 1e-10, 10))
     watches.finish()
     assert run.global_error is not None
     watches.check(run.global_error, simulation)

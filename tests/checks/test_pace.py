@@ -12,8 +12,8 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.bounds import Effort
-from rb_sim.checks.check_list import EACH, FIRST, LOOK, SAMPLE, SHARE, Pace, WatchList
+from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import Effort
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.test_dead_point import driven_to_the_end
@@ -39,7 +39,7 @@ ROD: dict[str, Any] = {
     },
     "simulation": {"duration": BLOCKS * BLOCK / 200.0, "rate": 200.0, "tolerance": 1e-13},
 }
-TIGHT = Effort("dopri853", None, 1e-11, 100, 0)
+TIGHT = Effort("dopri853", None, 1e-11, 100)
 
 
 @cache
@@ -89,7 +89,7 @@ def test_a_long_run_without_fault_is_passed_without_a_word(damped: bool) -> None
     if damped:
         assert momentum is None and energy["work"] < -0.1
     else:
-        assert momentum is not None and 0.01 < momentum["linear"]["share"] < 0.011
+        assert momentum is not None and 0.02 < momentum["linear"]["share"] < 0.04
 
 
 def test_energy_that_jumps_between_two_close_looks_is_told_with_its_time() -> None:
@@ -116,22 +116,17 @@ def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
     assert watches.ledger.worst_residual == 0.02
 
 
-@pytest.mark.parametrize("share", [SHARE, 10.0 * SHARE], ids=["at the end", "before"])
-def test_a_reaction_that_is_wrong_from_some_time_on_is_told_at_a_later_look(
-    share: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reaction_that_is_wrong_from_some_time_on_is_told_at_a_later_look() -> None:
     """The last block is one sample here, which alone shows nothing."""
-    monkeypatch.setattr("rb_sim.checks.check_list.SHARE", share)
     block, _ = run_of(False)
     told, _ = found(False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force))
     assert {"momentum"} <= set(told) <= {"momentum", "angular momentum"}
-    assert told["momentum"].t > block.t[LATE]
-    assert (told["momentum"].t == block.t[-1]) == (share == SHARE)
+    assert block.t[LATE] < told["momentum"].t < 2.0 * block.t[LATE]
 
 
 def test_a_spin_that_a_step_leaps_over_is_told() -> None:
     block, _ = run_of(False)
-    effort = Effort("rk4", 1e-2, None, 100 * BLOCKS, 0)
+    effort = Effort("rk4", 1e-2, None, 100 * BLOCKS)
     told, _ = found(False, effort, angular_velocity=after(block.angular_velocity, 1000.0))
     assert told["turn"].t == pytest.approx(block.t[LATE], abs=17.0 / 200.0)
 
@@ -158,16 +153,4 @@ def test_a_dead_point_between_two_close_looks_is_told() -> None:
         watches.add(piece, TIGHT)
     watches.finish()
     told = {finding.watch: finding for finding in watches.findings}
-    assert told["dead point"].t == pytest.approx(1.6, abs=2e-3)
-
-
-@pytest.mark.parametrize("size", [1, 2, 30])
-def test_close_looks_cost_a_share_of_the_samples_and_are_spread_out(size: int) -> None:
-    """Counted as the pace counts: every look is paid by the samples before it."""
-    pace, count = Pace(size), 60_000
-    looked = [i for i in range(count) if pace.close(BLOCK)]
-    late = [i for i in looked if i >= FIRST // BLOCK]
-    assert looked[: FIRST // BLOCK] == list(range(FIRST // BLOCK))
-    cost = len(late) * (LOOK + EACH * size * BLOCK)
-    assert 0.9 * SHARE < cost / (count * BLOCK * SAMPLE * size) <= SHARE
-    assert max(np.diff(late)) - min(np.diff(late)) <= 1
+    assert told["singular configuration"].t == pytest.approx(1.6, abs=2e-3)

@@ -10,14 +10,14 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.bounds import Effort
 from rb_sim.checks.check_list import CHATTER, WatchList
+from rb_sim.checks.effort import Effort
 from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
 from tests.checks.test_pace import after, pieces
 
 LATE = 20 * 1024 + 300
 """A sample in a block in which nothing happens: the ball has rolled for long."""
-TIGHT = Effort("dopri853", None, 1e-10, 100, 0)
+TIGHT = Effort("dopri853", None, 1e-10, 100)
 RATE = 1000.0
 
 

@@ -11,8 +11,8 @@ import pytest
 from rb_sim import Simulation, SimulationError, load_scene
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks import step_search as search
-from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import effort_of
 from rb_sim.cli.verbs.run import FAILED, RunOptions
 from rb_sim.cli.verbs.run import run as command
 
@@ -116,7 +116,7 @@ def test_the_step_named_ends_every_warning(
         scene = str(file)
     lines = told(capfd, scene, method=method, step=step)
     assert any(line.startswith(f"warning: {watch}: ") for line in lines), lines
-    named = {float(re.findall(r"with step ([0-9.e-]+) s this warning", line)[0]) for line in lines}
+    named = {float(re.findall(r"use step ([0-9.e-]+) s, which passes", line)[0]) for line in lines}
     assert len(named) == 1
     (finer,) = named
     assert finer <= 0.5 * step
@@ -137,9 +137,8 @@ def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Findin
 @pytest.mark.parametrize(
     ("good", "expected"),
     [
-        (lambda step: step <= 1e-3, "with step 0.001 s this warning does not come"),
-        (lambda step: step >= 8e-3, "smaller steps do not end it; with step 0.008 s it does not"),
-        (lambda step: False, "s do not end it; use method dopri853 with a tolerance"),
+        (lambda step: step <= 1e-3, "use step 0.001 s, which passes all checks"),
+        (lambda step: False, "s do not help; use method dopri853 with a tolerance"),
     ],
 )
 def test_smaller_is_not_said_where_it_does_not_help(
@@ -158,7 +157,10 @@ def test_smaller_is_not_said_where_it_does_not_help(
 def test_a_step_that_could_not_be_tried_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation, findings = watched(OSCILLATOR, method="gauss6", step=0.004)
     said = search.quiet_step(simulation, findings, lambda: False)
-    assert "not tried" in said and f"step {min(f.finer_step or 1.0 for f in findings):g} s" in said
+    assert (
+        "by the order of the method" in said
+        and f"step {min(f.finer_step or 1.0 for f in findings):g} s" in said
+    )
 
 
 def test_no_step_is_named_where_none_is_to_blame() -> None:
@@ -185,7 +187,9 @@ def failure(scene: Any) -> str:
 
 def test_a_failed_run_names_a_step_that_keeps_the_energy() -> None:
     said = failure(STIFF)
-    found = re.search(r"step 0.5 s is too large for rk4 .*; with step ([0-9.e-]+) s it runs", said)
+    found = re.search(
+        r"step 0.5 s is too large for rk4 .*; use step ([0-9.e-]+) s, which runs", said
+    )
     assert found, said
     step, omega = float(found[1]), 100.0
     assert 40.0 / step * (omega * step) ** 6 / 72.0 < 1e-3  # the share of the energy that is lost
@@ -196,10 +200,9 @@ def test_a_failed_run_names_a_step_that_keeps_the_energy() -> None:
 @pytest.mark.parametrize(
     ("good", "loud", "expected"),
     [
-        (lambda step: step <= 0.3, False, "with step 0.2 s it runs to the end"),
-        (lambda step: step >= 1.0, False, "smaller steps fail, too; with step 1 s it runs to"),
-        (lambda step: False, False, "steps down to 2e-06 s fail, too; use method dopri853"),
-        (lambda step: False, True, "with step 2e-06 s it runs to the end, not without a warning"),
+        (lambda step: step <= 0.3, False, "use step 0.2 s, which runs to the end"),
+        (lambda step: False, False, "steps down to 2e-06 s fail as well; use method dopri853"),
+        (lambda step: False, True, "step 2e-06 s runs to the end, but with a warning"),
     ],
 )
 def test_smaller_is_not_said_where_it_is_worse(
@@ -218,7 +221,7 @@ def test_smaller_is_not_said_where_it_is_worse(
 
 def test_of_a_long_run_its_beginning_is_tried() -> None:
     said = search.step_that_runs(Simulation(load_scene(STIFF, duration=4e4)), 5.0, 4e4)
-    assert "it runs to t = 12.5 s at least" in said  # 1.5 * 5 s and ten of the steps
+    assert "which runs at least to t = 12.5 s" in said  # 1.5 * 5 s and ten of the steps
 
 
 def test_trials_end_with_their_time_or_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,6 +253,6 @@ def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(
     """heavy_top at 0.05 s runs to its end from 0.0125 s on, but loses 5 % of its energy there."""
     assert command(RunOptions("heavy_top", method="rk4", step=0.05, quiet=True)) == FAILED
     said = capfd.readouterr().err
-    (step,) = map(float, re.findall(r"with step ([0-9.e-]+) s it runs to the end", said))
-    assert "step below" not in said and "angle in one step" in said
+    (step,) = map(float, re.findall(r"use step ([0-9.e-]+) s, which runs to the end", said))
+    assert "step below" not in said and "rotation in one step" in said
     assert told(capfd, "heavy_top", method="rk4", step=step) == []

@@ -115,24 +115,6 @@ def test_at_a_glance_every_eighth_sample_tells(
         assert found.at == pytest.approx(2.0 / SPIN, abs=2e-3)
 
 
-def test_clear_says_whether_samples_show_nothing() -> None:
-    """And what comes after is looked at together with the last of them."""
-
-    def figure(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.abs(np.sin(0.5 * (angle_of(y) - 2.0))), np.zeros(len(t), int)
-
-    t = np.arange(0.0, 4.0, 0.05) / SPIN
-    y = spun(t)
-    follower = Follower(figure, LENGTH)
-    assert follower.clear(t[:32:4], y[:32:4], (t[:32], y[:32]))
-    assert follower.spent > 0
-    assert not follower.clear(t[32:64:4], y[32:64:4], (t[32:64], y[32:64]))
-    follower = Follower(figure, LENGTH)
-    assert follower.clear(t[:40:4], y[:40:4], (t[8:40], y[8:40]))
-    found = follower.add(t[40:], y[40:], 1)
-    assert found is not None and found.at == pytest.approx(2.0 / SPIN, abs=2e-3)
-
-
 @pytest.mark.parametrize(
     ("s", "found"),
     [

@@ -29,7 +29,7 @@ FINE = {"method": "dopri853", "tolerance": 1e-10, "step": None}
 
 
 def test_a_run_gives_a_warning_for_each_finding_at_its_caller() -> None:
-    with pytest.warns(AccuracyWarning, match=r"^energy: .* is .* at t = .* \(top\), above") as told:
+    with pytest.warns(AccuracyWarning, match=r"^energy: .* is .* at t = .* \(top\)") as told:
         run = Simulation(load_scene(COARSE), announce=None).run()
     assert [str(warning.message) for warning in told] == [str(each) for each in run.findings]
     assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}

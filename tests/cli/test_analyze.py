@@ -26,8 +26,8 @@ def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     analyze._print(told(5))
     text = capsys.readouterr().out
     assert text.count("/robot") == 3 + 3 + 3 and "/robot3" not in text
-    assert "and 2 more sources: --json and --out DIR tell all" in text
-    assert "and 2 more bodies: --json and --out DIR tell all" in text
+    assert "and 2 more sources (all with --json or --out DIR)" in text
+    assert "and 2 more bodies (all with --json or --out DIR)" in text
     analyze._print(told(3))
     assert "more" not in capsys.readouterr().out
 
@@ -44,7 +44,7 @@ def test_a_contact_that_carries_the_load_touches(tmp_path, scene):
     assert CliRunner().invoke(app, ["run", scene, *options]).exit_code == 0
     said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
     lower = 1 if scene == "stick_slip" else 4  # of a box its lower corners, not the upper ones
-    assert said.count(": touches; deepest overlap") == lower
+    assert said.count(": closed; largest overlap") == lower
 
 
 def test_a_body_that_stays_above_never_touches(tmp_path):
@@ -56,4 +56,4 @@ def test_a_body_that_stays_above_never_touches(tmp_path):
     options = ["--out", str(out), "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet"]
     assert CliRunner().invoke(app, ["run", "bouncing_ball", *options]).exit_code == 0
     said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
-    assert "never touches; least gap 0." in said
+    assert "never closed; smallest gap 0." in said

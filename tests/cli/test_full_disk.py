@@ -42,7 +42,7 @@ def test_results_that_do_not_fit_are_told_in_one_line(verb, bag, tmp_path):
     out = tmp_path / "out"
     with small_files(200), pytest.raises(RbSimError) as caught:
         if verb == "analyze":
-            analyze(AnalyzeOptions(bag, out, screenshot=False))
+            analyze(AnalyzeOptions(bag, out))
         else:
             compare(CompareOptions(bag, str(bag), out=out))
     assert str(caught.value) == f"--out {out}: cannot write there: File too large"

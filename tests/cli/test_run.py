@@ -42,7 +42,7 @@ def test_writes_bag_recording_plots_and_summary(tumble, tmp_path):
 def test_the_table_names_what_matters(tumble):
     done = rb_sim("run", tumble)
     assert done.returncode == 0
-    for label in ("energy balance", "momentum balance", "worst residual", "steps", "method"):
+    for label in ("energy error", "momentum error", "constraint violation", "steps", "method"):
         assert label in done.stdout
     assert "times real time" in done.stdout
     assert "--out DIR" in lines(done.stdout)[-1]

@@ -41,8 +41,7 @@ def test_signal_finishes_the_logs(number, rate, tumble, tmp_path):
     assert time.monotonic() - sent < 30.0
     assert process.returncode == 128 + number, stderr
     (line,) = lines(stderr)
-    assert line.startswith("interrupted at t = ") and line.endswith(f"is in {tmp_path}")
-    assert f"interrupted by {number.name}" in stdout
+    assert line.startswith("interrupted at t = ") and line.endswith(f"are in {tmp_path}")
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["outcome"] == f"interrupted by {number.name}"
     assert summary["samples"] == samples_in(tmp_path / "bag") >= 1
@@ -92,7 +91,7 @@ sys.exit(main.main())
         command, env=environment(), capture_output=True, text=True, timeout=PATIENCE
     )
     assert ended.returncode == 130
-    left = ": the logs are not finished; see rb_sim recover" if logs else ""
+    left = ": the logs are not finished; use rb_sim recover" if logs else ""
     assert ended.stderr == f"interrupted twice{left}\n"
 
 
@@ -141,7 +140,7 @@ def test_a_run_that_fails_keeps_what_was_logged(tmp_path):
     told = sorted(warning.split(": ")[:2] for warning in warnings)
     assert told == [["warning", "energy"], ["warning", "step"]]
     assert line.startswith("error: the state is no longer finite at t = ")
-    assert line.endswith(f"what was logged is in {tmp_path / 'out'}")
+    assert line.endswith(f"the samples up to then are in {tmp_path / 'out'}")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert "no longer finite" in summary["outcome"]
     assert summary["samples"] == samples_in(tmp_path / "out" / "bag") > 10
@@ -155,7 +154,7 @@ def test_full_disk_drops_the_log_and_goes_on(tumble, tmp_path):
     done = rb_sim("run", tumble, *options, preexec_fn=small_files)
     assert done.returncode == 1
     (line,) = lines(done.stderr)
-    assert line.startswith("warning: ") and line.endswith("; the run goes on without bag")
+    assert line.startswith("warning: ") and line.endswith("; the run continues without bag")
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["simulated"] == 5.0 and summary["samples"] == 20001
     bag = summary["outputs"]["bag"]

@@ -146,14 +146,12 @@ def test_what_cannot_be_is_refused_in_a_line():
     refused(r"constraints\.heap\.between: got \['a'\]", two, between(["a"]))
     refused(r"constraints\.heap\.between\[1\]: got 'c'", two, between(["a", "c"]))
     refused(r"constraints\.heap\.between", {"a": two["a"]}, between("all"))
-    refused(
-        r"constraints\.heap\.parent: got 'a'; must be left out", two, between("all", parent="a")
-    )
-    refused(r"constraints\.heap: body cannot be given", two, between("all", body="a"))
+    refused(r"constraints\.heap\.parent: got 'a'; must be omitted", two, between("all", parent="a"))
+    refused(r"constraints\.heap: body cannot be combined", two, between("all", body="a"))
     refused(r"constraints\.heap\.restitution", two, between("all", restitution=2.0))
     refused("box and cylinder", {"a": box([0, 0, 0]), "b": roller}, between("all"))
-    refused("overlap of a and b", two | {"b": ball([0.15, 0, 0])}, between("all"))
-    refused("in other as well", two,
+    refused("a and b overlap by", two | {"b": ball([0.15, 0, 0])}, between("all"))
+    refused("are also in other", two,
             between("all") | {"other": {"type": "contact", "between": ["a", "b"]}})  # fmt: skip
     with pytest.raises(SceneError, match=r"simulation\.method: got 'dopri853'; must be time_step"):
         options = {"method": "dopri853", "step": None, "tolerance": 1e-9}

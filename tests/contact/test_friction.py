@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.contacts.friction import resisting, straight_on, traction
 
-SLIP_DIRECTION, LEAST = (0.6, 0.8, 0.0), 1e-9
+AHEAD, LEAST = (0.6, 0.8, 0.0), 1e-9
 SLIP = (0.3, 0.4, 1.2)
 """1.3 m/s."""
 UNIT = np.array(SLIP) / 1.3
@@ -31,7 +31,7 @@ NORMAL = (0.48, 0.6, 0.64)
 )
 def test_traction_of_each_law(law: friction.Friction, per_normal: object, direct: object) -> None:
     """(force per unit of normal force, force); mu s/|s| rounded off at the speed v."""
-    found = traction(law, SLIP, SLIP_DIRECTION, LEAST, False)
+    found = traction(law, SLIP, AHEAD, LEAST, False)
     assert_allclose(found[0], per_normal, rtol=1e-15, atol=1e-16)
     assert_allclose(found[1], direct, rtol=1e-15, atol=1e-16)
 
@@ -48,10 +48,10 @@ def test_what_sticks_and_what_does_not() -> None:
 def test_a_slip_that_has_passed_through_zero_goes_straight_on() -> None:
     """Its direction is turned round, so that the equations stay smooth; at rest it is `ahead`."""
     back = tuple(-x for x in SLIP)
-    assert_allclose(straight_on(SLIP, SLIP_DIRECTION, LEAST), UNIT, rtol=1e-15)
-    assert_allclose(straight_on(back, SLIP_DIRECTION, LEAST), UNIT, rtol=1e-15)
-    assert straight_on((0.0, 0.0, LEAST), SLIP_DIRECTION, LEAST) == SLIP_DIRECTION
-    assert_allclose(straight_on((0.0, 0.0, 2.0 * LEAST), SLIP_DIRECTION, LEAST), (0.0, 0.0, 1.0))
+    assert_allclose(straight_on(SLIP, AHEAD, LEAST), UNIT, rtol=1e-15)
+    assert_allclose(straight_on(back, AHEAD, LEAST), UNIT, rtol=1e-15)
+    assert straight_on((0.0, 0.0, LEAST), AHEAD, LEAST) == AHEAD
+    assert_allclose(straight_on((0.0, 0.0, 2.0 * LEAST), AHEAD, LEAST), (0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("modes", [(1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (0.0, 0.0)])
@@ -75,4 +75,4 @@ def test_resistance_to_rolling_and_to_spinning(
 
 def test_without_resistance_nothing_resists() -> None:
     none = friction.NoResistance()
-    assert resisting(none, SLIP, NORMAL, (1.0, 1.0), SLIP_DIRECTION, 1.0, LEAST) == (0.0, 0.0, 0.0)
+    assert resisting(none, SLIP, NORMAL, (1.0, 1.0), AHEAD, 1.0, LEAST) == (0.0, 0.0, 0.0)

@@ -18,14 +18,14 @@ PARENT = {"body": BALL, "a": box([1, 1, 1], [0, 0, -0.5])}
 COULOMB = {"type": "coulomb", "static": 0.3}
 
 REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
-    "penetrates": (ball([0, 0, 0.05]), touch(), ("floor", "initial position")),
+    "penetrates": (ball([0, 0, 0.05]), touch(), ("floor", "overlap of 0.05 m at the start")),
     "rough but slips": (
         ball([0, 0, 0.1], linear_velocity=[1, 0, 0]),
         touch(friction={"type": "rough"}),
-        ("floor", "initial velocity", "rough"),
+        ("floor", "slips at 1 m/s at the start", "rough"),
     ),
     "bilateral but apart": (
-        ball([0, 0, 0.2]), touch(mode="bilateral"), ("floor", "initial position"),
+        ball([0, 0, 0.2]), touch(mode="bilateral"), ("floor", "gap of 0.1 m at the start"),
     ),
     "unknown surface": (BALL, touch(surface={"type": "cone"}), ("cone", "plane", "cylinder")),
     "unknown friction": (BALL, touch(friction={"type": "sticky"}), ("sticky", "coulomb")),
@@ -67,7 +67,7 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
     "in the middle of a bowl": (
         body({"type": "ellipsoid", "semi_axes": [0.1, 0.12, 0.14]}, [0, 0, 1]),
         touch(surface={"type": "sphere", "center": [0, 0, 1], "radius": 1.0, "side": "inside"}),
-        ("middle", "bodies.body.position"),
+        ("centre of the round surface", "bodies.body.position"),
     ),
     "on a parent without shape": (
         {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},

@@ -88,7 +88,7 @@ def test_a_gap_that_is_too_narrow_is_refused() -> None:
     with pytest.raises(SceneError) as caught:
         Simulation(scene(body, constraints))
     text = str(caught.value)
-    assert "without overlap" in text and "\n" not in text
+    assert "has an overlap" in text and "\n" not in text
 
 
 ROUNDING = (0.0, 1e-13, -1e-13, 1e-12, -1e-12)

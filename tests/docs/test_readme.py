@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.cli.verbs.scenes import shipped_statics
+from rb_sim.scene.listing import shipped_statics
 from rb_sim.statics import load_statics, solve
 from tests.docs.blocks import ROOT
 

@@ -6,7 +6,9 @@ import pytest
 from typer.main import get_command
 
 import rb_sim
+from rb_sim.base.diagnostic import CHECKS
 from rb_sim.cli.main import app
+from tools.messages import SECTIONS, checks_that_are_named, texts
 from tools.reference import FOLDER, pages
 
 MADE = pages()
@@ -29,3 +31,20 @@ def test_every_public_name_is_in_the_api():
     text = (FOLDER / "python.md").read_text(encoding="utf-8")
     listed = [line.removeprefix("::: rb_sim.") for line in text.splitlines() if line[:3] == ":::"]
     assert sorted([*listed, "Scene"]) == sorted(rb_sim.__all__)
+
+
+def test_every_check_that_can_be_printed_has_a_row_with_cause_and_cure():
+    named = checks_that_are_named()
+    assert named == set(CHECKS)
+    for name in named:
+        (row,) = (
+            line for line in MADE["messages.md"].splitlines() if line.startswith(f"| {name} |")
+        )
+        assert all(cell.strip() for cell in row.strip("|").split("|"))
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_message_with_cause_and_cure_is_one_of_the_program(section):
+    known = texts()
+    for message in SECTIONS[section]:
+        assert any(message.text in text for text in known), message.text

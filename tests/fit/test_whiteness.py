@@ -63,7 +63,7 @@ def test_a_pose_that_is_far_off_is_told():
     told = fitted(position, 20.0 * T, {}, ["bodies.rotor.angular_velocity"])
     assert told.outliers == (
         "rotor: 1 of 81 poses are off by more than 10 times the noise of the others (t = 0.75 s): "
-        "they draw the fit and enlarge its errors",
+        "they distort the fit and enlarge its errors",
     )
     assert told.as_dict()["outliers"] == list(told.outliers)
 

@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
+from rb_sim.base import palette
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.main import app
 from rb_sim.cli.verbs.hard_cases import hard_cases, shipped
-from rb_sim.hard_cases.judge import Row, load_case, load_cases, rows_of
+from rb_sim.hard_cases import report
+from rb_sim.hard_cases.judge import Case, Row, load_case, load_cases, rows_of
 
 CASES = {case.name: case for case in load_cases(shipped())}
 OSCILLATOR = """
@@ -94,3 +98,34 @@ def test_a_name_that_no_case_has_lists_those_there_are() -> None:
     result = CliRunner().invoke(app, ["hard-cases", "--only", "nothing_like_it"])
     assert result.exit_code == 2
     assert "separatrix" in result.output
+
+
+def test_the_picture_groups_by_theme_and_marks_a_narrow_margin(tmp_path: Path, monkeypatch) -> None:
+    """The least margin of a case decides its place and its colour; words are no margin."""
+
+    def case(name: str, theme: str) -> Case:
+        text = yaml.safe_load(OSCILLATOR % 1.0)
+        return Case.model_validate({**text, "name": name, "theme": theme})
+
+    def row(name: str, check: str, figure: float) -> Row:
+        return Row(name, "rk4", "0.1 s", check, figure, 1.0, 0.1, "holds", "")
+
+    cases = [case("wide", "tops"), case("close", "tops"), case("warns", "tops"), case("b", "heaps")]
+    rows = [row("wide", "energy", 1e-6), row("close", "energy", 1e-3), row("close", "formula", 0.2),
+            row("warns", "told", 0.0), row("b", "energy", 1e-2)]  # fmt: skip
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self))
+    report.picture(cases, rows, tmp_path / "x.png")
+    tops, heaps = figures[0].axes
+    assert [label.get_text() for label in tops.get_yticklabels()] == ["close", "wide", "warns"]
+    assert [label.get_text() for label in heaps.get_yticklabels()] == ["b"]
+    texts = [text.get_text() for text in tops.texts]
+    assert texts == ["tops", "5.0×", "warned, as it must be"]
+    large = [line for line in tops.get_lines() if line.get_markersize() == report.MARKER]
+    dots = {line.get_ydata()[0]: line.get_color() for line in large if line.get_marker() == "o"}
+    assert dots == {1: palette.NARROW, 2: palette.GOOD}
+
+
+def test_every_shipped_case_has_a_theme() -> None:
+    assert all(case.theme != "other" for case in CASES.values())
+    assert len({case.theme for case in CASES.values()}) < 8

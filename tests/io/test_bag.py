@@ -24,7 +24,7 @@ from rb_sim.mechanics.samples import ARRAYS, empty_block
 
 START = 1_700_000_000_000_000_000
 TOPICS = 17
-LATCHED = 2
+LATCHED = 3
 """Messages that are recorded once."""
 
 

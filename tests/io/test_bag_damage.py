@@ -116,7 +116,7 @@ def test_python_fit_and_analyze_say_it(bag, capsys):
     assert len(warned) == 1 and 0.5 * N < len(run) < N
     notes = analyze(bag).notes
     assert any("missing is what lies" in line for line in notes)
-    assert any("balances go across what is missing" in line for line in notes)
+    assert any("balances span the missing messages" in line for line in notes)
     set_up(FitOptions(bag, "bodies.a.mass"))
     assert "missing is what lies between t = " in capsys.readouterr().err
 
@@ -166,9 +166,9 @@ def test_the_head_of_a_record_beside_the_messages(bag, samples):
     assert "rb_sim" in seen
     for index in (*summary.metadata_indexes, *summary.attachment_indexes):
         change(path, index.offset)  # the opcode
-        assert "no record can be read there" in info(bag)["health"]["damage"][0]
+        assert "unreadable record" in info(bag)["health"]["damage"][0]
         if index.name == "rb_sim":
-            with pytest.raises(SinkError, match="record of what was simulated cannot be read"):
+            with pytest.raises(SinkError, match="record of the simulation cannot be read"):
                 BagReader(bag)
         path.write_bytes(data)
 

@@ -20,7 +20,7 @@ from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 
 TOPICS = 17
-LATCHED = 2
+LATCHED = 3
 """Messages that are recorded once."""
 
 

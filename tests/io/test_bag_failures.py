@@ -13,6 +13,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -96,7 +97,10 @@ def test_recover_a_damaged_chunk(record, tmp_path):
     """What stands before the damage is kept; a checksum tells."""
     bag = record(n=600, chunk_size=20_000)
     data = bytearray((bag / "bag_0.mcap").read_bytes())
-    data[len(data) // 2] ^= 0xFF
+    with (bag / "bag_0.mcap").open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    chunk = chunks[len(chunks) // 2]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
     (bag / "bag_0.mcap").write_bytes(data)
     result = recover_bag(bag, tmp_path / "saved")
     assert 0 < result.messages < 600 * TOPICS

@@ -34,12 +34,12 @@ def test_parts_hold_together_what_one_file_would(record, layout, split):
     assert sum(file["message_count"] for file in info["files"]) == info["message_count"]
     one = yaml.safe_load((whole / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     again = len(names) - 1  # each part has what is latched, so that it can be drawn on its own
-    assert info["message_count"] == one["message_count"] + 2 * again
+    assert info["message_count"] == one["message_count"] + 3 * again
     assert (info["duration"], info["starting_time"]) == (one["duration"], one["starting_time"])
     counts = {
         t["topic_metadata"]["name"]: t["message_count"] for t in one["topics_with_message_count"]
     }
-    for topic in ("/rb_sim/description", "/robot_description"):
+    for topic in ("/rb_sim/description", "/robot_description", "/rb_sim/markers"):
         counts[topic] += again
     assert counts == {
         t["topic_metadata"]["name"]: t["message_count"] for t in info["topics_with_message_count"]

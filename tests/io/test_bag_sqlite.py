@@ -183,7 +183,7 @@ def test_a_broken_message_among_compressed_ones_is_left_out(tmp_path):
     found = tracks_of_bag(path)
     assert len(found.bodies["/body"].t) == len(T) - 1
     (note,) = found.notes
-    assert note.startswith("/body: 1 message left out: its encoding 28b5 is not CDR")
+    assert note.startswith("/body: 1 message skipped: its encoding 28b5 is not CDR")
 
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])

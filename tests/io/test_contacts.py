@@ -228,7 +228,7 @@ def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):
     sink.close()
     assert set(drawn) == set(LAYOUT.contacts)
     texts = {name: [text.get_text() for text in ax.texts] for name, ax in drawn.items()}
-    assert texts == {"floor": ["slips", "impact"], "feet/1": ["holds"], "feet/2": ["slips"]}
+    assert texts == {"floor": ["slips", "impact"], "feet/1": ["sticks"], "feet/2": ["slips"]}
     spans = {name: _spans(ax) for name, ax in drawn.items()}
     np.testing.assert_allclose(spans["floor"], [(0.13, 0.99)])
     np.testing.assert_allclose(spans["feet/1"], [(0.36, 0.99)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tracemalloc
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from rb_sim.base.errors import SinkError
 from rb_sim.io.plots import plots
 from rb_sim.io.plots.plots import PlotSink
-from rb_sim.mechanics.samples import SampleLayout
+from rb_sim.mechanics.samples import ARRAYS, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
 
 
@@ -62,9 +63,53 @@ def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
         "log"
     )
     image = matplotlib.image.imread(path)
-    assert image.shape[0] > 2000 and image.shape[1] == 1430
+    assert image.shape[0] > 500 and image.shape[1] == 1430
     assert image[..., :3].std() > 0.05
-    assert sorted(p.name for p in path.parent.iterdir()) == ["plots.png"]
+    # more than a page of panels: one for each body
+    names = ["plots.png", "plots_ball.png", "plots_door.png"]
+    assert sorted(p.name for p in path.parent.iterdir()) == names
+
+
+def test_angles_in_degrees_joints_and_commands_have_panels(tmp_path, drawn):
+    """A wheel that turns faster and faster about y, by the angle 2 t^2, on a slider that goes."""
+    inertia = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    scene = load_scene({
+        "bodies": {"slider": inertia, "wheel": inertia},
+        "constraints": {
+            "rail": {"type": "translation", "body": "slider",
+                     "guide": {"type": "line", "direction": [1, 0, 0]}},
+            "axle": {"type": "fixed_axis", "body": "wheel", "parent": "slider",
+                     "axis_B": [0, 1, 0]},
+        },
+        "effects": {"push": {"type": "commanded_wrench", "body": "slider"}},
+    })  # fmt: skip
+    layout = SampleLayout(("slider", "wheel"), (), (), ("slider",))
+    block = empty_block(300, layout)
+    block.t[:] = np.arange(300) / 100.0
+    angle = 2.0 * block.t**2
+    block.orientation[..., 3] = 1.0
+    block.orientation[:, 1] = np.c_[0 * angle, np.sin(angle / 2), 0 * angle, np.cos(angle / 2)]
+    block.angular_velocity[:, 1, 1] = 4.0 * block.t
+    block.position[..., 0] = block.t[:, None]
+    block.linear_velocity[..., 0] = 1.0
+    block.command[100:, 0, 0] = 8.0
+    sink = PlotSink(tmp_path / "p.png")
+    sink.open(scene, layout)
+    for part in (slice(0, 70), slice(70, 300)):
+        arrays = {name: getattr(block, name)[part] for name in ARRAYS}
+        sink.write(replace(block, **arrays))
+    sink.close()
+    expected = {
+        "wheel: roll, pitch, yaw about the world's x, y, z": ("[deg]", 1, np.degrees(angle)),
+        "axle: angle from the first sample": ("[deg]", 0, np.degrees(angle)),
+        "rail: way from the first sample": ("[m]", 0, block.t),
+        "slider: commanded force, world axes": ("[N]", 0, block.command[:, 0, 0]),
+    }
+    for title, (unit, k, values) in expected.items():
+        assert drawn[title].get_ylabel() == unit
+        np.testing.assert_allclose(drawn[title].get_lines()[k].get_ydata(), values, atol=1e-6)
+    zero = ("slider: roll, pitch", "slider: commanded torque", "slider: angular velocity")
+    assert not [title for title in drawn if title.startswith(zero)]
 
 
 def test_energy_change_equals_work(tmp_path, drawn):
@@ -198,7 +243,7 @@ def test_folder_gone(tmp_path, scene, layout, samples):
     sink.open(scene, layout)
     sink.write(samples(5))
     shutil.rmtree(tmp_path / "out")
-    with pytest.raises(SinkError, match="plots.png: cannot write it: No such file or directory$"):
+    with pytest.raises(SinkError, match="plots.png: cannot be written: No such file or directory$"):
         sink.close()
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkError, match="cannot draw here"):

@@ -15,6 +15,7 @@ import matplotlib.image
 import pytest
 
 from rb_sim.base.errors import SinkError
+from rb_sim.base.palette import AXES, REACTION, rgb
 from rb_sim.cli.verbs import replay as verb
 from rb_sim.cli.verbs.replay import recover, replay
 from rb_sim.io.rerun import viewer as rerun_screenshot
@@ -106,11 +107,11 @@ def test_recover_says_what_it_did(record, tmp_path, capsys):
     data = (bag / "bag_0.mcap").read_bytes()
     recover(bag, tmp_path / "whole")
     assert capsys.readouterr().out == (
-        f"wrote {tmp_path / 'whole'}: {200 * 17 + 2} messages, the bag was complete\n"
+        f"wrote {tmp_path / 'whole'}: {200 * 17 + 3} messages, the bag was complete\n"
     )
     (bag / "bag_0.mcap").write_bytes(data[:-20])
     recover(bag)
-    assert "all that could be read of it" in capsys.readouterr().out
+    assert "all readable messages" in capsys.readouterr().out
     (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
     recover(bag, tmp_path / "half")
     assert "is cut off; missing is what lies after t = " in capsys.readouterr().err
@@ -131,7 +132,7 @@ def test_screenshot(record, tmp_path):
     replay(record(n=400), screenshot=picture)
     image = matplotlib.image.imread(picture)[..., :3]
     assert image.shape[1] / image.shape[0] == pytest.approx(1.6)
-    for color in ((230, 80, 80), (90, 190, 90), (90, 130, 240), (255, 165, 40)):
+    for color in map(rgb, (*AXES[:3], REACTION)):
         near = abs(image * 255 - color).max(axis=2) < 30
         assert near.sum() > 100, color
 

@@ -92,6 +92,70 @@ def test_rerun_verifies_it(recording):
     assert "/world/reaction/hinge:" not in stats  # the total is not drawn beside its bearings
 
 
+SUPPORTS = {
+    "bodies": {
+        name: {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 2.0]}
+        for name in ("top", "door", "cart", "bead", "point", "sled")
+    },
+    "constraints": {
+        "tip": {"type": "fixed_point", "body": "top", "point_B": [0.0, 0.0, -1.0]},
+        "hinge": {"type": "fixed_axis", "body": "door", "axis_B": [0, 1, 0], "point_B": [1, 0, 0]},
+        "rail": {
+            "type": "translation",
+            "body": "cart",
+            "guide": {"type": "line", "direction": [1, 0, 0]},
+        },
+        "ring": {
+            "type": "translation",
+            "body": "bead",
+            "guide": {"type": "circle", "center": [0, 0, 1], "normal": [0, 1, 0], "radius": 1.0},
+        },
+        "curve": {
+            "type": "translation",
+            "body": "sled",
+            "guide": {
+                "type": "curve",
+                "points": [[0, 0, 2], [1, 0, 3], [2, 0, 2], [3, 0, 3], [4, 1, 2]],
+            },
+        },
+        "table": {"type": "plane", "body": "point", "normal_A": [0, 0, 1]},
+    },
+}
+
+
+def points_of(path: Path, entity: str, component: str) -> np.ndarray:
+    """Numbers of a component of an entity that does not change, shape (n, 3)."""
+    from rerun.chunk import RrdReader
+
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == entity and chunk.is_static and component in batch.schema.names:
+            found = batch.column(component).to_pylist()[-1]
+            flat = np.array(found, dtype=float)
+            return flat.reshape(-1, 3)
+    raise AssertionError(f"no {component} of {entity}")
+
+
+@needs_rerun
+def test_what_holds_the_bodies_is_drawn(tmp_path):
+    path = at_rest(tmp_path, load_scene(SUPPORTS))
+    run("rrd", "verify", path)
+    tip = points_of(path, "/world/top/support/tip", "Ellipsoids3D:centers")
+    assert tip.tolist() == [[0.0, 0.0, -1.0]]
+    hinge = points_of(path, "/world/door/support/hinge", "Cylinders3D:centers")
+    assert hinge.tolist() == [[1.0, 0.0, 0.0]]
+    axis = points_of(path, "/world/door/support/hinge/axis", "LineStrips3D:strips")
+    assert axis[0, 1] == -axis[1, 1] != 0.0 and (axis[:, [0, 2]] == [1.0, 0.0]).all()
+    ring = points_of(path, "/world/support/ring", "LineStrips3D:strips")
+    np.testing.assert_allclose(np.linalg.norm(ring - [0, 0, 1], axis=1), 1.0, atol=1e-6)
+    assert np.ptp(points_of(path, "/world/support/rail", "LineStrips3D:strips")[:, 0]) > 1.0
+    curve = points_of(path, "/world/support/curve", "LineStrips3D:strips")
+    for point in ([0, 0, 2], [1, 0, 3], [4, 1, 2]):
+        assert np.linalg.norm(curve - point, axis=1).min() < 0.03
+    table = points_of(path, "/world/support/table", "LineStrips3D:strips")
+    assert len(table) > 12 and np.ptp(table[:, 2]) < 1e-6  # lines, which hide nothing
+
+
 @needs_rerun
 def test_the_body_frame_is_drawn_at_its_origin(recording, scene, layout, samples):
     from scipy.spatial.transform import Rotation

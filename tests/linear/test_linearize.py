@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rb_sim.base import palette
+from rb_sim.linear import picture
 from tests.interpreted import interpreted
 
 G = 9.81
@@ -323,3 +325,49 @@ def test_a_real_mode_has_no_frequency() -> None:
     for mode in found.modes:
         assert math.isnan(mode.frequency) is (mode.imaginary == 0.0)
     assert [mode.imaginary > 0.0 for mode in found.modes].count(False) == 2
+
+
+OSCILLATOR = {
+    "bodies": {"bob": {"mass": 2.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 0.0]}},
+    "constraints": {
+        "rail": {"type": "translation", "body": "bob",
+                 "guide": {"type": "line", "direction": [1.0, 0.0, 0.0]}}
+    },
+    "effects": {
+        "spring": {"type": "spring", "body": "bob", "point_A": [1.0, 0.0, 0.0],
+                   "stiffness": 50.0, "damping": 4.0, "rest_length": 1.0},
+        "drive": {"type": "commanded_wrench", "body": "bob"},
+    },
+    "simulation": {"method": "rk4", "step": 1e-3},
+}  # fmt: skip
+
+
+def test_the_bode_plot_is_the_response_of_the_oscillator() -> None:
+    """x / f = 1 / (k - m w^2 + i c w); poles at -c / 2 m +- i sqrt(k / m - (c / 2 m)^2)."""
+    found = interpreted(model, OSCILLATOR)
+    figure = picture.bode("oscillator", found)
+    assert figure is not None
+    magnitude, angle = figure.axes
+    (line,) = magnitude.get_lines()
+    at = np.array(line.get_xdata())
+    exact = 1.0 / (50.0 - 2.0 * at**2 + 4.0j * at)
+    assert line.get_label() == "bob/position_x" and at.min() < 0.6 and at.max() > 45.0
+    np.testing.assert_allclose(line.get_ydata(), np.abs(exact), rtol=1e-9)
+    (line,) = angle.get_lines()
+    np.testing.assert_allclose(line.get_ydata(), np.degrees(np.angle(exact)), atol=1e-7)
+    marks = [line for line in picture.poles("x", found).axes[0].get_lines()
+             if line.get_marker() == "x"]  # fmt: skip
+    seen = sorted((float(m.get_xdata()[0]), float(m.get_ydata()[0])) for m in marks)
+    np.testing.assert_allclose(seen, [(-1.0, -math.sqrt(24.0)), (-1.0, math.sqrt(24.0))], rtol=1e-6)
+
+
+def test_without_inputs_there_is_no_bode_plot_and_growing_poles_are_marked() -> None:
+    at = {"point_B": [0.0, 0.0, -LEVER], "axis_B": [0.0, 1.0, 0.0]}
+    hinge = {"type": "fixed_axis", "body": "top"} | at
+    found = interpreted(model, top(0.0) | {"constraints": {"hinge": hinge}})
+    assert picture.bode("x", found) is None
+    (axes,) = picture.poles("x", found, is_steady=False).axes
+    colours = {line.get_xdata()[0] > 0.0: line.get_color()
+               for line in axes.get_lines() if line.get_marker() == "x"}  # fmt: skip
+    assert colours == {True: palette.BAD, False: palette.GOOD}
+    assert "this instant only" in axes.get_title(loc="left")

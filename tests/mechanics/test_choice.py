@@ -96,7 +96,7 @@ def test_only_lines_in_loops_that_hold_too_much_are_chosen_anew() -> None:
     linkage["constraints"]["blade"] = blade | {"body": "sled"}
     assert changing(linkage) == list(range(20))
     linkage["constraints"]["keel"] = blade | {"body": "bar1"}
-    assert changing(linkage) == []
+    assert changing(linkage) == list(range(20))  # a drive is kept, whichever of the others are
     for name in ("hinge1", "hinge3", "keel"):
         del linkage["constraints"][name]
     assert changing(linkage) == []

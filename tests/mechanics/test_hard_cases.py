@@ -151,6 +151,7 @@ def outcome(mapping: Any, coordinates: str, options: dict[str, Any]) -> Any:
 @pytest.mark.parametrize("coordinates", ["auto", "maximal"])
 @pytest.mark.parametrize("method", ["euler", "rk4", "dopri853", "gauss6"])
 @pytest.mark.parametrize("step", [0.5, 20.0])
+@pytest.mark.usefixtures("no_advice")
 def test_absurd_steps(method: str, step: float, coordinates: str) -> None:
     """A fixed step of several turns: refused by name, or finite and on the joint."""
     options = {"method": method, "step": step, "duration": 40.0, "rate": 0.5}

@@ -63,7 +63,7 @@ def turn_between(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_bodies_held_by_three_balls_turn_as_one_body(way: str) -> None:
-    """Three of nine lines too many: told as a dead point before, and gauss6 went on at no step."""
+    """Three of nine lines too many: a singular configuration before; gauss6 went on at no step."""
     joints = {name: joint | {"body": "door", "parent": "box"} for name, joint in BALLS.items()}
     scene = {"bodies": {"box": BOX, "door": DOOR}, "constraints": joints}
     run = watched(scene | {"simulation": {"duration": 3.0, "rate": 20.0} | WAYS[way]})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -191,8 +192,8 @@ class Laws:
 
     velocities: tuple[float, ...] = (0.0, 1.0)
     settle = inside = sample = jacobian = along = share = None
-    splines, n, width = 0, 2, 2
-    inputs: Any = type("NoInputs", (), {"values": lambda self, *at: []})()
+    splines, n, width, carried, system = 0, 2, 2, 0, None
+    inputs: Any = SimpleNamespace(values=lambda *at: [], kept=lambda system: [])
 
     def __init__(self, f: Any) -> None:
         self._outputs = f(*Graph().vector("y", 2))
@@ -272,7 +273,7 @@ def test_where_there_is_no_series_the_error_says_so() -> None:
     effects = {"weight": WEIGHT, "drag": drag}
     mapping = {"bodies": {"body": body}, "effects": effects, "simulation": options}
     with pytest.raises(
-        SimulationError, match=r"no Taylor series at t = 0 s, .*; dopri853"
+        SimulationError, match=r"no Taylor series at t = 0 s .*; use method dopri853"
     ) as caught:
         Simulation(load_scene(mapping)).advance(0.1)
     assert "\n" not in str(caught.value)
@@ -294,5 +295,5 @@ def test_a_scene_without_a_series_is_refused_in_one_line(name: str) -> None:
 
 
 def test_a_tolerance_is_needed() -> None:
-    with pytest.raises(SceneError, match="left out for method taylor"):
+    with pytest.raises(SceneError, match="omitted for method taylor"):
         load_scene(HINGED, method="taylor", step=0.01)

@@ -228,6 +228,7 @@ def test_oversize_output_step_of_a_stiff_spring(cases: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("step", [0.01, 0.1, 1.0])
 @pytest.mark.parametrize("method", ["euler", "rk4", "dopri853", "gauss6"])
+@pytest.mark.usefixtures("no_advice")
 def test_fixed_step_far_too_large(step: float, method: str, cases: dict[str, Any]) -> None:
     """At 150 rad/s: an error that names the step, or a state that is finite and on the joint.
 

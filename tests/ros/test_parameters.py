@@ -124,6 +124,6 @@ def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, st
         },
     )
     assert node.wait() == 0
-    words = "joint_state (is joint_states meant?), max_forse (is max_force meant?);"
-    assert node.text.count("parameters without effect") == 2, node.text
-    assert words in node.text and "this name: qos_overrides./clokc.publisher.depth;" in node.text
+    words = "joint_state (did you mean joint_states?), max_forse (did you mean max_force?);"
+    assert node.text.count("unknown parameters") == 2, node.text
+    assert words in node.text and "parameters: qos_overrides./clokc.publisher.depth;" in node.text

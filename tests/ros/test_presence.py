@@ -6,12 +6,16 @@ import json
 import subprocess
 import sys
 
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from tests.ros.client import NAME, Client
+from tests.ros.client import NAME, Client, stamp_of
 from tests.ros.conftest import START_TIMEOUT
 
 LATCHED = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
@@ -37,6 +41,50 @@ def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client
     assert told["constraints"] == {"floor": "rolling"}
     client.pause(False)
     client.until(lambda: states[-1] == "running", "state")
+
+
+SLIDER = """\
+bodies:
+  slider: {mass: 1.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}
+constraints:
+  rail: {type: translation, body: slider, guide: {type: line, direction: [1, 0, 0]}}
+simulation: {duration: 1000.0, rate: 100}
+"""
+
+
+@pytest.mark.parametrize("profile", [10, qos_profile_sensor_data], ids=["reliable", "best effort"])
+def test_who_comes_in_a_pause_gets_the_last_sample(
+    tmp_path, start, client: Client, transforms, profile
+):
+    """By ordinary (volatile) subscriptions, as tf's and those of robot_state_publisher are: poses,
+    transforms and joint states of one instant, each once, and what nobody new listens to is not
+    sent again."""
+    scene = tmp_path / "slider.yaml"
+    scene.write_text(SLIDER)
+    start(scene, joint_states=True, odometry=True, start_paused=True)
+    twists = client.listen(TwistStamped, "slider/twist")
+    client.step_until(lambda: twists and stamp_of(twists[-1]) >= 0.05)
+    client.until(lambda: stamp_of(twists[-1]) >= 0.05, "the last twist")
+    client.spin(0.5)
+    heard, now = len(twists), stamp_of(twists[-1])
+    late: dict[str, list] = {
+        "slider/pose": [],
+        "/tf": [],
+        "joint_states": [],
+        "slider/odometry": [],
+    }
+    kinds = (PoseStamped, transforms, JointState, Odometry)
+    for (topic, found), kind in zip(late.items(), kinds, strict=True):
+        name = topic if topic.startswith("/") else f"{NAME}/{topic}"
+        client.node.create_subscription(kind, name, found.append, profile)
+    client.until(lambda: all(late.values()), "the last sample")
+    client.spin(1.0)
+    assert {topic: [stamp_of(one) for one in found] for topic, found in late.items()} == {
+        topic: [now] for topic in late
+    }
+    assert late["joint_states"][0].position[0] == pytest.approx(now, abs=1e-9)
+    assert late["slider/pose"][0].pose.position.x == pytest.approx(now, abs=1e-9)
+    assert len(twists) == heard
 
 
 HELD = """

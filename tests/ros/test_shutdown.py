@@ -136,7 +136,7 @@ def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, 
     assert node.stop() == LOG_CUT
     assert f"not complete: {tmp_path}/bag" in node.text
     assert not info(tmp_path / "bag")["health"]["run_ended"]
-    assert node.text.count("goes on without bag") == 1 and "Traceback" not in node.text
+    assert node.text.count("continues without bag") == 1 and "Traceback" not in node.text
 
 
 BROKEN_LOGS = """
@@ -160,7 +160,7 @@ def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tm
     said = ended.stdout + ended.stderr
     assert ended.returncode == LOG_CUT
     assert said.count("the process that writes the logs has ended (1)") == 1, said
-    assert "goes on without bag" in said and "recover" not in said
+    assert "continues without bag" in said and "recover" not in said
 
 
 def test_a_signal_leaves_the_plots_to_a_process_of_their_own(
@@ -229,11 +229,11 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
         real_time_factor=0,
         limit="ulimit -f 1100",
     )  # 1100 KiB: the bag's own reserve of 1 MiB fits
-    node.wait_for("the run goes on without bag")
+    node.wait_for("the run continues without bag")
     values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
     assert values["level"] == "2" and "no longer logged" in values["message"]
     assert node.stop() == LOG_CUT
-    assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
+    assert node.text.count("the run continues without bag") == 1 and "Traceback" not in node.text
     logged = int(values["samples"]) - int(values["log rows dropped, bag"])
     logged -= int(values["log queue [samples]"])
     lost_from = 0.01 * logged
@@ -248,10 +248,10 @@ def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, c
     out = tmp_path / "gone"
     node = start(sphere, out=out, log_rerun=False, log_plots=False)
     shutil.rmtree(out)
-    node.wait_for("the run goes on without bag")
+    node.wait_for("the run continues without bag")
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
     assert node.stop() == LOG_CUT
-    assert node.text.count("the run goes on without bag") == 1 and "Traceback" not in node.text
+    assert node.text.count("the run continues without bag") == 1 and "Traceback" not in node.text
 
 
 def test_a_folder_that_cannot_be_made_is_one_line_at_the_start(sphere, start, tmp_path):

@@ -37,7 +37,7 @@ def test_an_angle_in_degrees_is_refused_with_its_radians():
 def test_a_whole_number_of_radians_beyond_half_a_turn_gets_one_line(angle):
     (line,) = lines(scene({"axis": [0, 0, 1], "angle": angle}))
     assert f"bodies.a.orientation.angle: {angle:g} is in radians" in line
-    assert f"write {angle:g} deg, for radians {angle:g} rad" in line
+    assert f"use {angle:g} deg for degrees, or {angle:g} rad" in line
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_an_angle_may_say_its_unit(text, radians):
 
 @pytest.mark.parametrize("text", ["5", "5 grad", "deg", "1.2.3 deg", "1e999 deg", ""])
 def test_a_text_that_is_no_angle_is_refused(text):
-    with pytest.raises(SceneError, match=r"angle: got .*must be a number of radians, or a text"):
+    with pytest.raises(SceneError, match=r"angle: got .*must be a number in radians, or a text"):
         load_scene(scene({"axis": [0, 0, 1], "angle": text}))
 
 
@@ -88,3 +88,43 @@ def test_a_scene_in_which_nothing_moves():
     assert not any(
         "nothing" in line for line in lines(scene([0, 0, 0, 1], constraints={"d": drive}))
     )
+
+
+def one_error(data: dict[str, Any]) -> str:
+    with pytest.raises(SceneError) as caught:
+        load_scene(data)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+BALL = {"mass": 0.5, "shape": {"type": "sphere", "radius": 0.05}}
+
+
+def test_grams_get_one_line_with_the_kilograms():
+    (line,) = lines({"bodies": {"ball": BALL | {"mass": 500.0}}, "effects": WEIGHT})
+    assert "bodies.ball.mass: 500 kg within a radius of 0.05 m" in line and "grams: 0.5" in line
+    assert lines({"bodies": {"ball": BALL | {"mass": 12.0}}, "effects": WEIGHT}) == []  # osmium
+
+
+@pytest.mark.parametrize("given", [[0.1, 0.2, 0.3], {"roll": 0.1, "pitch": 0.2, "yaw": 0.3}])
+def test_roll_pitch_yaw_is_refused_with_what_is_taken(given):
+    text = one_error(scene(given))
+    assert "bodies.a.orientation" in text and "axis" in text
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"bodies": {"a": BALL | {"mass": "500 g"}}}, "mass: got '500 g'; must be a number"),
+        ({"bodies": {"a": BALL | {"positon": [0, 0, 1]}}}, "bodies.a.positon"),
+        ({"bodies": {"a": BALL}, "gravity": 9.81}, "gravity"),
+        ({"bodies": {"a": BALL}, "effects": {"g": {"type": "gravity", "acceleration": -9.81}}},
+         "effects.g.acceleration: got -9.81; must be"),
+        ({"bodies": {"a": BALL}, "constraints": {"h": {"type": "revolute", "body": "a"}}},
+         "fixed_axis"),
+        ({"bodies": {"a": BALL | {"inertia": [[1, 0], [0, 1]]}}}, "3 principal moments"),
+    ],
+)  # fmt: skip
+def test_habits_of_other_programs_are_refused_in_one_line(data, words):
+    assert words in one_error(data)

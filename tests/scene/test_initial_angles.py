@@ -40,7 +40,7 @@ def upright(size: float, tilt: float = 0.0, spin: float = 0.0) -> dict[str, Any]
 @pytest.mark.parametrize("size", SIZES)
 def test_a_tilt_is_refused_by_its_angle(size: float) -> None:
     """At a kilometre 1e-3 rad were taken for rounding without a word, and the body turned."""
-    with pytest.raises(SceneError, match=r"upright: the initial position violates it by 1e-05"):
+    with pytest.raises(SceneError, match=r"upright: the initial position violates it by 1e-05 rad"):
         Simulation(scene_from_mapping(upright(size, tilt=1e-5)))
     Simulation(scene_from_mapping(upright(size, tilt=1e-7)))
 

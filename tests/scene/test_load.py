@@ -91,8 +91,9 @@ MESSAGES = [
     (
         "mass: 2",
         "mas: 2",
-        "bodies.ball.mas: unknown key; must be one of angular_velocity, center_of_mass, inertia, "
-        "linear_velocity, mass, orientation, position, shape (did you mean mass?)",
+        "bodies.ball.mas: unknown key; must be one of absolute_tolerance, angular_velocity, "
+        "center_of_mass, inertia, linear_velocity, mass, orientation, position, shape "
+        "(did you mean mass?)",
     ),
     (
         "mass: 2",
@@ -118,13 +119,13 @@ MESSAGES = [
     (
         "    inertia: [0.2, 0.2, 0.01]\n",
         "",
-        "bodies.rod.inertia: is missing; must be given, or a shape to derive it from",
+        "bodies.rod.inertia: is missing; must be given unless the body has a shape",
     ),
     (
         "inertia: [0.2, 0.2, 0.01]",
         "shape: {type: rod, length: 1}",
-        "bodies.rod.center_of_mass: got [0, 0, 0.5]; must be the shape's centre [0.0, 0.0, 0.0] "
-        "where its uniform density gives the inertia (set center_B or give inertia)",
+        "bodies.rod.center_of_mass: got [0, 0, 0.5]; must be the centre of the shape, "
+        "[0.0, 0.0, 0.0]; set shape.center_B: [0.0, 0.0, 0.5], or give inertia",
     ),
     (
         "axis: [0, 0, 1]",
@@ -161,14 +162,13 @@ MESSAGES = [
     (
         "parent: ball",
         "parent: world",
-        "constraints.tip.parent: got 'world'; must be a body of the scene: one of ball, rod; leave "
-        "parent out for the world",
+        "constraints.tip.parent: got 'world'; must be a body of the scene: one of ball, rod; omit "
+        "parent for the world",
     ),
     (
         "bodies: [ball, rod]",
         "bodies: []",
-        "effects.weight.bodies: got []; must be at least one body; leave bodies out for all of "
-        "them",
+        "effects.weight.bodies: got []; must be at least one body; omit bodies for all of them",
     ),
     (
         "bodies: [ball, rod]",
@@ -204,7 +204,7 @@ MESSAGES = [
         "effects:",
         "efects:",
         "efects: unknown key; must be one of bodies, constraints, description, "
-        "effects, simulation (did you mean effects?)",
+        "effects, loads, simulation, supports (did you mean effects?)",
     ),
     ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
     (
@@ -216,14 +216,13 @@ MESSAGES = [
     (
         "step: 1e-3",
         "tolerance: 1e-3",
-        "simulation.tolerance: got 0.001; must be left out for method rk4: it takes a fixed step "
-        "(give step, or dopri853, radau5, taylor or auto)",
+        "simulation.tolerance: got 0.001; must be omitted for method rk4, which has a fixed step "
+        "(give step, or use dopri853, radau5, taylor or auto)",
     ),
     (
         "step: 1e-3, method: rk4",
         "step: 1e-3, tolerance: 1e-3",
-        "simulation.step: got 0.001; must be left out where tolerance is given: a step is fixed or "
-        "adaptive",
+        "simulation.step: got 0.001; must be omitted if tolerance is given",
     ),
     (
         "step: 1e-3, method: rk4",
@@ -233,7 +232,7 @@ MESSAGES = [
     (
         "step: 1e-3, method: rk4",
         "step: 1e-3, method: auto",
-        "simulation.step: got 0.001; must be left out for method auto, which needs a tolerance",
+        "simulation.step: got 0.001; must be omitted for method auto, which needs a tolerance",
     ),
     (
         "duration: 2, step: 1e-3",
@@ -361,14 +360,13 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{}",
             {"step": 0.1, "tolerance": 0.1},
-            "override.step: got 0.1; must be left out where tolerance is given: a step is fixed or "
-            "adaptive",
+            "override.step: got 0.1; must be omitted if tolerance is given",
         ),
         (
             "{method: rk4}",
             {"tolerance": 0.1},
-            "override.tolerance: got 0.1; must be left out for method rk4: it takes a fixed step "
-            "(give step, or dopri853, radau5, taylor or auto)",
+            "override.tolerance: got 0.1; must be omitted for method rk4, which has a fixed step "
+            "(give step, or use dopri853, radau5, taylor or auto)",
         ),
         (
             "{step: 0.1}",
@@ -378,7 +376,7 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{tolerance: 1e-3, method: auto}",
             {"step": 0.1},
-            "override.step: got 0.1; must be left out for method auto, which needs a tolerance",
+            "override.step: got 0.1; must be omitted for method auto, which needs a tolerance",
         ),
         (
             "{}",

@@ -90,7 +90,7 @@ def test_a_ball_is_lifted_and_falls_again_while_a_command_holds():
     simulation = Simulation(scene_from_mapping(scene))
     simulation.apply_wrench("ball", [0, 0, 1.0], [0, 0, 0])
     simulation.advance(0.5)
-    with pytest.raises(RbSimError, match="floor: the given position"):
+    with pytest.raises(RbSimError, match="floor: overlap of 0.02 m"):
         simulation.set_state({"ball": {"position": [0, 0, 0.03]}})
     simulation.set_state({"ball": {"position": [0, 0, 1.05]}})
     a = 9.81 - 1.0 / 0.5

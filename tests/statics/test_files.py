@@ -32,7 +32,6 @@ def with_support(**changes):
         ({"bodies": {"b": {"mass": -1.0}}}, "bodies.b.mass", "a number >= 0"),
         ({"bodies": {"b": {"mas": 1.0}}}, "bodies.b.mas", "did you mean mass?"),
         ({"bodies": {"b": {"orientation": [0, 0, 0, 0]}}}, "bodies.b.orientation", "quaternion"),
-        ({"bodies": {"b": {"linear_velocity": [1, 0, 0]}}}, "bodies.b.linear_velocity", "unknown"),
         (with_support(type="rope"), "supports.s.type", "string"),
         (with_support(body="c"), "supports.s.body", "a body of the scene: one of b"),
         (with_support(parent="b"), "supports.s.parent", "another body"),
@@ -45,9 +44,10 @@ def with_support(**changes):
         (with_support(point_B="-"), "supports.s", "point_B"),
         (with_support(point_A=[0, 0, 0.1]), "supports.s.point_A", "they are 0.1 m apart"),
         (
-            BODY | {"supports": {"s": {"type": "string", "body": "b", "point_A": [0, 0, 0]}}},
-            "supports.s.point_A",
-            "away from point_B",
+            BODY
+            | {"supports": {"s": CONTACT}, "constraints": {"s": {"type": "free", "body": "b"}}},
+            "supports.s",
+            "another name: constraints have one called s",
         ),
         (
             BODY | {"supports": {"s": {"type": "hinge", "body": "b", "axis_A": UP, "axis_B": UP}}},
@@ -68,6 +68,23 @@ def test_one_line_names_key_and_what_is_allowed(scene, key, words):
     text = str(caught.value)
     assert caught.value.key == key
     assert words in text and "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("support", "words"),
+    [
+        ({"type": "string", "point_A": [0, 0, 0]}, "coincide at the start"),
+        ({"type": "rod", "point_A": [0, 0, 0]}, "coincide at the start"),
+        (
+            {"type": "hinge", "point_B": [0, 0, 1], "point_A": [0, 0, 2]},
+            "the initial position violates it by",
+        ),
+    ],
+)
+def test_ends_that_do_not_fit_are_refused(support, words):
+    with pytest.raises(SceneError, match=words) as caught:
+        solve(load_statics(BODY | {"supports": {"s": support | {"body": "b"}}}))
+    assert caught.value.key == "constraints.s"
 
 
 def test_files_that_are_no_scene(tmp_path):
@@ -125,7 +142,7 @@ def test_picture_shows_each_reaction_and_load():
         scene = load_statics(path)
         result = solve(scene)
         texts = " ".join(drawn_texts(draw(scene, result)))
-        for name in (*scene.supports, *scene.loads):
+        for name in (*scene.constraints, *scene.effects):
             assert name in texts, f"{path.name}: {name}"
 
 

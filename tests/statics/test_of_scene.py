@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim import SceneError, load_scene, scenes
+from rb_sim import SceneError, Simulation, load_scene, scenes
 from rb_sim.statics import StaticsResult, solve
 from tests.contact.scenes import G, ball, box, scene, touch
 from tests.runs import trajectory
@@ -223,3 +223,20 @@ def test_a_distance_is_pulled_from_above_and_pushed_from_below(end: Any, pull: f
     found = asked({"block": block}, {"rail": rail, "rod": rod})
     assert found.reactions["rod"].along == pytest.approx(pull, rel=1e-12)
     assert_allclose(found.reactions["rod"].force, [0.0, 0.0, 10.0 * G], atol=1e-9)
+
+
+def test_the_short_form_moves_with_the_reactions_of_its_equilibrium() -> None:
+    """Of a standing ladder, a scene of supports and loads; at once and after a second."""
+    standing = load_scene("ladder_smooth_wall", duration=1.0, rate=10.0)
+    found, run = solve(standing), Simulation(standing).run()
+    assert_allclose(
+        run.block.reaction_force[0], [r.force for r in found.reactions.values()], atol=1e-9
+    )
+    assert np.abs(run.block.position[-1] - run.block.position[0]).max() < 1e-9
+
+
+def test_what_only_rests_is_refused_in_motion() -> None:
+    with pytest.raises(SceneError, match="supports.edge_C.normal_B: .*at rest: rb_sim statics"):
+        load_scene("rod_over_wall")
+    with pytest.raises(SceneError, match="bodies.rod_AC.mass: is missing"):
+        load_scene("hinged_rods")

@@ -10,7 +10,7 @@ from scipy.optimize import linprog, minimize, nnls
 from scipy.spatial.transform import Rotation
 
 from rb_sim.statics import load_statics, solve
-from rb_sim.statics.equilibrium import assemble
+from rb_sim.statics.of_scene import at_rest
 from tests.statics.scenes import UP, ladder, moved, scaled, table
 
 QUICK = settings(max_examples=15, deadline=None, derandomize=True)
@@ -183,7 +183,7 @@ def test_action_is_reaction_seen_from_each_body_alone():
 @given(seeds, st.integers(4, 7))
 def test_smooth_feet_agree_with_nnls_and_a_linear_program(seed, count):
     scene = load_statics(random_table(np.random.default_rng(seed), count, "smooth"))
-    system = assemble(scene)
+    system = at_rest(scene)
     result = solve(scene)
     least = linprog(np.ones(count), A_eq=system.matrix, b_eq=-system.load)
     assert (least.status == 0) == (result.verdict != "no equilibrium")
@@ -208,7 +208,7 @@ def test_smooth_feet_agree_with_nnls_and_a_linear_program(seed, count):
 def test_friction_ranges_agree_with_a_general_optimiser(seed):
     rng = np.random.default_rng(seed)
     scene = load_statics(random_table(rng, 3, 0.4))
-    system, result = assemble(scene), solve(scene)
+    system, result = at_rest(scene), solve(scene)
     assume(result.verdict == "indeterminate")
     u = system.matrix.shape[1]
     least = np.linalg.lstsq(system.matrix, -system.load, rcond=None)[0]
@@ -257,7 +257,7 @@ def test_two_way_supports_give_the_pseudo_inverse():
         "torque": rng.normal(size=3).tolist(),
     }
     scene = load_statics({"bodies": {"plate": {}}, "supports": welds, "loads": {"load": load}})
-    system, result = assemble(scene), solve(scene)
+    system, result = at_rest(scene), solve(scene)
     plain = -np.linalg.pinv(system.matrix) @ system.load
     found = np.concatenate([np.r_[r.force, r.torque] for r in result.reactions.values()])
     assert result.verdict == "indeterminate" and result.indeterminacy == 6

@@ -179,12 +179,12 @@ def test_ctrl_c_keeps_what_has_ended_and_the_same_command_goes_on(tmp_path: Path
         os.killpg(process.pid, signal.SIGINT)
         stdout, stderr = process.communicate(timeout=PATIENCE)
     assert (process.returncode, stderr) == (130, "interrupted\n")
-    assert "interrupted; what has ended is in" in stdout.replace("\n", " ")
+    assert "interrupted; finished runs are in" in stdout.replace("\n", " ")
     kept = len(pd.read_parquet(out / "runs"))
     assert 20 <= kept < 200 and kept % 20 == 0
     again = subprocess.run(command, timeout=PATIENCE, check=False, **pipes)
     assert (again.returncode, again.stderr) == (0, "")
-    assert f"{kept} runs were there already" in again.stdout
+    assert f"{kept} runs were already done" in again.stdout
     table = pd.read_parquet(out / "runs").sort_values("run")
     assert table["run"].tolist() == list(range(200))
     closed = height(table["speed"], table["start"]).to_numpy()

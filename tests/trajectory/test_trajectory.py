@@ -141,7 +141,7 @@ def test_folders_are_made_and_errors_are_one_line(run, tmp_path):
     run.plot(tmp_path / "plots" / "run.png")
     assert (tmp_path / "plots" / "run.png").is_file()
     for write in (run.to_npz, run.plot):
-        with pytest.raises(RbSimError, match="^/dev/null/run.npz: cannot write it: "):
+        with pytest.raises(RbSimError, match="^/dev/null/run.npz: cannot be written: "):
             write("/dev/null/run.npz")
 
 

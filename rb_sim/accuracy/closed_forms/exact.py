@@ -9,6 +9,7 @@ from rb_sim.accuracy.closed_forms.special_functions import Long, LongArray, long
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.translation import TranslatingBody
+from rb_sim.scene.compiled import Compiled
 
 
 class Exact(NamedTuple):
@@ -39,8 +40,9 @@ def parabola(effects: tuple[Any, ...], p: Any, v: Any, t: LongArray) -> tuple[Lo
     return long(p) + long(v) * t + g * t * t / 2, long(v) + g * t
 
 
-def falling_body(system: Any, y: Any) -> Exact | None:
+def falling_body(compiled: Compiled) -> Exact | None:
     """The exact motion of a body that does not turn, under gravity alone, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, TranslatingBody) or not only_gravity(system.effects):
         return None
 

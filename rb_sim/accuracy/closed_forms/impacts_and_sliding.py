@@ -80,6 +80,8 @@ def single_of(compiled: Compiled, *, resting: bool = True) -> Single | None:
     resting: whether the support must be at rest.
     """
     system, laws = compiled.system, compiled.contact_laws
+    if not laws:
+        return None
     effects = tuple(placed.row for placed in system.effects)
     points = [placed for group in system.contacts for placed in group]
     if len(system.bodies) != 1 or system.constraints or not only_gravity(effects):

@@ -43,8 +43,9 @@ from rb_sim.scene.compiled import Compiled
 CENTRE = (0.0, 0.0, 0.0)
 
 
-def rolling_sphere(system: Any, y: Any) -> Exact | None:
+def rolling_sphere(compiled: Compiled) -> Exact | None:
     """The exact motion of a sphere that turns about a fixed direction, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, RollingBody) or not is_homogeneous_sphere(system):
         return None
     wrench = constant_wrench(system)

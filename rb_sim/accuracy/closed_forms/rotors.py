@@ -23,6 +23,7 @@ from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
 from rb_sim.mechanics.systems.fixed_point import FixedPointBody
 from rb_sim.mechanics.systems.free import FreeRotor
 from rb_sim.numerics.rotations import conjugate, product, rotate, unit
+from rb_sim.scene.compiled import Compiled
 
 # Body on a fixed axis under gravity: the pendulum's elliptic functions.
 #
@@ -35,8 +36,9 @@ SEPARATRIX = 1e-15
 """|1 - k^2| below which the motion is not told from the separatrix."""
 
 
-def pendulum(system: Any, y: Any) -> Exact | None:
+def pendulum(compiled: Compiled) -> Exact | None:
     """The exact motion about a fixed axis under gravity alone, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, FixedAxisBody) or not only_gravity(system.effects):
         return None
     frequency2, down = law(system)
@@ -157,8 +159,9 @@ class Spin(NamedTuple):
         return np.stack([cn, sn, dn], axis=-1) * self.amplitudes
 
 
-def free_rotor(system: Any, y: Any) -> Exact | None:
+def free_rotor(compiled: Compiled) -> Exact | None:
     """The exact motion of a free body with three different moments, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
         return None
     if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
@@ -260,8 +263,9 @@ def precession(spin: Spin, momentum: Long, t: LongArray) -> LongArray:
 # L the fixed angular momentum.  Under gravity alone C moves on its parabola.
 
 
-def symmetric_rotor(system: Any, y: Any) -> Exact | None:
+def symmetric_rotor(compiled: Compiled) -> Exact | None:
     """The exact motion of a free body with two equal moments or in steady spin, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, FreeRotor) or not only_gravity(system.effects):
         return None
     if any(abs(product_of) > 0.0 for product_of in system.body.inertia[3:]):
@@ -306,8 +310,9 @@ STEADY = 1e-14
 """Relative misfit of the condition up to which initial values count as steady (rounded ones)."""
 
 
-def steady_top(system: Any, y: Any) -> Exact | None:
+def steady_top(compiled: Compiled) -> Exact | None:
     """The exact motion of a top whose initial state precesses steadily, or None."""
+    system, y = compiled.system, compiled.y
     if not isinstance(system, FixedPointBody) or not only_gravity(system.effects):
         return None
     rho, g, mass = long(system.rho), gravity_of(system.effects), Long(system.body.mass)

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rb_sim.statics.equilibrium import loads_about
-from rb_sim.statics.model import Element, StaticsScene, place_support, placed
+from rb_sim.scene.schema import Scene
+from rb_sim.statics.equilibrium import Element
+from rb_sim.statics.of_scene import at_rest
 
-# A statics scene as its closed forms read it: supports in the world, loads about the centres.
+# A scene as its closed forms read it: supports in the world, loads about the centres.
 
 
 Array = NDArray[np.float64]
@@ -43,11 +44,10 @@ class Standing(NamedTuple):
     """force [N] and torque about the centre of mass [N m], world, (n, 6)."""
 
 
-def standing_of(scene: StaticsScene) -> Standing:
+def standing_of(scene: Scene) -> Standing:
     """Place the supports and sum up the loads."""
-    centres = np.array([placed(body, body.center_of_mass) for body in scene.bodies.values()])
-    elements = tuple(place_support(scene, name) for name in scene.supports)
-    return Standing(tuple(scene.bodies), elements, centres, loads_about(scene, centres))
+    system = at_rest(scene)
+    return Standing(system.bodies, system.elements, system.centres, system.load_about_centres())
 
 
 class Weight(NamedTuple):
@@ -370,7 +370,7 @@ def table(standing: Standing) -> ExactReactions | None:
 STATICS_FORMS = (sphere_on_plane, rod_over_edge, rod_on_two_planes, hinged_rods, ladder, table)
 
 
-def exact_reactions(scene: StaticsScene) -> ExactReactions | None:
+def exact_reactions(scene: Scene) -> ExactReactions | None:
     """The exact reactions of a statics scene, or None where none are known."""
     standing = standing_of(scene)
     found = (form(standing) for form in STATICS_FORMS)

@@ -53,5 +53,5 @@ def analyze(
         none = "" if found.messages else "no message"
         why = f"its topics are of other types ({kinds})" if kinds else none
         parts = [why, *found.notes[:3]]
-        raise SinkError(f"{bag}: nothing to analyze in it: {'; '.join(filter(None, parts))}")
+        raise SinkError(f"{bag}: nothing to analyze: {'; '.join(filter(None, parts))}")
     return found

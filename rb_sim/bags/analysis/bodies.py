@@ -116,11 +116,12 @@ class Struck:
         if not self.samples:
             return ""
         at = ", ".join(f"{t:.6g}" for t in self._first) + ", ..." * (self.count > len(self._first))
-        what = "is struck" if self.told else "jumps, or moves too fast for its samples,"
+        what = "has impacts" if self.told else "jumps, or moves too fast for the sample rate,"
         times = "once" if self.count == 1 else f"{self.count} times"
         return (
-            f"{what} {times} (t = {at} s): within {self._reach:.2g} s of that nothing follows from "
-            f"its poses; {self.samples} of {self.of} samples are left out of its motion and wrench"
+            f"{what} {times} (t = {at} s): poses within {self._reach:.2g} s are not "
+            "differentiated; "
+            f"{self.samples} of {self.of} samples are excluded from its motion and wrench"
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -203,8 +204,8 @@ class Peaks:
         if not parts:
             return ""
         return (
-            "its motion has peaks of few samples, which the filter makes other than they are: its "
-            f"largest accelerations are off by about {' and '.join(parts)}"
+            f"peak acceleration uncertain by about {' and '.join(parts)} (peaks shorter than the "
+            "filter)"
         )
 
     def as_dict(self) -> dict[str, dict[str, float | None]]:
@@ -383,8 +384,8 @@ class BodyFigures:
         error = error_at(self._turn)
         if error > COARSE:
             return (
-                f"turns by up to {self._turn:.2g} rad between samples: its accelerations and "
-                f"torques from poses are off by {100.0 * min(error, 1.0):.0f} % or more"
+                f"turns by up to {self._turn:.2g} rad between samples: accelerations and torques "
+                f"from poses have an error of {100.0 * min(error, 1.0):.0f} % or more"
             )
         noise, size = np.sqrt(self._squares / max(1, self.motion.rates.count))
         parts = [
@@ -396,17 +397,18 @@ class BodyFigures:
             return ""
         of = " and ".join(parts)
         return (
-            "its poses or stamps are noisy, or too few for so fast a motion: of its accelerations "
-            f"{of} are not to be trusted (RMS)"
+            f"acceleration from poses is mostly noise: {of} RMS (noisy poses or stamps, or a "
+            "sample "
+            "rate too low for the motion)"
         )
 
     @property
     def _too_few(self) -> str:
         if self._struck.samples:
-            return "nothing is differentiated: it " + self._struck.note
+            return "not differentiated: it " + self._struck.note
         many = "1 pose" if self._poses == 1 else f"{self._poses} poses"
         broken = f", {self._row} at most without a gap" if self._row < self._poses else ""
-        return f"{many}{broken}: nothing is differentiated, which takes {WINDOW + 2} in a row"
+        return f"{many}{broken}: not differentiated, which needs {WINDOW + 2} in a row"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; without mass properties only the motion."""

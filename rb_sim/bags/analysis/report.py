@@ -1,8 +1,7 @@
-"""One HTML file that needs nothing else: facts, notes, interactive plots, a picture of the bag."""
+"""One HTML file that needs nothing else: a verdict, interactive plots, tables."""
 
 from __future__ import annotations
 
-import base64
 import html
 import math
 from collections.abc import Sequence
@@ -22,13 +21,14 @@ from rb_sim.bags.analysis.figures import (
 )
 from rb_sim.bags.analysis.result import Analysis
 from rb_sim.base.errors import MissingExtraError, SinkError
+from rb_sim.base.palette import AXES, CYCLE
 
 STYLE = """body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;
 color:#222}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse}
 td,th{padding:.15em .8em .15em 0;text-align:right;font-variant-numeric:tabular-nums}
 table{display:block;overflow-x:auto}td:not(:first-child){white-space:nowrap}
 td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
-.note{color:#9a4a00}img{max-width:100%}
+.problems{color:#9a4a00}
 .two{display:grid;grid-template-columns:1fr 1fr}.two div{min-width:0}
 @media(max-width:45em){.two{grid-template-columns:1fr}}"""
 
@@ -40,19 +40,15 @@ MOST = 100
 """Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
 
 
-def write_report(found: Analysis, path: Path, picture: Path | None = None) -> None:
-    """Write the report. picture: a PNG to show first. MissingExtraError without plotly."""
+def write_report(found: Analysis, path: Path) -> None:
+    """Write the report. Raises MissingExtraError without plotly, SinkError."""
     try:
         graph = import_module("plotly.graph_objects")
     except ImportError:
         raise MissingExtraError("plotly", "analysis", "report.html") from None
-    parts = [f"<h1>{html.escape(found.name)}</h1>"]
-    parts += [f'<p class="note">{html.escape(note)}</p>' for note in found.notes]
-    if picture is not None:
-        data = base64.b64encode(picture.read_bytes()).decode()
-        parts.append(f'<img alt="the scene in Rerun" src="data:image/png;base64,{data}">')
-    parts += [_sources(found), _bodies(found), _balances(found), _constraints(found)]
+    parts = [_verdict(found)]
     parts += _figures(found, graph)
+    parts += [_balances(found), _constraints(found), _bodies(found), _sources(found)]
     text = "\n".join(
         ["<!doctype html><html><head><meta charset='utf-8'>",
          f"<title>{html.escape(found.name)}</title><style>{STYLE}</style></head><body>",
@@ -62,6 +58,61 @@ def write_report(found: Analysis, path: Path, picture: Path | None = None) -> No
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise SinkError(f"{path}: {error.strerror}") from None
+
+
+BALANCED = 1e-3
+"""Of what was exchanged: a balance that leaves no more is said to hold."""
+
+
+def _verdict(found: Analysis) -> str:
+    """What was recorded, what is wrong with it, and what balances."""
+    count = sum(figures.rates.count for figures in found.figures.values())
+    recorded = [*found.facts, f"{len(found.figures)} sources, {count} readings", found.name]
+    gaps = [
+        f"{name}: {rates['gaps']} gaps, the longest {rates['longest_gap']:.3g} s"
+        for name, figures in found.figures.items()
+        if (rates := figures.rates.as_dict())["gaps"]
+    ]
+    problems = [*found.notes, *gaps[:MOST]] or ["none found: no gaps, no notes"]
+    balances = []
+    for name, balance in ({"": found.balance} if found.balance else found.balances).items():
+        momentum = balance["momentum"] or {}
+        rows = {"energy": balance["energy"], "linear momentum": momentum.get("linear"),
+                "angular momentum": momentum.get("angular")}  # fmt: skip
+        for what, row in rows.items():
+            if row is not None:
+                doubt = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
+                holds = abs(row["error"]) <= max(BALANCED * row["scale"], doubt)
+                balances.append(
+                    f"{name} {what} {'balances' if holds else 'does NOT balance'}: "
+                    f"{abs(row['error']):.2g} of {row['scale']:.3g} not accounted for".strip()
+                )
+    if not balances:
+        balances = ["not judged: masses or forces are not known (--masses FILE)"]
+    title = html.escape(found.title or Path(found.name).name)
+    lists = (("Recorded", recorded), ("Problems", problems), ("Balances", balances))
+    return f"<h1>{title}</h1>" + "".join(
+        f'<p class="{head.lower()}"><b>{head}.</b> {"<br>".join(map(html.escape, lines))}</p>'
+        for head, lines in lists
+    )
+
+
+LINKED = """<script>
+const charts = [...document.querySelectorAll(".time .plotly-graph-div")];
+let linking = false;
+for (const chart of charts) chart.on("plotly_relayout", (event) => {
+  if (linking) return;
+  const low = event["xaxis.range[0]"], high = event["xaxis.range[1]"];
+  const change = event["xaxis.autorange"] ? {"xaxis.autorange": true}
+    : low === undefined ? null : {"xaxis.range": [low, high]};
+  if (!change) return;
+  linking = true;
+  const others = charts.filter((other) => other !== chart);
+  Promise.all(others.map((other) => Plotly.relayout(other, change)))
+    .then(() => { linking = false; });
+});
+</script>"""
+"""Zooms all time axes when one is zoomed."""
 
 
 def _table(title: str, heads: list[str], rows: list[str]) -> str:
@@ -90,7 +141,7 @@ def _bodies(found: Analysis) -> str:
         apart = body.as_dict().get("apart")
         if apart is not None:
             rows.append(_row([name, f"{apart['force']:.3g}", f"{apart['torque']:.3g}"]))
-    title = "Inverse dynamics from the poses against recorded wrenches, RMS apart"
+    title = "Inverse dynamics against recorded wrenches: RMS difference"
     return _table(title, ["body", "force [N]", "torque [N m]"], rows) if rows else ""
 
 
@@ -107,8 +158,8 @@ def _balances(found: Analysis) -> str:
                 numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
                 numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
                 rows.append(_row([f"{name} {what}".strip(), *numbers]))
-    heads = ["balance", "left", "of", "half the samples change it by", "noise makes up to"]
-    return _table("Change less what is known to have acted", heads, rows) if rows else ""
+    heads = ["balance", "left", "of", "sampling error", "noise up to"]
+    return _table("Balance errors", heads, rows) if rows else ""
 
 
 def _constraints(found: Analysis) -> str:
@@ -126,7 +177,9 @@ def _constraints(found: Analysis) -> str:
 
 
 def _figures(found: Analysis, graph: Any) -> list[str]:
-    plots = list(found.figures.items())[:MOST]
+    # energy and reactions first; a stable order else
+    first = sorted(found.figures.items(), key=lambda item: _order(item[0]))
+    plots = first[:MOST]
     for name, body in list(found.bodies.items())[:MOST]:
         if body.known and body.wrench.rates.count:
             plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
@@ -135,15 +188,29 @@ def _figures(found: Analysis, graph: Any) -> list[str]:
             plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
     sizes = sizes_of(plots, found.length)
     texts = [f"<h2>Plots</h2>{_left_out(found)}"]
+    constant: list[str] = []
     for name, figures in plots:
-        rows = [_by_unit(graph, name, figures, sizes)]
+        made = _by_unit(graph, name, figures, sizes)
+        # an axis has a range of its own where nothing moves on it
+        still = [] if name == RESIDUAL else [f for f in made if f.layout.yaxis.range is not None]
+        constant += [f"{name} {figure.layout.yaxis.title.text or ''}".strip() for figure in still]
+        rows = [[figure for figure in made if figure not in still]]
         if name in found.figures and name != RESIDUAL:
             rows.append(_spectra(graph, name, figures, sizes))
-        for row in filter(None, rows):
+        for kind, row in zip(("time", "spectrum"), rows, strict=False):
+            if not row:
+                continue
             parts = [_html(figure, len(texts) == 1 and not k) for k, figure in enumerate(row)]
             inner = "".join(f"<div>{part}</div>" for part in parts)
-            texts.append(f'<div class="{"two" if len(row) > 1 else "one"}">{inner}</div>')
-    return texts
+            texts.append(f'<div class="{kind} {"two" if len(row) > 1 else "one"}">{inner}</div>')
+    if constant:
+        texts.append(f"<p>Constant to rounding, not drawn: {html.escape(', '.join(constant))}</p>")
+    return [*texts, LINKED]
+
+
+def _order(name: str) -> int:
+    """Energies before reactions, these before the rest."""
+    return 0 if name == "energy" else 1 if name.startswith("reactions/") else 2
 
 
 def _left_out(found: Analysis) -> str:
@@ -197,7 +264,7 @@ def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -
         )
         names = [figures.names[k] for k in moving]
         figure = _lines(graph, f"{name}: spectrum", names, frequency, density)
-        axis = f"[({unit})^2/Hz]" if unit else "[1/Hz]"
+        axis = f"[({unit})²/Hz]" if unit else "[1/Hz]"
         figure.update_layout(xaxis_title="f [Hz]", yaxis_title=axis)
         figure.update_xaxes(type="log")
         figure.update_yaxes(type="log")
@@ -209,8 +276,10 @@ def _lines(graph: Any, title: str, names: Sequence[str], x: np.ndarray, values: 
     """A curve for each column of values."""
     figure = graph.Figure()
     for name, column in zip(names, values.T, strict=True):
-        figure.add_scatter(x=x.tolist(), y=column.tolist(), name=name, mode="lines")
+        colour = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else None
+        figure.add_scatter(x=x, y=column, name=name, mode="lines", line_color=colour)
     figure.update_layout(title=title, title_font_size=14, height=330, template="plotly_white",
+                         colorway=CYCLE,
                          showlegend=len(names) > 1,
                          margin={"l": 60, "r": 20, "t": 45, "b": 45})  # fmt: skip
     figure.update_yaxes(exponentformat="power")

@@ -33,6 +33,10 @@ class Analysis:
     other_topics: dict[str, str] = field(default_factory=dict)
     length: float = 0.0
     """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
+    title: str = ""
+    """of the scene; "" where none is known."""
+    facts: list[str] = field(default_factory=list)
+    """lines about the run that was recorded."""
     bytes: int = 0
     messages: int = 0
 

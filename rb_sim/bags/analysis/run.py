@@ -6,7 +6,9 @@ is differentiated, and no balance drawn, across it.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,6 +42,7 @@ class RecordedRun:
         self._laws = SceneLaws(scene) if scene.constraints else None
         self._constraints = None if self._laws is None else ConstraintFigures(self._laws)
         found.length = length_of(scene.bodies.values())
+        found.title = f"{scene.name}: {scene.description}" if scene.description else scene.name
         for name, properties in bodies_of(scene).items():
             found.bodies[name] = BodyFigures(properties, struck=Struck(told=True))
 
@@ -76,15 +79,27 @@ class RecordedRun:
     def finish(self) -> None:
         """Balances, contacts and constraints; no more readings come."""
         found, reader = self._found, self._reader
+        found.facts = _facts(reader)
         found.notes += reader.left_out
         if any(missing.within for missing in reader.missing):
-            found.notes.append(
-                "the balances go across what is missing: they are off by what it did"
-            )
+            found.notes.append("balances span the missing messages and contain their effect")
         found.balance = self._balances.finish()
         found.notes += self._loads.notes + self._balances.notes
         found.contacts = self._balances.contacts
         found.constraints = None if self._constraints is None else self._constraints.as_dict()
+
+
+def _facts(reader: BagReader) -> list[str]:
+    """How, when and with what a run was made."""
+    options = json.loads(reader.record["simulation"])
+    knob = [f"{key} {options[key]:g}" for key in ("step", "tolerance") if options.get(key)]
+    versions = json.loads(reader.record.get("versions", "{}"))
+    written = datetime.fromtimestamp(reader.path.stat().st_mtime, UTC)
+    return [
+        f"run of {options['duration']:g} s with {' and '.join([options['method'], *knob])}",
+        f"file of {written:%d %b %Y %H:%M} UTC",
+        ", ".join(f"{name} {version}" for name, version in versions.items()),
+    ]
 
 
 def coordinates(block: SampleBlock) -> np.ndarray:
@@ -123,8 +138,8 @@ class Loads:
         self._parents = [self._parent(scene, name) for name in layout.reactions]
         # a bearing's share is in the total of its constraint, which has an entry of its own
         self._counted = ["/" not in name for name in layout.reactions]
-        text = "the samples do not tell the wrench of " + ", ".join(untold)
-        self.notes = [f"{text}: the recorded total is without it"] if untold else []
+        text = "the samples do not contain the wrench of " + ", ".join(untold)
+        self.notes = [f"{text}; the recorded total does not include it"] if untold else []
 
     def _parent(self, scene: Scene, reaction: str) -> int | None:
         spec = scene.constraints.get(reaction.partition("/")[0])

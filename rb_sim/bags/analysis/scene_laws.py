@@ -14,12 +14,14 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
 from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.catalogue.effects.torsion import TorsionSpringRow, twist
 from rb_sim.catalogue.geometry.carriers import carrier
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.types import BodyState, potential, wrench
 from rb_sim.graph.functions import call
 from rb_sim.graph.on_arrays import ArrayLaw
 from rb_sim.graph.symbols import External, Graph
+from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, arm_of, fill_all, inertial_of, state_of
 from rb_sim.mechanics.systems.multibody import put_momenta
@@ -94,7 +96,9 @@ class SceneLaws:
         gaps = [rows[k, ERROR] if line.holonomic else 0.0 for k, line in enumerate(self.lines)]
         slips = [row_velocity(here, y, k) - rows[k, RATE] for k in range(count)]
         self.points, depths = _overlaps(scene, place, t, y)
-        effects = _effects(system, t, y)
+        self._turns = Turns(system, t, y)
+        own = graph.vector("y", self._turns.columns, len(y))
+        effects = _effects(with_kept(system, own), t, y)
         momenta: list[Any] = [0.0] * 6
         kinetic = put_momenta(here, y, momenta, 0)
         ends = np.cumsum([count, count, len(depths), 1, 1, 1, 6])
@@ -105,11 +109,37 @@ class SceneLaws:
 
     def at(self, t: Array, y: Array) -> Found:
         """t [s]: shape (n,); y: p_WC, q_WB, v_WC, w_WB_B of each body, shape (n, 13 N)."""
-        parts = np.split(self._law(t, y), self._ends, axis=1)
+        whole = np.hstack([y, self._turns.at(t, y)])
+        parts = np.split(self._law(t, whole), self._ends, axis=1)
         gap, slip, overlap, potential, power, kinetic, momenta, loads = parts
         return Found(
             gap, slip, overlap, potential[:, 0], power[:, 0], kinetic[:, 0], momenta, loads
         )
+
+
+class Turns:
+    """Counts the turns of torsion springs along the samples, as their laws do from step to step."""
+
+    def __init__(self, system: Any, t: Any, y: list[Any]) -> None:
+        springs = [e for e in system.effects if isinstance(e.row, TorsionSpringRow)]
+        self.columns = 2 * len(springs)
+        """angle and whole turns of each."""
+        self._law = ArrayLaw(
+            [twist(e.row, state_of(y, e.body), state_of(y, e.parent))[0] for e in springs]
+        )
+        self._before = [(-np.inf, np.zeros(len(springs)))]
+        """ends of the pieces so far: time [s] and angles [rad]."""
+
+    def at(self, t: Array, y: Array) -> Array:
+        """The columns at every time; pieces come in the order of time, or once more."""
+        if not self.columns or not len(t):
+            return np.empty((len(t), self.columns))
+        folded = self._law(t, y)
+        before = next(angles for end, angles in reversed(self._before) if end <= t[0])
+        angles = np.unwrap(np.vstack([before, folded]), axis=0)[1:]
+        if t[-1] > self._before[-1][0]:
+            self._before.append((float(t[-1]), angles[-1]))
+        return np.stack([angles, angles - folded], axis=2).reshape(len(t), -1)
 
 
 def _effects(system: Any, t: Any, y: list[Any]) -> list[Any]:

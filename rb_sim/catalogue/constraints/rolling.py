@@ -79,7 +79,7 @@ class Rolling(Spec):
         axis = rotate(place.state(self.body).q_WB, axis_B)
         if norm(cross(axis, rotate(q_WA, self.normal_A))) < FLAT:
             raise ValueError(
-                f"the rim of {self.body} starts flat on the plane, where no point of it is lowest; "
+                f"the rim of {self.body} starts flat on the plane, without a lowest point; "
                 "must start tilted"
             )
 

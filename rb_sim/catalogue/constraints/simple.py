@@ -41,7 +41,7 @@ class Distance(Spec):
         )
         distance = distance_at_start(place, self.body, r_B, self.parent, r_A)
         if distance == 0.0:  # a length that is given does not tell in which direction, either
-            raise ValueError("its points coincide at the start; give points apart or a fixed_point")
+            raise ValueError("its points coincide at the start; move them apart or use fixed_point")
         return [Part(DistanceRow(r_B, r_A, self.length or distance))]
 
 

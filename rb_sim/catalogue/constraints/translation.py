@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from rb_sim.catalogue.constraints.joints import relative_turn
 from rb_sim.catalogue.constraints.rows import CurveRow, LockRow
-from rb_sim.catalogue.curves import CircleCurve, LineCurve, spline_through
+from rb_sim.catalogue.curves import CircleCurve, LineCurve, curve_point, spline_through
 from rb_sim.catalogue.spec import Name, Points, Positive, Spec, UnitVector3, Vector3, refuse
 from rb_sim.catalogue.types import Part, Place
 from rb_sim.numerics.vectors import ZERO, perpendicular
@@ -58,6 +58,13 @@ class CurveGuide(Spec):
         if not np.all(steps > 0.0):
             raise refuse("a curve whose neighbouring points differ")
         return self
+
+    def points_along(self, count: int) -> np.ndarray:
+        """So many points of it from its start to its end, world [m], shape (count, 3)."""
+        curve = spline_through(np.array(self.points), self.closed)
+        breaks = curve.pieces.breaks
+        ways = np.linspace(breaks[0], breaks[-1], count).tolist()
+        return np.array([curve_point(curve, s)[0] for s in ways])
 
 
 class Translation(Spec):

@@ -229,10 +229,10 @@ class Contact(Touching):
         if self.between is not None:
             self._check_between()
         if self.motion is not None and self.parent is not None:
-            allowed = refuse("left out where the support belongs to a parent body")
+            allowed = refuse("omitted if the support belongs to a parent body")
             raise refuse_at((("motion",), self.motion.type, allowed))
         if isinstance(self.surface, BodySurface) and self.parent is None:
-            allowed = refuse("plane, sphere or cylinder where there is no parent")
+            allowed = refuse("plane, sphere or cylinder without a parent")
             raise refuse_at((("surface", "type"), "shape", allowed))
         if self.points is not None and len(self.points) > MOST_POINTS:
             allowed = refuse(f"at most {MOST_POINTS} points")
@@ -243,10 +243,10 @@ class Contact(Touching):
             )
             raise refuse_at((("friction",), type(law).__name__, allowed))
         if self.compliance is not None and self.mode == "bilateral":
-            allowed = refuse("unilateral where the support is compliant")
+            allowed = refuse("unilateral for a compliant support")
             raise refuse_at((("mode",), self.mode, allowed))
         if self.lies_flat and not self.opens_rigidly:
-            allowed = refuse("false where the contact is bilateral or compliant")
+            allowed = refuse("false for a bilateral or compliant contact")
             raise refuse_at((("lies_flat",), True, allowed))
         return self
 
@@ -256,7 +256,7 @@ class Contact(Touching):
         for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
             if (value := getattr(self, key)) != own[key].default:
                 value = getattr(value, "type", value)
-                raise refuse_at(((key,), value, refuse("left out where between is given")))
+                raise refuse_at(((key,), value, refuse("omitted if between is given")))
 
     def of_pair(self, body: str, parent: str) -> Contact:
         """The contact of one pair of the bodies that this one is between."""

@@ -56,7 +56,7 @@ class String(Touching):
     @model_validator(mode="after")
     def _no_jerk_of_an_elastic_one(self) -> String:
         if self.compliance is not None and self.restitution > 0.0:
-            allowed = refuse("left out where the string is elastic (compliance)")
+            allowed = refuse("omitted for an elastic string (compliance)")
             raise refuse_at((("restitution",), self.restitution, allowed))
         return self
 
@@ -90,7 +90,7 @@ class String(Touching):
             return float(self.length)
         length = distance_at_start(place, self.body, r_B, self.parent, r_A)
         if length == 0.0:
-            raise ValueError("its points coincide at the start; give them apart, or a length")
+            raise ValueError("its points coincide at the start; move them apart or give a length")
         return length
 
     @property

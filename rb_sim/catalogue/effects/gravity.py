@@ -13,7 +13,7 @@ from rb_sim.numerics.vectors import ZERO, dot, scale
 
 def _some_or_all(names: tuple[str, ...] | None) -> tuple[str, ...] | None:
     if names is not None and not names:
-        raise refuse("at least one body; leave bodies out for all of them")
+        raise refuse("at least one body; omit bodies for all of them")
     return names
 
 

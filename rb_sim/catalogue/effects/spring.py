@@ -58,8 +58,8 @@ class Spring(Spec):
             length = norm(separation(along, place.state(self.body), place.state(self.parent)))
             if not length > COINCIDE * self.rest_length:
                 raise ValueError(
-                    "its ends coincide at the start, where a spring with a rest_length has no "
-                    "direction; give ends apart or rest_length 0"
+                    "its ends coincide at the start, so that its force has no direction; move them "
+                    "apart or use rest_length 0"
                 )
             if self.stiffness:
                 rows.append(along)

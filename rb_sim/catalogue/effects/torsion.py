@@ -1,9 +1,10 @@
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
 theta is the twist about the axis of the turn from the parent's to the body's frame,
-theta = 2 atan2(v . a, w) for the relative quaternion (v, w), taken in (-pi, pi]; a run that
-passes half a turn, where the torque jumps, is told so.  Its gradient is the axis itself as long as
-the body only turns about it; otherwise the full gradient keeps the law conservative:
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), and counts on beyond half a turn: of
+the angles that the quaternion leaves open the law takes the one nearest to that at the end of the
+step before, which it keeps.  Its gradient is the axis itself as long as the body only turns about
+it; otherwise the full gradient keeps the law conservative:
 (w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
 """
 
@@ -13,7 +14,7 @@ import math
 from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
-from rb_sim.catalogue.types import Place, Quaternion, Vec3, potential, wrench
+from rb_sim.catalogue.types import CHANGING, Changing, Place, Quaternion, Vec3, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
@@ -47,7 +48,8 @@ class TorsionSpring(Spec):
     """theta0 [rad], from the initial pose."""
 
     EQUATION: ClassVar[str] = """
-    theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent
+    theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent,
+                                     whole turns counted from the start, or from a state that is set
     K = -k (theta - theta0) grad theta - c ((w_B - w_A) . a) a,   U = k (theta - theta0)^2 / 2
     K acts on the body, -K on the parent
     """
@@ -70,6 +72,10 @@ class TorsionSpringRow(NamedTuple):
     rest_angle: float
     q_BA: Quaternion
     """initial turn from the parent's to the body's axes."""
+    angle: float = 0.0
+    """at the end of the step before [rad]."""
+    turns: float = 0.0
+    """whole turns in it [rad]."""
 
 
 class TorsionDamperRow(NamedTuple):
@@ -78,8 +84,8 @@ class TorsionDamperRow(NamedTuple):
 
 
 @inline
-def _twist(row, B, A):
-    """Twist angle [rad] in (-pi, pi] less the rest angle, and its gradient in body axes."""
+def twist(row, B, A):
+    """Twist angle [rad], the whole turns in it [rad], and its gradient in body axes."""
     q = quaternion_product(row.q_BA, quaternion_product(conjugate(A.q_WB), B.q_WB))
     v = (q[0], q[1], q[2])
     w = q[3]
@@ -87,23 +93,40 @@ def _twist(row, B, A):
     angle = 2.0 * atan2(s, w)
     angle = where(angle <= -math.pi, angle + 2.0 * math.pi, angle)
     angle = where(angle > math.pi, angle - 2.0 * math.pi, angle)
+    over = angle + row.turns - row.angle
+    turns = where(over > math.pi, row.turns - 2.0 * math.pi, row.turns)
+    turns = where(over < -math.pi, row.turns + 2.0 * math.pi, turns)
     gradient = scale(
         1.0 / (w * w + s * s),
         add(scale(w * w, row.axis_B), add(scale(w, cross(row.axis_B, v)), scale(s, v))),
     )
-    return angle - row.rest_angle, gradient
+    return angle + turns, turns, gradient
+
+
+def _next(row, B, A):
+    """Angle and whole turns where a step ends."""
+    angle, turns, _ = twist(row, B, A)
+    return angle, turns
+
+
+CHANGING[TorsionSpringRow] = Changing(
+    2,
+    lambda row, t, onwards: (row.angle, row.turns),
+    lambda row, inputs: row._replace(angle=inputs[0], turns=inputs[1]),
+    _next,
+)
 
 
 @wrench.register(TorsionSpringRow)
 def torsion_spring(row, t, body, B, A):
-    angle, gradient = _twist(row, B, A)
-    return ZERO, scale(-row.stiffness * angle, gradient)
+    angle, _, gradient = twist(row, B, A)
+    return ZERO, scale(-row.stiffness * (angle - row.rest_angle), gradient)
 
 
 @potential.register(TorsionSpringRow)
 def torsion_potential(row, t, body, B, A):
-    angle, _ = _twist(row, B, A)
-    return 0.5 * row.stiffness * angle * angle
+    angle, *_ = twist(row, B, A)
+    return 0.5 * row.stiffness * (angle - row.rest_angle) ** 2
 
 
 @wrench.register(TorsionDamperRow)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 SHOWN = 100
 """Sources, bodies and notes that the terminal shows at most."""
-ELSEWHERE = ": --json and --out DIR tell all"
+ELSEWHERE = " (all with --json or --out DIR)"
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,6 @@ class AnalyzeOptions:
     topics: tuple[str, ...] = ()
     masses: str | None = None
     parquet: bool = False
-    screenshot: bool = True
     as_json: bool = False
 
 
@@ -73,25 +71,10 @@ def analyze(options: AnalyzeOptions) -> int:
 
 def _report(found: Analysis, options: AnalyzeOptions) -> None:
     from rb_sim.bags.analysis.report import write_report
-    from rb_sim.cli.verbs.replay import convert
-    from rb_sim.io.bag.reader import BagReader
-    from rb_sim.io.rerun.viewer import save_screenshot
 
     assert options.out is not None
     try:
-        with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
-            picture: Path | None = Path(folder) / "scene.png"
-            try:
-                if not options.screenshot or found.balance is None:
-                    picture = None
-                else:
-                    recording = Path(folder) / "scene.rrd"
-                    convert(BagReader(options.bag, unfinished=True), recording)
-                    save_screenshot(recording, picture)
-            except RbSimError as error:  # no Rerun, no Vulkan, no driver: the rest of it stands
-                found.notes.append(f"no picture of the scene: {error}")
-                picture = None
-            write_report(found, options.out / "report.html", picture)
+        write_report(found, options.out / "report.html")
     except MissingExtraError as error:
         print(f"note: no report.html: {error}")
 
@@ -162,23 +145,23 @@ def _print_balance(told: dict[str, Any]) -> None:
         of = f"{name}: " if name else ""
         energy, momentum = balance.get("energy"), balance.get("momentum")
         if "wrenches" in balance and not (balance["wrenches"] or balance["effects"]):
-            print(f"{of}balances not available: no wrench on it is recorded, and no scene with "
-                  "effects is given by --masses")  # fmt: skip
+            print(f"{of}balances not available: no wrench on it is recorded; give a scene with its "
+                  "effects by --masses")  # fmt: skip
             continue
         if energy:
-            print(f"{of}energy balance: {energy['error']:.2g} J of {energy['scale']:.3g} J"
+            print(f"{of}energy error: {energy['error']:.2g} J of {energy['scale']:.3g} J"
                   f"{_doubt(energy, 'J')}")  # fmt: skip
         for kind, unit in (("linear", "N s"), ("angular", "N m s")):
             if momentum:
                 row = momentum[kind]
-                print(f"{of}{kind} momentum balance: {row['error']:.2g} {unit} of "
+                print(f"{of}{kind} momentum error: {row['error']:.2g} {unit} of "
                       f"{row['scale']:.3g} {unit}{_doubt(row, unit)}")  # fmt: skip
         if lacks := balance.get("momentum_lacks_reactions_of"):
-            print(f"{of}momentum balance not available: no reactions of {', '.join(lacks)} are "
+            print(f"{of}momentum error not available: no reactions of {', '.join(lacks)} are "
                   "recorded")  # fmt: skip
         if "wrenches" in balance:
             acted = " and ".join(["the scene's effects", *balance["wrenches"]])
-            print(f"  {of}what is left of the change after {acted}; forces not recorded are in it")
+            print(f"  {of}change minus {acted}; includes forces that were not recorded")
     _print_constraints(told["constraints"])
     if told["contacts"]:
         counts = ", ".join(f"{n} {kind}" for kind, n in told["contacts"]["events"].items())
@@ -188,8 +171,8 @@ def _print_balance(told: dict[str, Any]) -> None:
 def _doubt(row: dict[str, Any], unit: str) -> str:
     """What the samples between which is integrated leave open, if it is not small, and noise."""
     doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
-    said = [f"half the samples change it by {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
-    said += [f"noise of the recording makes up to {noise:.2g} {unit}"] * (
+    said = [f"sampling error {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
+    said += [f"noise of the recording up to {noise:.2g} {unit}"] * (
         noise > 0.01 * abs(row["error"])
     )
     return f" ({'; '.join(said)})" if said else ""
@@ -198,13 +181,13 @@ def _doubt(row: dict[str, Any], unit: str) -> str:
 def _print_constraints(told: dict[str, Any] | None) -> None:
     if not told:
         return
-    print(f"constraints recomputed from the poses: worst {told['relative']:.2g} of the scale")
+    print(f"max constraint violation, from the poses: {told['relative']:.2g} (relative)")
     for name, velocity in told["velocity"].items():
         position = told["position"].get(name)
         parts = [] if position is None else [_worst(position, "m or rad")]
         print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
     for name, overlap in told["overlap"].items():
-        kind = "touches; deepest overlap" if overlap["touches"] else "never touches; least gap"
+        kind = "closed; largest overlap" if overlap["touches"] else "never closed; smallest gap"
         size = abs(max(overlap["largest"], 0.0) if overlap["touches"] else overlap["largest"])
         print(f"  {name}: {kind} {_worst({**overlap, 'largest': size}, 'm')}")
 

@@ -41,14 +41,13 @@ class CompareOptions:
 def compare(options: CompareOptions) -> int:
     """Compare; 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
-    from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.replay import check_ending, warn
 
     check_ending(options.screenshot, ".png")
     for name, bound in options.bounds.items():
         if not bound >= 0.0:
             raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
-    a = tracks_of_bag(options.a)
+    a = first_tracks(options)
     b = other_tracks(options, a)
     warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
     found = differences(a, b, align=options.align, match=_pairs(options.match))
@@ -63,7 +62,7 @@ def compare(options: CompareOptions) -> int:
     if options.screenshot is not None:
         _draw(options.screenshot, found, a, b)
     for line in told["exceeded"]:
-        print(f"too far apart: {line}")
+        print(f"exceeds its bound: {line}")
     return TOO_FAR if told["exceeded"] else 0
 
 
@@ -74,13 +73,32 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
     return {text.partition("=")[0]: text.partition("=")[2] for text in texts}
 
 
+BAGS, TEXTS = (".mcap", ".db3"), (".csv", ".txt", ".tum")
+"""Endings of bags, and of files of poses."""
+
+
+def first_tracks(options: CompareOptions) -> Tracks:
+    """The motion in A; beside a scene also what the joint states of somebody else's bag say."""
+    from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.io.bag.reader import reader_of
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
+
+    other = Path(options.b)
+    is_scene = other.suffix not in (*BAGS, *TEXTS) and not other.is_dir()
+    scene = None
+    if is_scene and reader_of(options.a, unfinished=True) is None:
+        scene = load_scene(find_scene(options.b))
+    return tracks_of_bag(options.a, scene)
+
+
 def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
     """The motion to lay beside A: of a CSV file, a bag, or a scene simulated."""
     from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
 
     path = Path(options.b)
-    is_bag = path.suffix in (".mcap", ".db3") or path.is_dir()
-    is_csv = path.suffix in (".csv", ".txt", ".tum")
+    is_bag = path.suffix in BAGS or path.is_dir()
+    is_csv = path.suffix in TEXTS
     if options.wrench and (is_bag or is_csv):
         raise RbSimError(f"--wrench {options.wrench[0]}: only beside a scene, which is simulated")
     if is_csv:
@@ -190,7 +208,7 @@ def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b:
     written = ["compare.json", "compare.png"]
     with writing(folder):
         (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-        picture(found, folder / "compare.png", f"{a.name} and {b.name}")
+        picture(found, a, b, folder / "compare.png")
         try:
             overlay(a, b, found, folder / "compare.rrd")
             written.append("compare.rrd")

@@ -110,7 +110,7 @@ def print_explanation(result: Explanation, console: Console) -> None:
 
 def at_start(result: Explanation) -> str:
     """That contacts take degrees of freedom while they are closed alone, where there are any."""
-    return " with the contacts as they are at the start" if opening(result) else ""
+    return " with the contacts of the start" if opening(result) else ""
 
 
 def opening(result: Explanation) -> int:
@@ -125,8 +125,8 @@ def rows_of(result: Explanation) -> str:
     if not more:
         return rows
     if result.rows == more:
-        return f"{counted(more, 'constraint row')} of contacts, each while it is closed"
-    return f"{rows} and {more} of contacts, each while it is closed"
+        return f"{counted(more, 'constraint row')} of closed contacts"
+    return f"{rows} and {more} of closed contacts"
 
 
 def counted(number: int, what: str, rest: str = "") -> str:
@@ -138,34 +138,39 @@ def notes(result: Explanation) -> list[str]:
     """What else is to be said of the figures."""
     lines = []
     items = (*result.constraints, *result.effects)
-    lines += [f"{entry.name}: no price, {entry.reason}." for entry in items if entry.cost is None]
+    lines += [
+        f"{entry.name}: cost not measurable: {entry.reason}."
+        for entry in items
+        if entry.cost is None
+    ]
     events = result.events
     if result.seen_until < result.duration:
         lines.append(
-            f"Looked at up to t = {result.seen_until:.3g} s of {result.duration:g} s: a run ends "
-            "there, or goes on for too long."
+            f"Measured up to t = {result.seen_until:.3g} s of {result.duration:g} s: a run ends "
+            "there or takes too long."
         )
     if result.run is not None:
         without, checked = result.run.unchecked, result.run.checked
         lines.append(
-            f"A run takes {without:.2g} s, {checked:.2g} s with its accuracy checks, of which the "
-            "second run states the global error (--no-check leaves it out)."
+            f"A run takes {without:.2g} s, or {checked:.2g} s with its accuracy checks, "
+            "which include "
+            "a second run for the global error (--no-check omits it)."
         )
     if events is not None:
         lines.append(
-            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; a part "
-            "that keeps contacts closed also costs what they take."
+            f"Steps are measured between events, from t = {result.measured_from:.3g} s on; "
+            "the cost of "
+            "a part includes that of the contacts that it keeps closed."
         )
-        instants = counted(events.count, "instant")
         steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
         if events.count and not events.nanoseconds > 0.0:
             lines.append(
-                f"Events: {instants}, no price: the other steps of the run are so "
-                "much cheaper than those measured that nothing is left for them."
+                f"Cost of {counted(events.count, 'event')}: not measurable (small beside the "
+                "steps)."
             )
         elif events.count:
             lines.append(
-                f"Events come apart: {instants}, "
+                f"Cost of {counted(events.count, 'event')}: "
                 f"{1e-6 * events.nanoseconds:.2g} ms each (location, impacts, choice of modes), "
                 f"as much as {steps}."
             )

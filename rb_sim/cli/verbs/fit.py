@@ -95,8 +95,6 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
 
-    tracks = tracks_of_bag(options.bag)
-    warn(tracks.notes)
     reader = reader_of(options.bag, unfinished=True)
     if options.scene is not None:
         own = {}
@@ -108,6 +106,8 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         scene = scene_as_run(reader)
     else:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
+    tracks = tracks_of_bag(options.bag, scene)
+    warn(tracks.notes)
     given = {body: name for body, _, name in (text.partition("=") for text in options.match)}
     pairs, left_out = pairs_of(tracks, list(scene.bodies), given, "--match BODY=NAME")
     warn(left_out)
@@ -121,7 +121,7 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
             recording.inputs, recording.count = inputs_of(reader)
             recording.node = reader.settings.get("by") == "node"
         elif any(inputs_of(reader)[0].values()):
-            warn(["its commands and resets are left out, as the bag is damaged"])
+            warn(["its commands and resets are not applied, since the bag is damaged"])
     return scene, yaml_reader.parse(scene.text, scene.file), recording
 
 
@@ -129,8 +129,8 @@ def refuse_wrench(wrench: Sequence[str]) -> None:
     """Raises RbSimError if the commands of a bag of rb_sim are named."""
     if wrench:
         raise RbSimError(
-            f"--wrench {wrench[0]}: only for bags of others; this one is of rb_sim, and holds what "
-            "was commanded"
+            f"--wrench {wrench[0]}: only for bags not recorded by rb_sim; this one contains its "
+            "commands"
         )
 
 
@@ -156,15 +156,14 @@ def _print(found: Fitted) -> None:
         table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
                       f"{found.errors[k]:.2g}", most)  # fmt: skip
     plain_console(highlight=False).print(table)
-    print(f"left: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
+    print(f"residuals: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
     if found.correlation_left:
-        print(f"what is left is no noise (neighbours correlate by {found.correlation_left:.2f}): "
-              "the scene differs from what was recorded, or the search ended elsewhere; the "
-              "standard errors mean nothing")  # fmt: skip
+        print(f"residuals are correlated ({found.correlation_left:.2f}): the model does not match "
+              "the recording; standard errors are not valid")  # fmt: skip
     for name in found.limited:
-        print(f"held by the limit of what the scene takes: {name}; the standard errors are those "
-              "of a fit without it")  # fmt: skip
+        print(f"at the limit of its allowed values: {name}; standard errors are those of a fit "
+              "without it")  # fmt: skip
     for names_ in found.undetermined:
         print(f"not determined by this recording: {names_}")
 

@@ -63,7 +63,10 @@ def hard_cases(
             print(f"wrote {', '.join(map(str, write(out, cases, rows, others, quick)))}")
         except OSError as error:
             raise RbSimError(f"--out {out}: cannot write there: {error.strerror}") from None
-    print(f"{len(rows) - len(failed)} of {len(rows)} rows hold or are said to be limits")
+    print(
+        f"{len(rows) - len(failed)} of {len(rows)} rows are within their bound or are "
+        "documented limits"
+    )
     return 1 if failed else 0
 
 

@@ -81,7 +81,7 @@ def _run(run: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append((section, named or "none"))
     rows.append(("method", _method(run)))
     options = run["simulation"]
-    rows.append(("asked for", f"{options['duration']:g} s at {options['rate']:g} samples a second"))
+    rows.append(("settings", f"{options['duration']:g} s at {options['rate']:g} samples a second"))
     settings = dict(run["settings"])
     by, given = settings.pop("by", "unknown"), settings.pop("options", {})
     settings |= {f"--{name}": value for name, value in given.items()}
@@ -126,7 +126,7 @@ def _health(health: dict[str, Any], messages: int) -> str:
     if not unchecked:
         return f"whole; {health['chunks']} checksums are right"
     some = "any message" if unchecked == messages else f"{unchecked} of {messages} messages"
-    return f"whole as far as can be told: no checksum covers {some}"
+    return f"no damage found, but no checksum covers {some}"
 
 
 def _topic(name: str, topic: dict[str, Any]) -> tuple[str, ...]:

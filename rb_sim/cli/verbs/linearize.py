@@ -45,7 +45,7 @@ def linearize(
 ) -> int:
     """Print A, B, C, D and the modes of the linear model at `at` [s], or all of it as JSON.
 
-    With `out` also write linear_model.npz.
+    With `out` also write linear_model.npz, poles.png and, of a model with inputs, bode.png.
 
     Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, an instant
     below 0 and a folder that cannot be written, SimulationError where the motion ends before `at`.
@@ -63,15 +63,31 @@ def linearize(
     else:
         print_model(simulation.scene.name, model, console, is_steady)
     if out is not None:
-        path = out / "linear_model.npz"
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            model.to_npz(path)
-        except OSError as error:
-            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+        written = write(out, simulation.scene.name, model, is_steady)
         if not as_json:
-            console.print(f"wrote {path}", markup=False)
+            console.print(f"wrote {', '.join(map(str, written))}", markup=False)
     return 0
+
+
+def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[Path]:
+    """Write linear_model.npz and poles.png, and bode.png if the model has inputs that move it."""
+    from rb_sim.linear import picture  # matplotlib loads when it is used
+
+    path = folder / "linear_model.npz"
+    written = [path]
+    figures = {"poles.png": picture.poles(name, model, is_steady),
+               "bode.png": picture.bode(name, model)}  # fmt: skip
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        model.to_npz(path)
+        for file, figure in figures.items():
+            if figure is not None:
+                path = folder / file
+                figure.savefig(path)
+                written.append(path)
+    except OSError as error:
+        raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+    return written
 
 
 def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float) -> bool:

@@ -18,6 +18,7 @@ from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
+    from rb_sim.scene.schema import Scene
     from rb_sim.trajectory.trajectory import Trajectory
 
 
@@ -167,10 +168,10 @@ def recover(bag: Path, directory: Path | None = None) -> None:
     from rb_sim.io.bag.recover import recover_bag
 
     result = recover_bag(bag, directory)
-    what = "the bag was complete" if result.complete else "all that could be read of it"
+    what = "the bag was complete" if result.complete else "all readable messages"
     if result.unchecked:
         some = "any" if result.unchecked == result.messages else f"{result.unchecked} of them"
-        what += f"; no checksum covers {some}, so nothing tells whether they are as written"
+        what += f"; no checksum covers {some}, so damage in them cannot be detected"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
     warn(dict.fromkeys([*unlisted(bag), *result.damage]))
 
@@ -192,6 +193,16 @@ def check_ending(path: Path | None, ending: str) -> None:
         raise SinkError(f"{path}: the name must end in {ending}")
 
 
+def _drawn(reader: BagReader) -> Scene:
+    """The scene, with its joints; of one that this version cannot read what the bag has of it."""
+    from rb_sim.io.bag.as_run import scene_as_run
+
+    try:
+        return scene_as_run(reader)
+    except RbSimError:
+        return reader.scene  # type: ignore[return-value]  # has all that a sink must read
+
+
 def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) -> float:
     """Write the samples of a bag as a recording for the viewer (.rrd); its span [s].
 
@@ -201,7 +212,7 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
     from rb_sim.io.sink import Timeline
 
     sink = RerunSink(recording, motion_only=motion_only)
-    sink.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has all that a sink reads
+    sink.open(_drawn(reader), reader.layout)
     timeline = Timeline()
     ends: list[float] = []
     for block in reader.blocks():
@@ -242,12 +253,12 @@ def show(source: str, save: Path | None = None, *, browse: bool = False) -> None
 
 def _page_of_scene(source: str) -> dict[str, Any]:
     from rb_sim.cli.verbs.run import progress_bar
-    from rb_sim.cli.verbs.scenes import find_moving
+    from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.shown import page_of_run
     from rb_sim.simulation.simulation import Simulation
 
-    simulation = Simulation(load_scene(find_moving(source)))
+    simulation = Simulation(load_scene(find_scene(source)))
     with (
         warnings.catch_warnings(),
         progress_bar(simulation.scene.simulation.duration, False) as show,

@@ -18,8 +18,8 @@ from rb_sim.simulation.signals import BrokenOffError, Interruption
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rb_sim.checks.bounds import Effort
     from rb_sim.checks.check_list import WatchList
+    from rb_sim.checks.effort import Effort
     from rb_sim.cli.summary import Clocks
     from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
@@ -197,7 +197,7 @@ class _Run:
         if options.max_wall is not None and not options.max_wall > 0.0:
             raise RbSimError(f"--max-wall: got {options.max_wall:g}; must be > 0 s")
         if options.out is not None and not options.overwrite:
-            refuse_logs(options.out, "--out", "or insist with --overwrite")
+            refuse_logs(options.out, "--out", "or use --overwrite")
         scene = scene_of(options)
         check_accelerations(options, scene)
         wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
@@ -210,7 +210,7 @@ class _Run:
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
         if outputs:
-            self.interruption.left_over = lambda: "the logs are not finished; see rb_sim recover"
+            self.interruption.left_over = lambda: "the logs are not finished; use rb_sim recover"
         self._open(outputs, simulation)
         watches = WatchList(scene, simulation.layout, simulation.compiled)
         self.second = SecondRun(simulation)
@@ -230,7 +230,7 @@ class _Run:
 
     def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
-        from rb_sim.checks.bounds import effort_of
+        from rb_sim.checks.effort import effort_of
         from rb_sim.checks.step_search import forecast_for
         from rb_sim.cli.summary import Clocks
 
@@ -335,7 +335,7 @@ class _Run:
 
     def _exit_code(self, watches: WatchList, complete: bool) -> int:
         """Say what the watches saw, and how the run ended if it did not run to its end."""
-        where = f"; what was logged is in {self.options.out}" if self.options.out else ""
+        where = f"; the samples up to then are in {self.options.out}" if self.options.out else ""
         for finding in watches.findings:
             _say(f"warning: {finding.seen if self.advised else finding}")
         if self.failure:
@@ -375,11 +375,13 @@ class _Run:
             paths.append(self.options.npz)
         existing = [str(path) for path in paths if path.exists()]
         print(
-            f"wrote {', '.join(existing)}" if existing else "wrote nothing; --out DIR keeps a run"
+            f"wrote {', '.join(existing)}"
+            if existing
+            else "wrote nothing; use --out DIR to keep a run"
         )
         for output in self.outputs.values():
             if output.left_out:
-                how = "; rb_sim.Trajectory.from_bag(BAG).plot(FILE) draws it"
+                how = "; draw it with rb_sim.Trajectory.from_bag(BAG).plot(FILE)"
                 print(
                     f"{output.path.name}: {output.left_out}{how if 'bag' in self.outputs else ''}"
                 )
@@ -395,7 +397,7 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
     try:
         write()
     except OSError as error:
-        _say(f"warning: {path}: cannot write it: {error.strerror}")
+        _say(f"warning: {path}: cannot be written: {error.strerror}")
         return False
     return True
 

@@ -23,11 +23,11 @@ def warm(names: list[str], method: str | None = None) -> int:
     method: instead of the scenes' own. A scene that does not load is said and the others go on;
     returns 1 then. Raises RbSimError if a scene given does not exist.
     """
-    from rb_sim.scene.listing import list_scenes
+    from rb_sim.scene.listing import find_scene, list_scenes
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.compiling import compiled
 
-    paths = [find_moving(name) for name in names] or [scene.path for scene in list_scenes()]
+    paths = [find_scene(name) for name in names] or [scene.path for scene in list_scenes()]
     if not paths:
         raise RbSimError("the installation has no scenes; name one: rb_sim warm SCENE")
     failed = False
@@ -61,10 +61,11 @@ def layout(name: str, out: Path | None = None) -> int:
     from rb_sim.io.layouts import foxglove, plotjuggler, rviz
     from rb_sim.io.layouts.shown import shown
     from rb_sim.scene.compile import compile_scene
+    from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.outputs import writing
 
-    scene = load_scene(find_moving(name))
+    scene = load_scene(find_scene(name))
     topics = shown(scene, compile_scene(scene).layout)
     folder = Path() if out is None else out
     texts = {
@@ -81,16 +82,12 @@ def layout(name: str, out: Path | None = None) -> int:
     return 0
 
 
-STATICS = "statics"
-"""Folder of the scenes of bodies at rest, among the shipped ones."""
-
-
 def scenes(folder: Path | None = None, statics: bool = False) -> int:
     """List the shipped scenes, or those of a folder. Raises RbSimError if there are none.
 
     statics: list the shipped scenes for `rb_sim statics`.
     """
-    from rb_sim.scene.listing import list_scenes
+    from rb_sim.scene.listing import list_scenes, statics_folder
 
     listed = list_scenes(statics_folder() if statics and folder is None else folder)
     if not listed:
@@ -102,28 +99,6 @@ def scenes(folder: Path | None = None, statics: bool = False) -> int:
     return 0
 
 
-def statics_folder() -> Path | None:
-    """Where the shipped scenes of bodies at rest are; None if they were not installed."""
-    from rb_sim.scene.listing import scene_folders
-
-    return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
-
-
-def find_moving(name_or_path: str) -> Path:
-    """Path of a scene of motion, given by its file or by its bare shipped name.
-
-    Raises SceneError as `find_scene`, and RbSimError for a scene of bodies at rest, which names the
-    verb that takes it.
-    """
-    path, at_rest = find_moving_or_at_rest(name_or_path)
-    if at_rest:
-        raise RbSimError(
-            f"{name_or_path}: is of bodies at rest, which do not move; "
-            f"for their reactions: rb_sim statics {name_or_path}"
-        )
-    return path
-
-
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
     """The scene of a file, of a shipped name, or in a bag that rb_sim recorded.
 
@@ -131,11 +106,12 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
     they are not None; commands that were recorded are not given again.
     Raises SceneError, with the key override.NAME for an override that will not do; SinkError.
     """
+    from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene, scene_from_mapping
 
     path = Path(name_or_path)
     if not (path.suffix in (".mcap", ".db3") or _holds_bag(path)):
-        return load_scene(find_moving(name_or_path), **overrides)
+        return load_scene(find_scene(name_or_path), **overrides)
     from rb_sim.io.bag.reader import BagReader
 
     recorded = BagReader(path).scene
@@ -160,24 +136,3 @@ def _holds_bag(path: Path) -> bool:
     from rb_sim.io.bag.folder import holds_bag
 
     return holds_bag(path)
-
-
-def find_moving_or_at_rest(name_or_path: str) -> tuple[Path, bool]:
-    """(path, True for a statics scene) of a file of either kind or a bare shipped name.
-
-    Raises SceneError for a file that is no YAML, and one that lists the shipped scenes of motion.
-    """
-    from rb_sim.scene.listing import find_scene
-    from rb_sim.statics.model import is_statics
-
-    shipped = shipped_statics()
-    if name_or_path in shipped and not Path(name_or_path).exists():
-        return shipped[name_or_path], True
-    path = find_scene(name_or_path)
-    return path, is_statics(path)
-
-
-def shipped_statics() -> dict[str, Path]:
-    """The shipped scenes of bodies at rest, by name."""
-    folder = statics_folder()
-    return {} if folder is None else {file.stem: file for file in sorted(folder.glob("*.yaml"))}

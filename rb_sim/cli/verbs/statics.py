@@ -6,20 +6,19 @@ from pathlib import Path
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
-from rb_sim.scene.load import load_scene
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.report import print_report, write_json
 
 
-def statics(scene: Path, out: Path | None = None, *, at_rest: bool = True) -> int:
-    """Solve a statics scene (`at_rest`), or an ordinary one at its initial pose; print the table.
+def statics(scene: Path, out: Path | None = None) -> int:
+    """Solve a scene at its initial pose; print the table.
 
     With `out` also write statics.json and statics.png.
 
     Returns the exit code: 0 where the bodies can stay at rest, 1 where they cannot.
     Raises RbSimError for a scene that cannot be read and a folder that cannot be written.
     """
-    description = load_statics(scene) if at_rest else load_scene(scene)
+    description = load_statics(scene)
     result = solve(description)
     console = plain_console(soft_wrap=False)
     print_report(description, result, console)

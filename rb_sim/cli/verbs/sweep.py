@@ -15,7 +15,6 @@ from rb_sim.base.errors import AccuracyWarning
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.replay import warn
 from rb_sim.sweeps.plan import load_plan, shipped_plans
-from rb_sim.sweeps.sweep import check_device
 from rb_sim.sweeps.sweep import sweep as run_plan
 
 
@@ -26,14 +25,12 @@ def sweep(
     scheduler: str | None,
     batch: int | None,
     lanes: bool = True,
-    device: str = "cpu",
 ) -> int:
     """Run all runs of a plan that `out` does not hold yet; returns the exit code 0.
 
     Raises RbSimError for a plan, an option or a folder that cannot be used, KeyboardInterrupt on
     Ctrl-C: every batch that ended is kept, and the same command goes on.
     """
-    check_device(device, lanes, scheduler)
     loaded = load_plan(plan)
     folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
     print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
@@ -47,19 +44,23 @@ def sweep(
                 scheduler=scheduler,
                 batch=batch,
                 lanes=lanes,
-                device=device,
                 progress=show,
             )
     except KeyboardInterrupt:
-        print(f"interrupted; what has ended is in {folder}, the same command goes on")
+        print(f"interrupted; finished runs are in {folder}; repeat the command to continue")
         raise
     if result.reused:
-        print(f"{result.reused} runs were there already")
+        print(f"{result.reused} runs were already done")
     if result.failed:
         print(f"{result.failed} runs failed; the column `reason` says why")
     if result.lost:
         bad = len({lost.run for lost in result.lost})
-        warn([f"{bad} of {result.looked_at} runs looked at lost accuracy", *map(str, result.lost)])
+        warn(
+            [
+                f"{bad} of {result.looked_at} checked runs failed an accuracy check",
+                *map(str, result.lost),
+            ]
+        )
     print(f"wrote {folder / 'runs'} (Parquet); rb_sim sweep report {quote(str(folder))}")
     return 0
 

@@ -21,6 +21,7 @@ from rb_sim.contact.events.flat_rims import aim_under_the_load, letting_go, refu
 from rb_sim.contact.events.impact_handling import StrikingMotion
 from rb_sim.contact.events.instant import Instant, singular_values, told
 from rb_sim.contact.events.limits import (
+    TOOL,
     Progress,
     pairs_of_solids,
     refuse_drag,
@@ -32,7 +33,6 @@ from rb_sim.contact.events.limits import (
 from rb_sim.contact.events.shares import (
     PARTED,
     JammedError,
-    LeftOpen,
     choose_modes,
     share_load,
     widest_of,
@@ -40,6 +40,7 @@ from rb_sim.contact.events.shares import (
 from rb_sim.contact.events.stepping import slow_slips
 from rb_sim.contact.events.steps import kind_of
 from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
+from rb_sim.contact.grid_motion import LeftOpen
 from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounces
 from rb_sim.contact.problem.delassus import velocities
 from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal
@@ -112,8 +113,8 @@ def refuse_to_leave(
     if code is not None and code[1] == LIES_FLAT and laws[code[0]].bilateral:
         name = names[code[0]]
         raise SimulationError(
-            f"contact {name} comes to the edge of the face that guides it at t = {t:.9g} s, beyond "
-            f"which nothing does: give constraints.{name} a larger surface, or mode unilateral"
+            f"contact {name} reaches the edge of its surface at t = {t:.9g} s: give "
+            f"constraints.{name} a larger surface, or mode unilateral"
         )
 
 
@@ -171,7 +172,7 @@ def nearly_depend(at: Instant) -> bool:
     that keep all of them at rest are none, or without bound."""
     held = at.workspace.used[: find_held(at.system, at.workspace)]
     rows = scaled_lines(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
-    _, s, _ = singular_values(rows, "the lines of contacts that come to rest")
+    _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 
 
@@ -282,7 +283,8 @@ class ContactMotion(StrikingMotion):
         instant = self._instant(t, y)
         if not self._leapt_over(instant, c):
             raise SimulationError(
-                f"the contacts find no consistent state at t = {t:.9g} s (contact {self.names[c]})"
+                f"no consistent contact state found at t = {t:.9g} s (contact "
+                f"{self.names[c]}): {TOOL}"
             )
         self._go_on(instant, None)
 

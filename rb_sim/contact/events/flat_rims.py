@@ -161,6 +161,6 @@ def refuse_to_lie(
     if flat:
         name = names[flat[0]]
         raise SimulationError(
-            f"the rim of contact {name} comes to lie flat at t = {at.t:.9g} s, where its "
-            f"one point cannot hold it: set constraints.{name}.lies_flat to true"
+            f"the rim of contact {name} lies flat at t = {at.t:.9g} s, which one contact point "
+            f"cannot represent: set constraints.{name}.lies_flat to true"
         )

@@ -117,7 +117,7 @@ def natural_process(A: Array, v: Array, friction: float, restitution: float) -> 
 
 def _stuck_or_sliding(A: Array, friction: float) -> Array:
     """Direction of the impulse per unit of normal impulse at a contact without slip."""
-    along = pseudo_inverse(A[1:, 1:], "the impulses of a contact that jams") @ A[1:, 0]
+    along = pseudo_inverse(A[1:, 1:], "the impulses of a jammed contact") @ A[1:, 0]
     stuck = np.concatenate([[1.0], -along])
     if np.linalg.norm(stuck[1:]) <= friction:
         return stuck
@@ -291,9 +291,9 @@ class StrikingMotion(EventStepping):
                 f"no impulses satisfy the laws of impact and friction at t = {instant.t:.9g} s"
             )
         if status == ENDLESS and over:
-            text = f"impacts without end at t = {instant.t:.9g} s"
+            text = f"endless impacts at t = {instant.t:.9g} s"
             if self._fixed:  # bodies may be where only a step too long can have taken them
-                raise StepTooLargeError(f"{text} in steps of {self.method.step:g} s")
+                raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
             raise SimulationError(text)
 
     def _stop_at_once(self, instant: Instant) -> None:
@@ -325,14 +325,15 @@ class StrikingMotion(EventStepping):
             return
         if c is None and near and not instant.touching():
             raise SimulationError(
-                f"no forces of friction are found where {self.names[near[0]]} and others give way "
-                f"and hardly slip at t = {instant.t:.9g} s: {TOOL}"
+                f"no friction forces found for compliant contacts ({self.names[near[0]]} and "
+                "others) "
+                f"that hardly slip at t = {instant.t:.9g} s: {TOOL}"
             )
         c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
-            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} keeps to its law of "
-            "friction, nor does an impact stop the slip"
+            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} satisfies the friction "
+            "law, and no impact stops the slip"
         )
 
     def _leapt_over(self, instant: Instant, c: int) -> bool:

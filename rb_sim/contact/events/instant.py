@@ -66,8 +66,8 @@ def require_finite(of: str, *arrays: Array) -> None:
 def not_finite(of: str) -> SimulationError:
     """The error of numbers that are none."""
     return SimulationError(
-        f"{of} have no solution: the state or the loads are no longer finite, or overflow "
-        "in them (try a smaller step or tolerance)"
+        f"{of} have no solution: the state or the loads are not finite, or overflow; try a "
+        "smaller step or tolerance"
     )
 
 
@@ -128,7 +128,7 @@ class Instant:
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
-        of = f"the impulses on the joints at t = {self.t:.9g} s"
+        of = f"the joint impulses at t = {self.t:.9g} s"
         return pseudo_inverse(A, of) @ held @ self.inverse_mass @ rows.T
 
     def pivot_of(self, rows: Array, pushes: Array) -> Array:

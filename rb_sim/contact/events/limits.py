@@ -21,7 +21,7 @@ from rb_sim.mechanics.samples import Array
 # Where event-driven motion is the wrong tool: said in one line that names time stepping.
 
 
-TOOL = "event-driven is the wrong tool here, set simulation.method to time_stepping"
+TOOL = "use simulation.method time_stepping for this scene"
 """What a line ends with."""
 ALIKE = 1.0 - 1e-6
 """Cosine between normals of one pair of bodies from which on they are the same."""
@@ -78,8 +78,8 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
         other = np.flatnonzero(normals @ normals[0] < ALIKE)
         if len(other):
             raise SimulationError(
-                f"contacts {names[here[0]]} and {names[here[other[0]]]} touch one body with two "
-                f"normals at t = {at.t:.9g} s, as corners on an edge do: {TOOL}"
+                f"contacts {names[here[0]]} and {names[here[other[0]]]} of one body have different "
+                f"normals at t = {at.t:.9g} s (corners on an edge): {TOOL}"
             )
 
 
@@ -102,12 +102,12 @@ def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
     """Raise SimulationError: nothing keeps the perfectly rough contact c from slipping."""
     if at.laws[c].compliant:
         raise SimulationError(
-            f"perfectly rough contact {names[c]} slips as it touches at t = {at.t:.9g} s, and its "
-            "support gives way: no force ends a slip at once; give it coulomb friction"
+            f"perfectly rough contact {names[c]} slips on a compliant support at t = {at.t:.9g} s, "
+            "which no force stops at once: give it coulomb friction"
         )
     raise SimulationError(
-        f"perfectly rough contact {names[c]} would have to pull at t = {at.t:.9g} s, "
-        "or else slip; give it coulomb friction or make it bilateral"
+        f"perfectly rough contact {names[c]} would have to pull or to slip at t = {at.t:.9g} s: "
+        "give it coulomb friction or make it bilateral"
     )
 
 
@@ -115,8 +115,9 @@ def refuse_drag(t: float, name: str) -> None:
     """Raise SimulationError: a viscous contact's drag, which does not wait for a push, lifts its
     body off, and without it the body falls back."""
     raise SimulationError(
-        f"viscous contact {name} neither stays nor leaves at t = {t:.9g} s: its drag alone, which "
-        "does not wait for a push, lifts the body off; set friction.per_normal or give it "
+        f"viscous contact {name} can neither stay closed nor open at t = {t:.9g} s: its "
+        "drag, which "
+        "does not depend on the normal force, lifts the body; set friction.per_normal or use "
         "regularised friction"
     )
 

@@ -18,6 +18,7 @@ from rb_sim.contact.events.instant import (
 )
 from rb_sim.contact.events.next_event import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.events.tasks import WRITE, Tasks
+from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.delassus import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
@@ -56,34 +57,14 @@ FAR = 1e6
 HALVINGS = 30
 """Of the span within which the bounds of the shares are passed."""
 
-OTHERS = "other motions obey the laws, too: this is that of the least shares, or what parts"
-NO_SETTING = "no setting helps: what follows has an error of this size"
+NO_SETTING = "no setting decides this; the motion from here has an error of this size"
 """What to know where no setting would decide: of choices of the laws, and of rounding."""
 
 
-class LeftOpen(NamedTuple):
-    """The widest choice that the laws left in a run."""
-
-    figure: float = 0.0
-    """how far two motions that both obey them are apart, relative to the largest of its kind."""
-    t: float = 0.0
-    """[s]."""
-    contact: str = ""
-    what: str = ""
-    """what differs by the figure."""
-    by_setting: bool = False
-    """whether it is the step or the tolerance that leaves it open."""
-    advice: str = OTHERS
-    """what to try, or to know, where it is not."""
-
-
-IMPACT = "velocities after an impact that the laws of contact leave open, of the largest,"
-OPEN_SHARES = "accelerations that shares of a load leave open, of the largest,"
-LAGGED = (
-    "speed that friction should have taken of a slip too slow for the tolerance, of the body's,"
-)
-TURNED_BY_ROUNDING = "angle by which rounding turned the lean of a rim that all but lay flat,"
-PARTED = "normal acceleration at a lift-off that may slip on as well, of its own,"
+IMPACT = "relative difference between the velocities that the impact laws allow"
+LAGGED = "speed of slips too slow for the tolerance, relative to the body's,"
+TURNED_BY_ROUNDING = "rotation by rounding of the tilt direction of a nearly flat rim"
+PARTED = "relative difference in normal acceleration between lift-off and slip"
 
 
 def reach(cones: Cones, y: Array, way: Array) -> float:

@@ -17,10 +17,10 @@ from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import told
 from rb_sim.contact.events.limits import TOOL
 from rb_sim.contact.events.next_event import KEPT
-from rb_sim.contact.events.shares import LeftOpen, widest_kept
+from rb_sim.contact.events.shares import widest_kept
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
-from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.grid_motion import GridMotion, LeftOpen
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
@@ -241,6 +241,8 @@ class EventStepping(GridMotion):
         self._packed: Any = None
         self._made: tuple[Any, Tasks] | None = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
+        self._places = np.array(self._laws.inputs.kept(self.system), dtype=int)
+        """of the inputs that laws keep from step to step."""
         self._due = -1
         self._pause = math.inf
         self._begun = time
@@ -276,7 +278,7 @@ class EventStepping(GridMotion):
         if status != NOT_FINITE or not self._stepping.setting[4] or not rubs.any():
             return text
         names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
-        return f"{text}, whose iteration may not follow how friction turns a slow slip ({names})"
+        return f"{text}: its iteration may fail at slow slips with friction ({names})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with told(self._laws_now):
@@ -365,7 +367,17 @@ class EventStepping(GridMotion):
 
     def _take_inputs(self, onwards: bool = True) -> None:
         """Commands and tables from now on, or at this instant alone."""
+        kept = self.kept
         self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
+        self.kept = kept
+
+    @property
+    def kept(self) -> Array:
+        return self._inputs[self._places]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._inputs[self._places] = values
 
     def _restart_grid(self) -> None:
         super()._restart_grid()

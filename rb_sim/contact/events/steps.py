@@ -28,7 +28,7 @@ from rb_sim.contact.events.stick_transition import before_stop
 from rb_sim.integrate.layout import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving
-from rb_sim.mechanics.contact.constraint_tables import write_joints
+from rb_sim.mechanics.contact.constraint_tables import carry_inputs, write_joints
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_LINES,
     AMONG_POSITIONS,
@@ -239,6 +239,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if grid.steps >= last_step:
                 status = UNFINISHED
                 break
+            carry_inputs(system, grid.t1, grid.y1)
             choose_lines(system, grid.t1, grid.y1)
             choose_rank(system, grid.t1, grid.y1)
             grid, status = advance_grid(method, system, grid, stop, work)

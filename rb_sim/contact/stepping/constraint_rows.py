@@ -60,9 +60,10 @@ from rb_sim.contact.stepping.step_workspace import (
     NEAREST,
     STUCK,
 )
+from rb_sim.mechanics.contact.constraint_tables import traction_at
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.numerics.kernels import call_law, inline, part, pointer
+from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -157,12 +158,9 @@ def write_rules(
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
         slip = max(slip, LEAVES * scales[1])
-        at = pointer(traction)
-        found = part(at, 3)
-        at[0], at[1], at[2] = slip, 0.0, 0.0
         own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
-        call_law(addresses[int(laws[c, TRACTION])], 0.0, at, own, found)
-        per_push, alone = max(0.0, -found[0]), max(0.0, -found[3])
+        law = addresses[int(laws[c, TRACTION])]
+        per_push, alone = traction_at(law, slip, own, pointer(traction))
         rules[i, VISCOUS_PER_PUSH], rules[i, VISCOUS] = per_push / slip, h * alone / slip
         if laws[c, STATIC] == 0.0:
             strikes = is_impact(1.0, before - bend, now - bend)  # as in problem.impacts

@@ -169,8 +169,7 @@ def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:
         gap = least_gap(made, state_of(y, body), state_of(y, parent))
         if not made.law.compliant and gap < -MISFIT * length:
             names = " and ".join(between.names[i] for i in pair)
-            what = f"the overlap of {names} at the start"
-            refuse_initial(between.scene, group, what, -gap / length)
+            refuse_initial(between.scene, group, f"{names} overlap by {-gap:.2g} m at the start")
 
 
 def least_gap(made: PairRows, B: Any, A: Any) -> float:

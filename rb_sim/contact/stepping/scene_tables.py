@@ -15,6 +15,7 @@ from rb_sim.catalogue.geometry.boxes import MOST_POINTS
 from rb_sim.catalogue.geometry.corners_and_rims import PointOnSolid
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, SphereSurface
 from rb_sim.graph.machine import interpreted
+from rb_sim.integrate.layout import RATE, VELOCITY
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import traction_law
 from rb_sim.mechanics.inputs import numbers
@@ -39,10 +40,9 @@ bounds the friction of what slips; FIRST_CONSTANT: where the constants of that l
 whether the contact has this point only."""
 LOADS = 0
 """Place in Tables.addresses of the law of the effects other than gravity."""
-ROWS, UNIT, GAPS, POSITIONS, VELOCITIES, JOINT_LAWS = range(6)
-"""Places in Tables.joint_laws: laws of the rows of the joints, of y with unit quaternions, of the
-largest error of position, of a step to the manifold, of y with admissible velocities and the
-impulses that give them."""
+ROWS = RATE
+"""Place of the law of the rows of the joints in Tables.joint_laws; SETTLE, GAP, POSITION and
+VELOCITY lie as in all loops (integrate.layout), and VELOCITY also gives the impulses it takes."""
 PERFECTLY_ROUGH = 1e300
 """Coefficient of what may not slip, which is infinite elsewhere."""
 
@@ -82,9 +82,12 @@ class Tables(NamedTuple):
     """traced laws: of the loads of all effects but gravity (0: there are none), of tractions."""
     inputs: np.ndarray = np.zeros(1)
     """of the law of the loads, see mechanics.inputs; the last is not used."""
+    loads: np.ndarray = np.zeros(0)
+    """what that law gives: force and torque of each body, then, where some are kept from step to
+    step, the inputs of the next step."""
     constants: np.ndarray = np.zeros(1)
     """of the laws of traction; the last is not used."""
-    joint_laws: np.ndarray = np.zeros(JOINT_LAWS, np.int64)
+    joint_laws: np.ndarray = np.zeros(VELOCITY + 1, np.int64)
     """traced laws of the joints, 0 without joints."""
     joint_inputs: np.ndarray = np.zeros(1)
     """of these laws; the last is not used."""

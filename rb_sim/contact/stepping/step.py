@@ -19,9 +19,16 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import factor_joints, fill_block, gauss_seidel, is_plain
+from rb_sim.contact.solvers.gauss_seidel import (
+    eliminates,
+    factor_joints,
+    fill_block,
+    gauss_seidel,
+    is_plain,
+)
 from rb_sim.contact.solvers.graph import LINES, push, rate_of
 from rb_sim.contact.solvers.hybrid import solve_exactly, sweep_against_joints, sweep_near
+from rb_sim.contact.solvers.least_shares import take_least_shares
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
 from rb_sim.contact.stepping.after import keep_impulses, made_by, quieten, work_done
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
@@ -37,10 +44,14 @@ from rb_sim.contact.stepping.step_workspace import (
     FRESH,
     GAVE,
     GYROSCOPIC_ROUNDS,
+    LEAVES,
     LENGTH,
     MADE,
     NEXT,
     OFTEN,
+    OPEN,
+    OPEN_NOW,
+    OPEN_OF_NOW,
     QUIET,
     RESIDUAL,
     SELDOM,
@@ -289,6 +300,25 @@ def is_quiet(tables, y):
 @inline
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
+
+    Shares that joints leave open are the least ones.
+    """
+    rest, made = some_impulses(tables, workspace, graph, x, y)
+    if not eliminates(graph):
+        return rest, made
+    length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], workspace.notes
+    rest, more, figure, of = take_least_shares(
+        graph, workspace.u, x, workspace.joint_x, length, slow, rest, notes[OPEN] == 0.0
+    )
+    notes[OPEN_NOW] = figure
+    if figure > 0.0:
+        notes[OPEN_OF_NOW] = workspace.active[of]
+    return rest, made + more
+
+
+@inline
+def some_impulses(tables, workspace, graph, x, y):
+    """As `solve_impulses`, with any shares.
 
     A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
     their cube, so that after it some steps go without, more where it did not get there.  One that

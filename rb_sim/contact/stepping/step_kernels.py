@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -43,15 +42,11 @@ from rb_sim.contact.stepping.scene_tables import (
     COMPLIANT,
     CYLINDER_SPHERE,
     FIRST,
-    GAPS,
     KIND,
     LOADS,
     PARENT,
-    POSITIONS,
     RESTS,
     ROWS,
-    UNIT,
-    VELOCITIES,
 )
 from rb_sim.contact.stepping.step import (
     STATE,
@@ -69,6 +64,11 @@ from rb_sim.contact.stepping.step_workspace import (
     EXACT,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_NOW,
+    OPEN_OF,
+    OPEN_OF_NOW,
     PART,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
@@ -76,9 +76,10 @@ from rb_sim.contact.stepping.step_workspace import (
     STUCK,
     WORK,
 )
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
+from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
+from rb_sim.integrate.layout import SETTLE, VELOCITY
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
-from rb_sim.numerics.kernels import call_law, entry, inline, pointer
+from rb_sim.numerics.kernels import call_law, entry, inline, integers, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
 # Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
@@ -215,7 +216,7 @@ def pay_for_lift(tables, memory, workspace, y, before):
 # by little of their radii in a step, take whole steps.
 
 
-RELATIVE_SPIN = 0.05
+TURN = 0.05
 """Part of its radius by which a body may pass a round surface in a step that is not split."""
 SHARP = 0.05
 """Of the scene's length: radius that corners and edges count as."""
@@ -327,7 +328,7 @@ def find_meetings(tables, workspace, y, h, number):
         B, A = ahead(tables, y, entries[e, BODY], h), ahead(tables, y, entries[e, PARENT], h)
         speed = closing_speed(s, e, kind, length, B, A)
         radius = radius_of(s, e, kind, length)
-        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > RELATIVE_SPIN * radius):
+        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > TURN * radius):
             workspace.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
             if workspace.meets[c] >= 0.0:
                 first = min(first, workspace.meets[c])
@@ -444,39 +445,26 @@ def note_aims(memory, workspace, t):
 
 
 @inline
-def add_loads(tables, workspace, t, y):
+def note_open(workspace, t):
+    """Keep what shares of a load have left open in the step up to t, if it is the first of them."""
+    notes = workspace.notes
+    if notes[OPEN] == 0.0:
+        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = notes[OPEN_NOW], t, notes[OPEN_OF_NOW]
+
+
+@inline
+def add_loads(tables, t, y):
     """Add the loads of all effects but gravity at (t, y)."""
     law, n = tables.addresses[LOADS], tables.bodies.shape[0]
     if law == 0:
         return
-    loads = pointer(workspace.loads)
+    loads = pointer(tables.loads)
     call_law(law, t, pointer(y), pointer(tables.inputs), loads)
     for i in range(n):
         for j in range(6):
             tables.bodies[i, LOAD + j] += loads[6 * i + j]
-
-
-class JointWay(NamedTuple):
-    """The way back to the manifold of the joints, by their laws."""
-
-    laws: np.ndarray
-    inputs: np.ndarray
-    out: np.ndarray
-    n: int
-    """coordinates."""
-
-
-@position_error.register(JointWay)
-def error_of_joints(way, t, y):
-    call_law(way.laws[GAPS], t, pointer(y), pointer(way.inputs), pointer(way.out))
-    return way.out[0], 0
-
-
-@correct_positions.register(JointWay)
-def correct_joints(way, t, y, lines):
-    call_law(way.laws[POSITIONS], t, pointer(y), pointer(way.inputs), pointer(way.out))
-    for i in range(way.n):
-        y[i] = way.out[i]
+    for i in range(tables.loads.shape[0] - 6 * n):
+        tables.inputs[i] = loads[6 * n + i]
 
 
 @inline
@@ -503,17 +491,16 @@ def settle_joints(tables, workspace, t, y):
     rows, out, n = tables.joint_rows, workspace.joint_out, STATE * tables.bodies.shape[0]
     if rows.shape[0] == 0:
         return
-    laws, inputs = tables.joint_laws, tables.joint_inputs
-    call_law(laws[UNIT], t, pointer(y), pointer(inputs), pointer(out))
-    for i in range(n):
-        y[i] = out[i]
+    laws, inputs, at = tables.joint_laws, pointer(tables.joint_inputs), pointer(out)
+    state = pointer(y)
+    call_law(laws[SETTLE], t, state, inputs, at)
+    copy(n, state, at)
     length = tables.scales[0]
-    worst, _ = return_to_positions(JointWay(laws, inputs, out, n), t, y, length, 0.0)
+    worst, _ = return_to_positions(ByLaws(integers(laws), inputs, at, n), t, state, length, 0.0)
     if not worst <= LOST * length:
         y[0] = math.nan
-    call_law(laws[VELOCITIES], t, pointer(y), pointer(inputs), pointer(out))
-    for i in range(n):
-        y[i] = out[i]
+    call_law(laws[VELOCITY], t, state, inputs, at)
+    copy(n, state, at)
     for k in range(rows.shape[0]):
         workspace.joint_back[k] += out[n + k]
 
@@ -523,7 +510,7 @@ def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
-    add_loads(tables, workspace, t + 0.5 * h, y)
+    add_loads(tables, t + 0.5 * h, y)
     write_joint_rows(tables, workspace, t + 0.5 * h, y)
     reach = reach_of(tables, y, h)
     find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
@@ -607,6 +594,7 @@ def one_part(tables, memory, workspace, t, y, h):
     if not apart:
         find_at_end(tables, memory, workspace, t + h, y, h)
     note_aims(memory, workspace, t + h)
+    note_open(workspace, t + h)
     note_anchors(memory, workspace)
     workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
     note_ends(tables, memory, workspace, y)
@@ -666,6 +654,7 @@ def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory
         return 1 if shift_deepest(tables, workspace, y) else 0
     elif task == PAY:
         note_aims(memory, workspace, t)
+        note_open(workspace, t)
         note_anchors(memory, workspace)
         workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
         note_ends(tables, memory, workspace, y)

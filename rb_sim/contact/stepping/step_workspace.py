@@ -69,8 +69,13 @@ GYROSCOPIC_ROUNDS = 12
     PART,
     MADE,
     ROUGH_SLIPS,
+    OPEN_NOW,
+    OPEN_OF_NOW,
+    OPEN,
+    OPEN_AT,
+    OPEN_OF,
     NOTES,
-) = range(22)
+) = range(27)
 """Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
@@ -80,7 +85,9 @@ natural map of the laws over the largest impulse; energy that went where a rigid
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
 the normal has left by the end of its step [m/s], when [s], and at which point;
 length of the next part of a step [s]; energy that rigid contacts have made [J];
-steps in which a perfectly rough contact slipped."""
+steps in which a perfectly rough contact slipped;
+change of velocities that shares of a load left open in the step, relative to what impulses gave,
+and at which point; the first of the run, when [s], and at which point."""
 
 
 class Workspace(NamedTuple):
@@ -126,8 +133,6 @@ class Workspace(NamedTuple):
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
     """impulses of the joints in them."""
-    loads: np.ndarray
-    """force (world) and torque (body) of the effects but gravity on each body, shape (6 N,)."""
     traction: np.ndarray
     """slip of a point and what its law of traction gives, shape (9,)."""
     joint_out: np.ndarray
@@ -164,7 +169,6 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.full(points, -1.0),
         np.zeros((points, 6)),
         np.zeros(joints),
-        np.zeros(6 * bodies),
         np.zeros(9),
         np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
     )

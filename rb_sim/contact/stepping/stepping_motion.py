@@ -17,7 +17,7 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.carriers import carrier
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.geometry.solids import Box
-from rb_sim.contact.grid_motion import GridMotion
+from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
 from rb_sim.contact.stepping import geometry, step_kernels
 from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
 from rb_sim.contact.stepping.scene_tables import (
@@ -37,6 +37,9 @@ from rb_sim.contact.stepping.step_workspace import (
     GAVE,
     LENGTH,
     MADE,
+    OPEN,
+    OPEN_AT,
+    OPEN_OF,
     PART,
     PUSH_ROUNDS,
     ROUGH_SLIPS,
@@ -55,6 +58,7 @@ from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.independent import Dependent
+from rb_sim.mechanics.inputs import kept_inputs, with_kept
 from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
@@ -176,8 +180,11 @@ class SteppedContacts(GridMotion):
         self._loads = ContactLaws(alone)
         if self._others:
             inputs = np.array([*self._loads.inputs.values(alone, 0.0), 0.0])
-            found = [reference(self._loads.loads), *tables.addresses[1:]]
-            tables = tables._replace(addresses=addresses(found), inputs=inputs)
+            found = [reference(self._loads.loads_and_inputs), *tables.addresses[1:]]
+            kept = len(inputs) - 1 if kept_inputs(alone) else 0
+            loads = np.zeros(6 * len(system.bodies) + kept)
+            tables = tables._replace(addresses=addresses(found), inputs=inputs, loads=loads)
+        self._kept_inputs = np.array(kept_inputs(alone), dtype=int)
         self._joints = Joints(system) if system.constraints else None
         if self._joints is not None:
             tables = self._joints.into(tables)
@@ -222,15 +229,27 @@ class SteppedContacts(GridMotion):
     def astray(self) -> tuple[float, float, int]:
         """The largest velocity that an impulse gave in a direction which the normal had left by the
         end of its step, over the scene's speed; the time [s] and the number of the contact."""
-        self._name_astray()
+        self._name_points()
         speed, t, c = self._workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
         return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
 
-    def _name_astray(self) -> None:
-        """The note of a point of neighbours, whose number changes, becomes -1 - the contact's."""
-        c, near = int(self._workspace.notes[ASTRAY_OF]), self._near is not None
-        if near and self._workspace.notes[ASTRAY] > 0.0 and c >= len(self._fixed.owners):
-            self._workspace.notes[ASTRAY_OF] = -1 - int(self._tables.shares[c, 2])
+    def _name_points(self) -> None:
+        """Notes of points of neighbours, whose numbers change, become -1 - the contact's."""
+        notes = self._workspace.notes
+        for figure, of in ((ASTRAY, ASTRAY_OF), (OPEN, OPEN_OF)):
+            c = int(notes[of])
+            if self._near is not None and notes[figure] > 0.0 and c >= len(self._fixed.owners):
+                notes[of] = -1 - int(self._tables.shares[c, 2])
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """By how much shares of a load that joints carry left the motion open, when first."""
+        self._name_points()
+        figure, t, c = self._workspace.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
+        if figure == 0.0:
+            return LeftOpen()
+        name = self.layout.contacts[int(c) if c >= 0.0 else -1 - int(c)]
+        return LeftOpen(figure, t, name, OPEN_SHARES)
 
     @property
     def paradox_steps(self) -> int:
@@ -257,7 +276,7 @@ class SteppedContacts(GridMotion):
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
         super().reset(y, time)
-        self._take_inputs()
+        self._take_inputs(fresh=True)
         if self._near is not None:
             self._look(np.asarray(self._grid.y1))
         points = len(self._tables.owners)
@@ -278,7 +297,7 @@ class SteppedContacts(GridMotion):
             return
         if not self._do(step_kernels.STRAYED, self._memory, 0.0, y, self.method.step):
             return
-        self._name_astray()
+        self._name_points()
         before = near.first
         self._look(y)
         points = len(self._tables.owners)
@@ -303,12 +322,22 @@ class SteppedContacts(GridMotion):
         super()._restart_grid()
         self._take_inputs()
 
-    def _take_inputs(self) -> None:
-        """Commands and tables from now on."""
+    def _take_inputs(self, *, fresh: bool = False) -> None:
+        """Commands and tables from now on; fresh: what is kept from step to step begins anew."""
         self._others = other_effects(self.system)
         if self._others:
-            system = self.system._replace(effects=self._others)
+            system, kept = self.system._replace(effects=self._others), self.kept
             self._fixed.inputs[:-1] = self._loads.inputs.values(system, self.time)
+            if not fresh:
+                self.kept = kept
+
+    @property
+    def kept(self) -> Array:
+        return self._fixed.inputs[self._kept_inputs]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._fixed.inputs[self._kept_inputs] = values
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
         """As Motion; also SimulationError where a side sinks into a support unseen."""
@@ -488,7 +517,9 @@ class SteppedContacts(GridMotion):
         at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
         if self._others:
             system = self._carrying()
-            potential, power = energetics(self._others, t, system, y)
+            if len(self._kept_inputs):
+                system = with_kept(system, self.kept.tolist())
+            potential, power = energetics(other_effects(system), t, system, y)
             out[at + 1] += potential
             out[at + 2] += power
         if self._joints is not None:

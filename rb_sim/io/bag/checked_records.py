@@ -33,7 +33,7 @@ from rb_sim.io.bag.salvage import MESSAGE_HEAD, Unchecked
 # What can be broken in a file of a bag, and how a reader tells it.
 
 
-NO_RECORD = "no record can be read there"
+NO_RECORD = "unreadable record"
 CUT_OFF = "the file is cut off"
 BROKEN_INDEX = "its index is broken"
 WRONG_TIMES = "its times or its index are not those of its messages"

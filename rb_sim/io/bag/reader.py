@@ -7,6 +7,7 @@ the state. All numbers are those recorded, to round-off; times to half a nanosec
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -18,14 +19,30 @@ import numpy as np
 from mcap.records import Channel
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.checked_records import Missing
-from rb_sim.io.bag.folder import bag_paths, is_complete, metadata_names, read_metadata, unlisted
+from rb_sim.io.bag.folder import (
+    Scan,
+    bag_paths,
+    is_complete,
+    metadata_names,
+    read_metadata,
+    scan_of,
+    unlisted,
+)
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.topic_names import CONTACT_WORK, TF, body_topic, reaction_topic, state_topic
-from rb_sim.io.messages.topics import Topic, TopicTable, read_event
+from rb_sim.io.messages.message_types import STRING
+from rb_sim.io.messages.topic_names import (
+    CONTACT_WORK,
+    DESCRIPTION,
+    TF,
+    body_topic,
+    reaction_topic,
+    state_topic,
+)
+from rb_sim.io.messages.topics import Topic, TopicTable, read_event, record_in
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import (
     Array,
@@ -59,9 +76,19 @@ class Rows(NamedTuple):
 
 
 class RowReader:
-    """Puts the messages of one sample together; they have the sample's number in common."""
+    """Puts the messages of one sample together; they have the sample's number in common.
 
-    def __init__(self, table: TopicTable, namespace: str, layout: SampleLayout) -> None:
+    converted: the bag was written anew by a program that keeps messages only, in their order. Then
+    the k-th message of each topic is of sample k, and an event or input belongs to the sample whose
+    messages come next.
+    """
+
+    def __init__(
+        self, table: TopicTable, namespace: str, layout: SampleLayout, *, converted: bool = False
+    ) -> None:
+        self._converted = converted
+        self._counts: Counter[str] = Counter()
+        """messages of each topic so far, of a converted bag."""
         self._topics = table.topics
         self._index = {topic.full_name(namespace): i for i, topic in enumerate(table.topics)}
         event = table.event_topic
@@ -76,16 +103,35 @@ class RowReader:
     def read(self, paths: list[Path], missing: list[Missing]) -> Iterator[Rows]:
         """The samples of the files; what could not be read comes into `missing`.
 
-        Raises ValueError for a message that is not as recorded, SinkError as BagScan does.
+        Raises ValueError for a message that is not as recorded, SinkError as `scan_of` does.
         """
         for path in paths:
-            scan = BagScan(path)
+            scan = scan_of(path)
             for batch in scan.batches():
+                if self._converted:
+                    batch = self._numbered(batch, scan)
                 rows = self._add(batch, scan.channels)
                 if rows is not None:
                     yield rows
             if scan.missing.damages:
                 missing.append(scan.missing)
+
+    def _numbered(self, batch: Batch, scan: Scan) -> Batch:
+        """The messages with the numbers of their samples."""
+        topics = {number: scan.channels[number].topic for number in batch}
+        clock = next(name for name, i in self._index.items() if i == len(self._topics) - 1)
+        ends = [messages.start for number, messages in batch.items() if topics[number] == clock]
+        ticks = np.sort(np.concatenate(ends)) if ends else np.empty(0, dtype=np.int64)
+        before = self._counts[clock]
+        numbered: Batch = {}
+        for number, messages in batch.items():
+            topic, n = topics[number], len(messages.start)
+            of = np.searchsorted(ticks, messages.start) + before
+            if topic in self._index:
+                of = self._counts[topic] + np.arange(n)
+                self._counts[topic] += n
+            numbered[number] = messages._replace(sequence=of)
+        return numbered
 
     def _add(self, batch: Batch, channels: Mapping[int, Channel]) -> Rows | None:
         inputs: list[tuple[int, int, Input]] = []
@@ -170,7 +216,7 @@ def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
     return common if same else None
 
 
-UNREADABLE = "damaged: the record of what was simulated cannot be read"
+UNREADABLE = "damaged: the record of the simulation cannot be read"
 BLOCK = 4096
 """Samples that are read at a time."""
 
@@ -217,6 +263,9 @@ class BagReader:
         self.missing: list[Missing] = []
         self._broken_summary: list[str] = []
         record = _first_record(self.path)
+        self.converted = record is None
+        """whether only its messages are as recorded: it was converted by a program of others."""
+        record = described_in(self.path) if record is None else record
         if record is None:
             raise ForeignBagError(f"{self.path}: not recorded by rb_sim")
         if record["format"] not in READABLE:
@@ -284,7 +333,7 @@ class BagReader:
 
     def rows(self) -> Iterator[Rows]:
         """The whole samples as the bytes of their messages."""
-        reader = RowReader(self._table, self.namespace, self.layout)
+        reader = RowReader(self._table, self.namespace, self.layout, converted=self.converted)
         self.missing = []
         try:
             yield from reader.read(self.paths, self.missing)
@@ -336,12 +385,38 @@ def _first_record(path: Path) -> dict[str, str] | None:
         if RECORD in metadata_names(path):
             raise SinkError(f"{path}: {UNREADABLE}")
         return None
-    if any(key not in found for key in REQUIRED) or found.get("sha256", "") not in (
-        "",
-        checksum(found),
-    ):
-        raise SinkError(f"{path}: damaged: the record of what was simulated is not as written")
+    if not _is_whole(found):
+        raise SinkError(f"{path}: damaged: the record of the simulation has changed")
     return found
+
+
+def _is_whole(record: Mapping[str, str]) -> bool:
+    known = all(key in record for key in REQUIRED)
+    return known and record.get("sha256", "") in ("", checksum(record))
+
+
+def described_in(path: Path) -> dict[str, str] | None:
+    """The same of a bag that a program of others wrote anew, as its topic `description` has it;
+    None in a bag of somebody else. Raises SinkError as `scan_of` does."""
+    scan = scan_of(path)
+
+    def describing() -> set[int]:
+        return {
+            number
+            for number, channel in scan.channels.items()
+            if channel.topic.endswith(f"/{DESCRIPTION}")
+            and channel.schema_id in scan.schemas
+            and scan.schemas[channel.schema_id].name == STRING
+        }
+
+    for batch in scan.batches():
+        if not describing():  # it would be among the first messages
+            return None
+        for number in describing() & set(batch):
+            record = record_in(unpacked(batch[number]).data(0))
+            if record is not None and _is_whole(record):
+                return record
+    return None
 
 
 def _described(record: dict[str, str], path: Path) -> tuple[RecordedScene, SampleLayout]:

@@ -28,11 +28,12 @@ from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import NANO, stamp_of
 from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.joints import JointTable
-from rb_sim.io.messages.message_types import JOINT_STATE, TYPE_HASHES, schema_text
-from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE
+from rb_sim.io.messages.message_types import JOINT_STATE, STRING, TYPE_HASHES, schema_text
+from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE, STATE
 from rb_sim.io.messages.topics import (
     AccelTable,
     Asked,
+    OdometryTable,
     SampleMessages,
     TopicTable,
     latched_messages,
@@ -162,7 +163,7 @@ class BagSink:
     wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
     summary give equal bytes: how long anything took (MEASURED) is not recorded.
     namespace: name of the node in the topic names.
-    accelerations: record BODY/accel, too.
+    accelerations: record BODY/accel, too; odometry: BODY/odometry.
     run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
     split_size [bytes], split_duration [s]: where either is reached, the next sample begins another
     file, <its name>_1.mcap ..., which can be read on its own too; None: never.
@@ -182,11 +183,13 @@ class BagSink:
         split_size: int | None = None,
         split_duration: float | None = None,
         accelerations: Asked | None = None,
+        odometry: bool = False,
     ) -> None:
         self.directory = Path(directory)
         self._start = start_ns
         self._namespace = namespace
         self._run = dict(run or {}) | ({"accelerations": True} if accelerations else {})
+        self._run |= {"odometry": True} if odometry else {}
         self._chunk_size = chunk_size
         self._split_size = float("inf") if split_size is None else split_size
         self._split_after = float("inf") if split_duration is None else NANO * split_duration
@@ -194,11 +197,15 @@ class BagSink:
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
-        self._asked = accelerations
-        self._accel: AccelTable | None = None
+        self._asked, self._odometry = accelerations, odometry
+        self._tables: list[AccelTable | OdometryTable] = []
+        """of what is recorded beside the table of topics, of each sample."""
         self._joints: JointTable | None = None
-        self._latched: list[tuple[int, bytes]] = []
-        """channel and message of each topic that is sent once."""
+        self._latched: dict[int, bytes] = {}
+        """the last message of each channel that is latched and sent now and then only."""
+        self._state: str | None = None
+        """of the node, if it came before the first sample."""
+        self._state_channel: int | None = None
         self._inputs: dict[int, int] = {}
         self._sample = 0
         self._base = 0
@@ -207,7 +214,8 @@ class BagSink:
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the file and record the scene in it."""
         self._table = TopicTable(scene, layout)
-        self._accel = self._asked and AccelTable(scene, layout, self._asked)
+        self._tables = [] if self._asked is None else [AccelTable(scene, layout, self._asked)]
+        self._tables += [OdometryTable(scene, layout)] if self._odometry else []
         start = self._base = self._start
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
@@ -227,14 +235,14 @@ class BagSink:
             self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
             for topic in self._table.topics
         ]
-        for name, ros_type in [] if self._accel is None else self._accel.topics:
+        for name, ros_type in [topic for table in self._tables for topic in table.topics]:
             channel = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
             self._channels.append(channel)
         joints = JointTable(scene, layout)
         if joints.names:
             self._joints = joints
             name = f"{self._namespace}/{JOINT_STATES}"
-            self._channels.append(self._add_channel(self._file, name, JOINT_STATE))
+            self._channels.append(self._add_channel(self._file, name, JOINT_STATE, LATCHED))
         self._scene, self._layout = scene, layout
         self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
@@ -249,7 +257,7 @@ class BagSink:
 
     def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
         """The file for a sample: another one if this one is large or long enough."""
-        if file.first is None or file.count == len(self._latched):
+        if file.first is None or file.count <= len(self._latched):
             return file
         time = self._base + max(instant.stamp, self._last_stamp)
         if file.stream.tell() < self._split_size and time - file.first < self._split_after:
@@ -268,16 +276,32 @@ class BagSink:
 
     def _latch(self, file: BagFile, first: SampleBlock) -> None:
         """Write what is sent once, before the first sample."""
-        messages = latched_messages(self._scene, self._layout, first, self._namespace)
-        self._latched = [
-            (self._add_channel(file, one.topic, one.ros_type, LATCHED), one.data)
-            for one in messages
-        ]
+        messages = latched_messages(self._scene, self._layout, first, self._namespace, self._record)
+        self._latched = {
+            self._add_channel(file, one.topic, one.ros_type, LATCHED): one.data for one in messages
+        }
         self._write_latched(file, self._base + int(stamps_of(first)[0]))
+        if self._state is not None:
+            self.note_state(self._state, int(stamps_of(first)[0]))
 
     def _write_latched(self, file: BagFile, time: int) -> None:
-        for channel, data in self._latched:
+        for channel, data in self._latched.items():
             file.write(channel, time, self._sample, data)
+
+    def note_state(self, state: str, stamp: int = 0) -> None:
+        """Record the state of the node from now on, of which a run by the command line has none.
+
+        stamp: of the instant [ns], if it is later than the last sample.
+        """
+        self._state = state
+        if self._file is None or not self._latched:  # the first sample brings it
+            return
+        if self._state_channel is None:
+            name = f"{self._namespace}/{STATE}"
+            self._state_channel = self._add_channel(self._file, name, STRING, LATCHED)
+        data = self._latched[self._state_channel] = cdr.string(state)
+        time = self._base + max(stamp, self._last_stamp)
+        self._file.write(self._state_channel, time, self._sample, data)
 
     def write(self, block: SampleBlock) -> None:
         """Append the samples of `block`; an empty one only sees that what waits is kept."""
@@ -306,7 +330,7 @@ class BagSink:
 
     def _is_plain(self, block: SampleBlock) -> bool:
         """Whether nothing but the topics of the table goes into one file, in the order of time."""
-        more = block.events or block.inputs or self._asked or self._splits or not len(block)
+        more = block.events or block.inputs or self._tables or self._splits or not len(block)
         stamps = stamps_of(block)
         return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
 
@@ -328,14 +352,14 @@ class BagSink:
 
     def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
         inputs = list(block.inputs)
-        more = None if self._accel is None else self._accel.messages(block)
+        more = [table.messages(block) for table in self._tables]
         joints = None if self._joints is None else self._joints.messages(block)
         for k, instant in enumerate(self._table.messages(block)):
             file = self._split_before(file, instant)
             while inputs and inputs[0].index <= k:
                 self._write_input(file, inputs.pop(0))
-            if more is not None:
-                instant.messages.extend(more[k])
+            for messages in more:
+                instant.messages.extend(messages[k])
             if joints is not None:
                 instant.messages.append(joints[k])
             self._write_sample(file, instant)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base import palette
 from rb_sim.base.names import ros_name
+from rb_sim.base.palette import AXES
 from rb_sim.io.extent import reach_of
 from rb_sim.io.messages import topic_names as names
 from rb_sim.io.messages.topic_names import NAMESPACE
-from rb_sim.io.plots.panels import AXES
 from rb_sim.io.rerun.arrow_scales import drawn_reactions, nice
 from rb_sim.numerics.rotations import rotate
 
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
 MOST_BODIES, MOST_REACTIONS = 12, 24
 """That a layout has panels for; a scene may have a thousand contacts."""
 
-ENERGIES = (AXES[0], AXES[2], "#202020")
+ENERGIES = tuple(palette.ENERGIES[name] for name in ("kinetic", "potential", "total"))
 MARKERS = "markers"
-"""Of the node, with `markers:=true`; bags have the shapes in the robot description."""
+"""In each bag, and of the node with `markers:=true`."""
 
 
 class Curve(NamedTuple):
@@ -71,7 +72,7 @@ class Shown(NamedTuple):
 
     @property
     def topics(self) -> set[str]:
-        """All that are shown, but for the markers, which only a node has."""
+        """All that are shown, but for the markers, which a node publishes only if asked."""
         curves = {curve.topic for panel in self.panels for curve in panel.curves}
         events = set() if self.events is None else {self.events}
         drawn = {topic for _, topic in (*self.wrenches, *self.states)}

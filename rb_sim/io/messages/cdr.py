@@ -67,15 +67,16 @@ class Layout:
             self._bytes += bytes(8 * length)
         return self
 
+    def fixed(self, kind: str, *values: float) -> Layout:
+        """Numbers that stay as they are. kind: of each, as `struct` has it."""
+        self._align(struct.calcsize(kind))
+        self._bytes += struct.pack(f"<{len(values)}{kind}", *values)
+        return self
+
     def octet(self) -> Layout:
         """A uint8 field, filled with the next value."""
         self._numbers.append((len(HEADER) + len(self._bytes), "B", 1))
         self._bytes += bytes(1)
-        return self
-
-    def fixed_octet(self, value: int) -> Layout:
-        """A byte that stays as it is."""
-        self._bytes.append(value)
         return self
 
     def codec(self) -> Codec:
@@ -209,6 +210,16 @@ def uint8() -> Codec:
     return Layout().octet().codec()
 
 
+COVARIANCE_6X6 = 36
+"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
+
+
+def odometry(frame_id: str, child_frame_id: str) -> Codec:
+    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
+    layout = Layout().stamp().text(frame_id).text(child_frame_id)
+    return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
+
+
 def clock() -> Codec:
     """rosgraph_msgs/Clock: the stamp alone."""
     return Layout().stamp().codec()
@@ -240,23 +251,39 @@ def string(text: str) -> bytes:
 def diagnostic(stamp: int, name: str, message: str, values: Mapping[str, str]) -> bytes:
     """diagnostic_msgs/DiagnosticArray with one status of level OK. stamp: [ns]."""
     layout = Layout().stamp().text("").count(1)
-    layout.fixed_octet(0).text(name).text(message).text("").count(len(values))
+    layout.fixed("B", 0).text(name).text(message).text("").count(len(values))
     for key, value in values.items():
         layout.text(key).text(value)
     return layout.codec().pack(stamp, ())
 
 
+def read_string(data: bytes) -> str:
+    """The text of a std_msgs/String. Raises ValueError for any other message."""
+    return Cursor(data, "std_msgs/msg/String").text()
+
+
+def read_joint_state(data: bytes) -> tuple[int, list[str], tuple[float, ...]]:
+    """Stamp [ns], names and positions of a sensor_msgs/JointState. Raises ValueError otherwise."""
+    if data[: len(HEADER)] != HEADER:
+        raise ValueError("not CDR, little endian")
+    cursor = Cursor(data, "sensor_msgs/msg/JointState")
+    stamp = cursor.stamp()
+    cursor.text()
+    names = [cursor.text() for _ in range(cursor.count())]
+    return stamp, names, cursor.doubles()
+
+
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
     """The arguments of `diagnostic`. Raises ValueError for any other message."""
     cursor = Cursor(data, "diagnostic_msgs/msg/DiagnosticArray")
-    seconds, nanoseconds = _STAMP.unpack_from(data, cursor.take(4, _STAMP.size))
+    stamp = cursor.stamp()
     cursor.text()
     if cursor.count() != 1:
         raise ValueError("not one status")
     cursor.take(1, 1)
     name, message, _ = cursor.text(), cursor.text(), cursor.text()
     values = {cursor.text(): cursor.text() for _ in range(cursor.count())}
-    return seconds * NANO + nanoseconds, name, message, values
+    return stamp, name, message, values
 
 
 class Cursor:
@@ -278,9 +305,20 @@ class Cursor:
         self.fixed[before : self._at if numbers else start] = False
         return start
 
+    def stamp(self) -> int:
+        """[ns]."""
+        seconds, nanoseconds = _STAMP.unpack_from(self._data, self.take(4, _STAMP.size))
+        return seconds * NANO + nanoseconds
+
     def count(self) -> int:
         """The length of a sequence."""
         return _COUNT.unpack_from(self._data, self.take(4, 4))[0]
+
+    def doubles(self) -> tuple[float, ...]:
+        """A sequence of them."""
+        length = self.count()
+        at = self.take(8 if length else 1, 8 * length)
+        return struct.unpack_from(f"<{length}d", self._data, at)
 
     def text(self, errors: str = "strict") -> str:
         """A string; errors: as of bytes.decode."""

@@ -11,6 +11,8 @@ CLOCK = "rosgraph_msgs/msg/Clock"
 DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 FLOAT64 = "std_msgs/msg/Float64"
 JOINT_STATE = "sensor_msgs/msg/JointState"
+MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
+ODOMETRY = "nav_msgs/msg/Odometry"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 STRING = "std_msgs/msg/String"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
@@ -19,6 +21,7 @@ UINT8 = "std_msgs/msg/UInt8"
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
 
 FIELDS: dict[str, tuple[str, ...]] = {
+    "builtin_interfaces/msg/Duration": ("int32 sec", "uint32 nanosec"),
     "builtin_interfaces/msg/Time": ("int32 sec", "uint32 nanosec"),
     "diagnostic_msgs/msg/DiagnosticStatus": (
         "byte level",
@@ -31,6 +34,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/Accel": ("Vector3 linear", "Vector3 angular"),
     "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
+    "geometry_msgs/msg/PoseWithCovariance": ("Pose pose", "float64[36] covariance"),
     "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
     "geometry_msgs/msg/Transform": ("Vector3 translation", "Quaternion rotation"),
     "geometry_msgs/msg/TransformStamped": (
@@ -39,9 +43,39 @@ FIELDS: dict[str, tuple[str, ...]] = {
         "Transform transform",
     ),
     "geometry_msgs/msg/Twist": ("Vector3 linear", "Vector3 angular"),
+    "geometry_msgs/msg/TwistWithCovariance": ("Twist twist", "float64[36] covariance"),
     "geometry_msgs/msg/Vector3": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
+    "sensor_msgs/msg/CompressedImage": (
+        "std_msgs/Header header",
+        "string format",
+        "uint8[] data",
+    ),
+    "std_msgs/msg/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
     "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
+    "visualization_msgs/msg/Marker": (
+        "std_msgs/Header header",
+        "string ns",
+        "int32 id",
+        "int32 type",
+        "int32 action",
+        "geometry_msgs/Pose pose",
+        "geometry_msgs/Vector3 scale",
+        "std_msgs/ColorRGBA color",
+        "builtin_interfaces/Duration lifetime",
+        "bool frame_locked",
+        "geometry_msgs/Point[] points",
+        "std_msgs/ColorRGBA[] colors",
+        "string texture_resource",
+        "sensor_msgs/CompressedImage texture",
+        "UVCoordinate[] uv_coordinates",
+        "string text",
+        "string mesh_resource",
+        "MeshFile mesh_file",
+        "bool mesh_use_embedded_materials",
+    ),
+    "visualization_msgs/msg/MeshFile": ("string filename", "uint8[] data"),
+    "visualization_msgs/msg/UVCoordinate": ("float32 u", "float32 v"),
     ACCEL_STAMPED: ("std_msgs/Header header", "Accel accel"),
     CLOCK: ("builtin_interfaces/Time clock",),
     DIAGNOSTIC_ARRAY: ("std_msgs/Header header", "DiagnosticStatus[] status"),
@@ -52,6 +86,13 @@ FIELDS: dict[str, tuple[str, ...]] = {
         "float64[] position",
         "float64[] velocity",
         "float64[] effort",
+    ),
+    MARKER_ARRAY: ("Marker[] markers",),
+    ODOMETRY: (
+        "std_msgs/Header header",
+        "string child_frame_id",
+        "geometry_msgs/PoseWithCovariance pose",
+        "geometry_msgs/TwistWithCovariance twist",
     ),
     POSE_STAMPED: ("std_msgs/Header header", "Pose pose"),
     STRING: ("string data",),
@@ -68,6 +109,8 @@ TYPE_HASHES: dict[str, str] = {
     DIAGNOSTIC_ARRAY: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     FLOAT64: "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
     JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+    MARKER_ARRAY: "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
+    ODOMETRY: "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
     POSE_STAMPED: "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
     STRING: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     TF_MESSAGE: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",

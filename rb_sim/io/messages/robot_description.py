@@ -1,4 +1,4 @@
-"""Robot description: the scene as URDF, which viewers draw on the frames of /tf."""
+"""Robot description (URDF) and markers of a scene, which viewers draw on the frames of /tf."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
+from rb_sim.io.messages import cdr
+from rb_sim.io.messages.joints import slides
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.mechanics.samples import centers_of_mass, origins
-from rb_sim.numerics.rotations import conjugate, rotate
+from rb_sim.numerics.rotations import conjugate, roll_pitch_yaw, rotate
 from rb_sim.numerics.vectors import quaternion_product
 
 if TYPE_CHECKING:
@@ -20,15 +22,18 @@ if TYPE_CHECKING:
 
 # URDF of a scene: links with their inertia and shape, joints where URDF has them.
 #
-# A `fixed_axis` becomes a continuous joint of its name, whose position is that in `joint_states`; a
-# `weld` a fixed joint; any other body hangs on the world by a floating joint, and the pose on /tf
-# is its own. URDF wants a tree and joints at the child's origin: a constraint that would close a
-# loop is left out, and a bearing beside the body's origin is a link of its own, CONSTRAINT/bearing.
+# A `fixed_axis` becomes a continuous joint of its name, a `translation` along a line a prismatic
+# one, whose positions are those in `joint_states`; a `weld` a fixed joint; any other body hangs on
+# the world by a floating joint, and the pose on /tf is its own. URDF wants a tree and joints at the
+# child's origin: a constraint that would close a loop is left out, and a bearing beside the body's
+# origin is a link of its own, CONSTRAINT/bearing.
 
 
 Element = ElementTree.Element
 THIN = 0.03
 """Thickness of a disk, in radii."""
+UNLIMITED = 1e9
+"""[m, m/s, N]: limits of a prismatic joint, which URDF demands and a guide has not."""
 
 
 def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
@@ -40,7 +45,7 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
         name: (motion.position[0, i], initial.orientation[0, i])
         for i, name in enumerate(layout.bodies)
     }
-    joints = _tree(scene)
+    joints = joints_above(scene)
     for name, body in scene.bodies.items():
         robot.append(_link(name, body))
         _join(robot, name, joints.get(name), poses)
@@ -48,19 +53,24 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
-def _tree(scene: Scene) -> dict[str, tuple[str, Any]]:
+def joints_above(scene: Scene) -> dict[str, tuple[str, Any]]:
     """The constraint, with its name, on which each body hangs: the first that closes no loop."""
     found: dict[str, tuple[str, Any]] = {}
     specs: dict[str, Any] = dict(scene.constraints)
     for name, spec in specs.items():
-        if spec.type not in ("fixed_axis", "weld") or spec.body in found:
+        if not (spec.type in ("fixed_axis", "weld") or slides(spec)) or spec.body in found:
             continue
-        above = spec.parent
+        above = _parent(spec)
         while above in found and above != spec.body:
-            above = found[above][1].parent
+            above = _parent(found[above][1])
         if above != spec.body:
             found[spec.body] = name, spec
     return found
+
+
+def _parent(spec: Any) -> str | None:
+    """The body on which the constraint hangs its own; None: the world, as every guide does."""
+    return None if slides(spec) else spec.parent
 
 
 def _link(name: str, body: Body) -> Element:
@@ -117,12 +127,23 @@ def _join(
         _origin(joint, position, orientation)
         return
     name, spec = ros_name(hangs[0]), hangs[1]
-    parent = body_frame(spec.parent or WORLD)
-    p_A, q_A = poses.get(spec.parent or WORLD, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+    hung_on = _parent(spec) or WORLD
+    parent = body_frame(hung_on)
+    p_A, q_A = poses.get(hung_on, (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
     turn = np.array(quaternion_product(conjugate(q_A), orientation))
     if spec.type == "weld":
         joint = _joint(robot, name, "fixed", parent, link)
         _origin(joint, rotate(conjugate(q_A), position - p_A), turn)
+        return
+    if slides(spec):
+        joint = _joint(robot, name, "prismatic", parent, link)
+        _origin(joint, position, orientation)
+        axis = rotate(conjugate(orientation), np.array(spec.guide.direction))
+        ElementTree.SubElement(joint, "axis", xyz=_texts(axis))
+        limits = {"lower": -UNLIMITED, "upper": UNLIMITED}
+        limits |= {"effort": UNLIMITED, "velocity": UNLIMITED}
+        entries = {key: _text(value) for key, value in limits.items()}
+        ElementTree.SubElement(joint, "limit", entries)
         return
     point_B = np.array(spec.point_B)
     bearing = f"{name}/bearing" if point_B.any() else link
@@ -147,25 +168,53 @@ def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
     ElementTree.SubElement(of, "origin", xyz=_texts(xyz), rpy=_texts(roll_pitch_yaw(q)))
 
 
-def roll_pitch_yaw(q: Array) -> Array:
-    """Angles about the fixed axes x, y, z, in that order, of a unit quaternion [rad]."""
-    x, y, z, w = q
-    sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
-    if abs(sine) > 1.0 - 1e-12:  # roll and yaw turn about the same axis: all of it is yaw
-        return np.array(
-            [0.0, np.copysign(0.5 * np.pi, sine), -2.0 * np.sign(sine) * np.arctan2(x, w)]
-        )
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.array([roll, np.arcsin(sine), yaw])
-
-
 def from_z(axis: Array) -> Array:
     """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
     if axis[2] < -1.0 + 1e-12:
         return np.array([1.0, 0.0, 0.0, 0.0])
     q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
     return q / np.linalg.norm(q)
+
+
+# Markers: each body's shape in its own frame. They are locked to the frames of /tf, so once is
+# enough; a body without shape has none.
+
+
+CUBE, SPHERE, CYLINDER = 1, 2, 3
+"""Kinds of visualization_msgs/Marker."""
+COLOUR = (0.35, 0.55, 0.85, 1.0)
+"""Of bodies: red, green, blue, opacity."""
+
+
+def marker_array(scene: Scene, prefix: str = "") -> bytes:
+    """The visualization_msgs/MarkerArray of a scene. prefix: before the name of each frame."""
+    shapes = [(n, body.shape) for n, body in scene.bodies.items() if body.shape is not None]
+    layout = cdr.Layout().count(len(shapes))
+    for number, (name, shape) in enumerate(shapes):
+        kind, size, turn = _marker(shape)
+        layout.fixed("I", 0, 0).text(prefix + body_frame(name)).text(name)  # stamp, frame, ns
+        layout.fixed("i", number, kind, 0)  # id, type, action: add
+        layout.fixed("d", *shape.center_B, *turn, *size)
+        layout.fixed("f", *COLOUR).fixed("I", 0, 0).fixed("B", 1)  # lifetime: endless; locked
+        layout.count(0).count(0).text("")  # points, colours, texture
+        layout.fixed("I", 0, 0).text("").text("").count(0).count(0)  # image, coordinates in it
+        layout.text("").text("").text("").count(0).fixed("B", 0)  # text, mesh and its file
+    return layout.codec().pack(0, ())
+
+
+def _marker(shape: Any) -> tuple[int, list[float], Array]:
+    """Kind, size along its own axes [m], and the turn of these axes in those of the body."""
+    turn = np.array([0.0, 0.0, 0.0, 1.0])
+    match shape.type:
+        case "sphere":
+            return SPHERE, [2.0 * shape.radius] * 3, turn
+        case "ellipsoid":
+            return SPHERE, [2.0 * value for value in shape.semi_axes], turn
+        case "box":
+            return CUBE, list(shape.size), turn
+        case _:
+            length, radius = length_and_radius(shape)
+            return CYLINDER, [2.0 * radius, 2.0 * radius, length], from_z(shape.axis_B)
 
 
 def _text(value: float) -> str:

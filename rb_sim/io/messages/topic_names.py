@@ -17,6 +17,8 @@ RESETS = "resets"
 JOINT_STATES = "joint_states"
 DESCRIPTION = "description"
 ROBOT_DESCRIPTION = "robot_description"
+MARKERS = "markers"
+STATE = "state"
 STATE_COMMAND = "state_command"
 
 

@@ -18,8 +18,11 @@
 | BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
 | BODY/state_command     | JointState    | state that was set; in bags only  | world             |
 | resets                 | Clock         | back to the start; in bags only   |                   |
-| joint_states           | JointState    | angle and rate of each fixed_axis |                   |
+| joint_states           | JointState    | of each fixed_axis, linear guide  |                   |
+| BODY/odometry          | Odometry      | pose, twist in body axes; if asked for | world        |
 | description            | String        | what is simulated, JSON; latched  |                   |
+| state                  | String        | of the node: paused, running, error; latched |        |
+| markers                | MarkerArray   | shapes of the bodies; latched     | BODY              |
 | robot_description      | String        | URDF; latched, beside the node    |                   |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
@@ -40,7 +43,8 @@ A bag has `joint_states` if the scene has a joint, the node if parameter `joint_
 the angles go on from sample to sample (`joints.py`). What is latched is sent once, with the first
 sample, and has durability transient_local also in a bag, so that it can be drawn on the frames of
 /tf by a viewer that comes late or begins in the middle. `robot_description` is in the namespace of
-the node, not under its name, since that is where viewers look for it.
+the node, not under its name, since that is where viewers look for it. In a bag `description` also
+holds the record `rb_sim` (`bag/sink.py`), since programs that convert a bag keep its messages only.
 
 A bag also records what came from outside, each before the sample that it acts on first: a command
 in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.
@@ -49,7 +53,7 @@ in the axes in which it came (zero where wrench_timeout ended one), a reset, a s
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -60,14 +64,14 @@ from rb_sim.io.messages import cdr
 from rb_sim.io.messages import message_types as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.message_types import ACCEL_STAMPED
 from rb_sim.io.messages.packing import Packer, Topic, Values
-from rb_sim.io.messages.robot_description import urdf
+from rb_sim.io.messages.robot_description import marker_array, urdf
 from rb_sim.io.messages.topic_names import (
     CLOCK,
     CONTACT_EVENTS,
     CONTACT_WORK,
     DESCRIPTION,
+    MARKERS,
     ROBOT_DESCRIPTION,
     TF,
     WORLD,
@@ -78,8 +82,8 @@ from rb_sim.io.messages.topic_names import (
     reaction_topic,
     state_topic,
 )
-from rb_sim.mechanics.samples import Origins, SampleRow, centers_of_mass, row_width
-from rb_sim.numerics.rotations import cross, rotate
+from rb_sim.mechanics.samples import Origins, SampleRow, centers_of_mass, origins, row_width
+from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
@@ -306,7 +310,7 @@ class AccelTable:
         self._accelerations = asked(scene, layout)
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         self._codec = cdr.accel_stamped(prefix + WORLD)
-        self.topics = [(accel_topic(body), ACCEL_STAMPED) for body in layout.bodies]
+        self.topics = [(accel_topic(body), types.ACCEL_STAMPED) for body in layout.bodies]
 
     def messages(self, block: SampleBlock) -> list[list[bytes]]:
         """Of each sample, in the order of the topics."""
@@ -319,6 +323,31 @@ class AccelTable:
         return [
             [pack(stamp_of(t), numbers) for numbers in row]
             for t, row in zip(block.t.tolist(), values.tolist(), strict=True)
+        ]
+
+
+class OdometryTable:
+    """BODY/odometry: the pose in the world, the twist of the body's origin in body axes.
+
+    topics, prefix, messages: as of AccelTable.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout, prefix: str = "") -> None:
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        names = layout.bodies
+        self._codecs = [cdr.odometry(prefix + WORLD, prefix + body_frame(name)) for name in names]
+        self.topics = [(body_topic(name, "odometry"), types.ODOMETRY) for name in names]
+
+    def messages(self, block: SampleBlock) -> list[list[bytes]]:
+        """Of each sample, in the order of the topics."""
+        motion = origins(block, self._center_of_mass)
+        velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
+        none = np.zeros((*block.position.shape[:2], cdr.COVARIANCE_6X6))
+        pose = (motion.position, block.orientation, none)
+        values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
+        return [
+            [codec.pack(stamp_of(t), of) for codec, of in zip(self._codecs, row, strict=True)]
+            for t, row in zip(block.t.tolist(), values, strict=True)
         ]
 
 
@@ -335,19 +364,25 @@ class Latched(NamedTuple):
 
 
 def latched_messages(
-    scene: Scene, layout: SampleLayout, initial: SampleBlock, namespace: str
+    scene: Scene,
+    layout: SampleLayout,
+    initial: SampleBlock,
+    namespace: str,
+    record: Mapping[str, str],
 ) -> list[Latched]:
-    """Those of a scene. initial: its first sample; namespace: name of the node."""
+    """Those of a scene. initial: its first sample; namespace: name of the node; record: what the
+    bag says of the run."""
     beside = namespace.rpartition("/")[0]
-    document = urdf(scene, layout, initial)
+    document, told = urdf(scene, layout, initial), description(scene, record)
     return [
-        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(description(scene))),
+        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(told)),
         Latched(f"{beside}/{ROBOT_DESCRIPTION}", types.STRING, cdr.string(document)),
+        Latched(f"{namespace}/{MARKERS}", types.MARKER_ARRAY, marker_array(scene)),
     ]
 
 
-def description(scene: Scene) -> str:
-    """What is simulated, as JSON."""
+def description(scene: Scene, record: Mapping[str, str] | None = None) -> str:
+    """What is simulated, as JSON. record: of a bag, as `record_in` gives it back."""
     document = {
         "rb_sim": __version__,
         "scene": scene.name,
@@ -358,4 +393,17 @@ def description(scene: Scene) -> str:
         "rate": scene.simulation.rate,
         "method": scene.simulation.method,
     }
-    return json.dumps(document)
+    return json.dumps(document | ({} if record is None else {_RECORD: dict(record)}))
+
+
+_RECORD = "record"
+
+
+def record_in(data: bytes) -> dict[str, str] | None:
+    """The record in a message of the topic `description` of a bag; None where it has none."""
+    try:
+        found = json.loads(cdr.read_string(data))[_RECORD]
+    except (ValueError, KeyError, TypeError):
+        return None
+    texts = isinstance(found, dict) and all(isinstance(value, str) for value in found.values())
+    return found if texts else None

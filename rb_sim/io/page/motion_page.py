@@ -7,11 +7,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.palette import (
+    AXES,
+    BROWN,
+    COMMAND,
+    CYCLE,
+    ENERGIES,
+    EVENT,
+    GREEN,
+    GREY,
+    REACTION,
+    SLIPPING,
+    STICKING,
+)
 from rb_sim.io.decimate import Envelope
 from rb_sim.io.extent import reach_of
 from rb_sim.io.page.supports import Supports, solid_of
 from rb_sim.io.page.write import CURVE_BYTES, MOST_SAMPLES, packed, spread
-from rb_sim.io.plots.panels import AXES, RESOLUTION
+from rb_sim.io.plots.panels import RESOLUTION
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,
@@ -28,15 +41,14 @@ if TYPE_CHECKING:
 
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
 
-BODIES = ("#4f83cc", "#d78c5a", "#6fae5c", "#9c78c2", "#bda545", "#5aa7a7", "#c76b8f", "#7f8b99")
 COLORS = {
     "axes": AXES,
-    "energy": (AXES[0], AXES[2], "#202020"),
-    "trace": "#6b7787",
-    "event": "#b0307a",
-    "contact": ("#8a939e", "#e08a1e", "#2b62c4"),
+    "energy": [ENERGIES[name] for name in ("kinetic", "potential", "total")],
+    "trace": GREY,
+    "event": EVENT,
+    "contact": (GREY, SLIPPING, STICKING),
 }
-REACTION, COMMAND, APPLIED, TORQUE = "#e07b00", "#c2257a", "#3f7d3f", "#7a4fc0"
+APPLIED, TORQUE = GREEN, BROWN
 MOST_REACTIONS = 24
 """Of many reactions, those with the greatest forces have arrows and curves."""
 MOST_EVENTS = 500
@@ -162,7 +174,7 @@ class RunPage:
         for i, name in enumerate(self.layout.bodies):
             body = self.scene.bodies[name]
             reach = reach_of(body)
-            about = {"color": BODIES[i % len(BODIES)], "reach": reach or 0.1 * self._view[1]}
+            about = {"color": CYCLE[i % len(CYCLE)], "reach": reach or 0.1 * self._view[1]}
             found.append({"name": name, "solid": solid_of(body), **about})
         return found
 

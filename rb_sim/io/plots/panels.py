@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.palette import AXES, ENERGIES
 from rb_sim.io.contact_power import smooth_power
 from rb_sim.io.extent import reach
+from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import centers_of_mass, origins
-from rb_sim.numerics.rotations import rotate
+from rb_sim.numerics.rotations import roll_pitch_yaw, rotate, without_jumps
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
@@ -78,21 +81,27 @@ RESOLUTION = 1e-8
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-AXES = ("#c8372d", "#2f8f4e", "#2b62c4", "#6b6b6b")
-"""Of x, y, z and the scalar part w."""
-
 BODY_TITLES = {
     "position": "{}: position of the centre of mass, world",
+    "angles": "{}: roll, pitch, yaw about the world's x, y, z",
     "orientation": "{}: orientation, quaternion body to world",
     "velocity": "{}: velocity of the centre of mass, world",
     "angular_velocity": "{}: angular velocity, body axes",
 }
 """Of the panels of a body, by the entity's name in a recording."""
 
+JOINT_TITLES = {"rad": "{}: angle from the first sample", "m": "{}: way from the first sample"}
+"""Of a joint, by the unit of its position."""
+
+COMMAND_TITLES = (
+    "{}: commanded force, world axes",
+    "{}: commanded torque about the body origin, world axes",
+)
+
 FORCE_TITLE = "{}: reaction force on {}, world axes"
 TORQUE_TITLE = "{}: reaction torque about its anchor"
 
-_ENERGIES = ("#c8372d", "#2b62c4", "#202020")
+_ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
 
 
 class Panel(NamedTuple):
@@ -112,6 +121,8 @@ class Panel(NamedTuple):
     """index of the point of contact whose state is shown below the curves."""
     jumps: bool = False
     """whether it may jump where contacts change."""
+    held: bool = False
+    """whether a value holds since the sample before, and does not lead there in a line."""
 
 
 Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
@@ -129,7 +140,9 @@ def panels_of(
     """All panels, body by body, then those about the whole."""
     return [
         *_body_panels(layout),
+        *_joint_panels(scene, layout),
         *([] if accelerations is None else _acceleration_panels(layout, accelerations)),
+        *_command_panels(layout),
         *_reaction_panels(layout),
         *_energy_panels(scene, layout),
     ]
@@ -139,12 +152,68 @@ def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.bodies):
         titles = {key: title.format(name) for key, title in BODY_TITLES.items()}
         yield _xyz(titles["position"], "m", "position", i, "length", name)
+        names = ("roll", "pitch", "yaw")
+        yield Panel(titles["angles"], "deg", names, AXES[:3], Angles(i), "angle", name)
         column = _column("orientation", i)
         title = titles["orientation"]
         yield Panel(title, "", tuple("xyzw"), AXES, column, "attitude", name)
         yield _xyz(titles["velocity"], "m/s", "linear_velocity", i, "speed", name, jumps=True)
         title = titles["angular_velocity"]
         yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+
+
+class Angles:
+    """Roll, pitch and yaw of a body [deg], which go on from block to block beyond a turn."""
+
+    def __init__(self, body: int) -> None:
+        self._body, self._last = body, None
+
+    def __call__(self, block: SampleBlock) -> Array:
+        angles = without_jumps(roll_pitch_yaw(block.orientation[:, self._body]), self._last)
+        self._last = angles[-1] if len(angles) else self._last
+        return np.degrees(angles)
+
+
+class Joints:
+    """Positions of the joints of a scene [deg, m] by name, and their units and bodies."""
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        self._table = JointTable(scene, layout)
+        self.names, self.units = self._table.names, self._table.units
+        self.bodies = [scene.constraints[name].body for name in self.names]  # type: ignore[attr-defined]
+        self._found: tuple[Any, Any] = None, ()
+
+    def __call__(self, block: SampleBlock, j: int) -> Array:
+        """Of joint j, shape (n, 1); all joints ask in turn."""
+        if self._found[0] is not block:
+            positions = self._table.values(block)[:, : len(self.names)]
+            angular = [unit == "rad" for unit in self.units]
+            positions[:, angular] = np.degrees(positions[:, angular])
+            self._found = block, positions
+        return self._found[1][:, j : j + 1]
+
+
+def _joint_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
+    joints = Joints(scene, layout)
+    for j, (name, unit, body) in enumerate(
+        zip(joints.names, joints.units, joints.bodies, strict=True)
+    ):
+        shown, kind = ("deg", "angle") if unit == "rad" else ("m", "length")
+        title = JOINT_TITLES[unit].format(name)
+        yield Panel(title, shown, ("",), (AXES[3],), partial(joints, j=j), kind, body)
+
+
+def _command_panels(layout: SampleLayout) -> Iterator[Panel]:
+    for i, name in enumerate(layout.commanded):
+        parts = (("N", "force", slice(3)), ("N m", "torque", slice(3, 6)))
+        for title, (unit, kind, part) in zip(COMMAND_TITLES, parts, strict=True):
+            columns = partial(_commanded, i=i, part=part)
+            titled = title.format(name)
+            yield Panel(titled, unit, tuple("xyz"), AXES[:3], columns, kind, name, held=True)
+
+
+def _commanded(block: SampleBlock, i: int, part: slice) -> Array:
+    return block.command[:, i, part]
 
 
 def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Panel]:
@@ -180,7 +249,7 @@ def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
 def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     labels = ("kinetic", "potential", "total")
     yield Panel("energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
-    labels, colors = ("E - E(0)", "work"), (_ENERGIES[2], "#e08a1e")
+    labels, colors = ("E - E(0)", "work"), (ENERGIES["total"], ENERGIES["work"])
     title = "change of total energy, and work of forces without potential"
     yield Panel(title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
     title = "power of forces without potential"
@@ -280,6 +349,7 @@ def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, 
     return {
         "length": length,
         "attitude": 1.0,
+        "angle": 180.0,
         "speed": speed,
         "spin": max(size["spin"], speed / length if length else 0.0),
         "force": size["force"],

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SinkError
+from rb_sim.base.palette import EVENT, FAINT, GRID, SLIPPING, STICKING
 from rb_sim.io.decimate import Envelope
 from rb_sim.io.plots.panels import RESOLUTION, Accelerating, Panel, panels_of, scales
 from rb_sim.io.sink import Timeline
@@ -34,10 +35,8 @@ _TOP, _BOTTOM = 0.8, 0.5
 _LINE = 0.2
 """Of a line of text below the panels [inch]."""
 
-_STATES = {1.0: ("#e08a1e", "slips"), 2.0: ("#2b62c4", "holds")}
+_STATES = {1.0: (SLIPPING, "slips"), 2.0: (STICKING, "sticks")}
 """Colour and name in the strip of a contact that slips, and that sticks or rolls."""
-
-_IMPACT = "#b0307a"
 
 _STRIP = 0.035
 """Height of the strip, of that of the panel."""
@@ -142,7 +141,7 @@ def page(title: str, curves: list[Curves], notes: list[str], contacts: Contacts 
             ax.set_xlabel("time [s]")
             ax.tick_params(labelbottom=True)
     for k, note in enumerate(reversed(notes)):
-        figure.text(0.012, (0.06 + _LINE * k) / height, note, fontsize=8, color="#555555")
+        figure.text(0.012, (0.06 + _LINE * k) / height, note, fontsize=8, color=FAINT)
     return figure
 
 
@@ -154,10 +153,11 @@ def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
         t, values = with_jumps(t, values, instants)
     for k, (label, color) in enumerate(zip(panel.labels, panel.colors, strict=True)):
         style = "--" if label.startswith("work") else "-"
-        ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2)
+        steps = "steps-pre" if panel.held else "default"
+        ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2, drawstyle=steps)
     ax.set_title(panel.title, loc="left", fontsize=10, fontweight="bold")
     ax.set_ylabel(f"[{panel.unit}]" if panel.unit else "")
-    ax.grid(color="#dddddd", linewidth=0.6)
+    ax.grid(color=GRID, linewidth=0.6)
     ax.margins(x=0)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
@@ -196,8 +196,8 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
     struck = [event.t for event in mine if event.kind == "impact"]
     for when in {event.t for event in mine} - set(struck):
         ax.axvline(when, color="#999999", linewidth=0.7, linestyle=":", zorder=1)
-    ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=_IMPACT, markersize=4)
-    labels += [(0.94, "impact", _IMPACT)] if struck else []
+    ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=EVENT, markersize=4)
+    labels += [(0.94, "impact", EVENT)] if struck else []
     for height, label, color in labels:
         ax.text(1.01, height, label, transform=ax.transAxes, color=color, fontsize=7)
 
@@ -363,6 +363,6 @@ def save(figures: dict[str, Any], path: Path) -> None:
                 figure.savefig(file, format="png", metadata={"Software": None})
             os.replace(draft, target)
         except OSError as error:
-            raise SinkError(f"{target}: cannot write it: {error.strerror}") from None
+            raise SinkError(f"{target}: cannot be written: {error.strerror}") from None
         finally:
             draft.unlink(missing_ok=True)

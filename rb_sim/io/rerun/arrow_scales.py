@@ -137,18 +137,25 @@ class Resolved:
 
     def __init__(self, length: float) -> None:
         self._length = length
-        self._largest = {"length": length, "attitude": 1.0}
+        self._largest = {"length": length, "attitude": 1.0, "angle": 180.0, "residual": 1.0}
         self._held: dict[str, Array] = {}
+
+    def least(self, kind: str) -> float:
+        """What is below is round-off. Kinds that belong together lend each other their size."""
+        largest = self._largest.get(kind, 0.0)
+        other, per = {
+            "torque": ("force", self._length),
+            "speed": ("spin", self._length),
+            "spin": ("speed", 1.0 / self._length),
+        }.get(kind, (kind, 1.0))
+        return RESOLUTION * max(largest, self._largest.get(other, 0.0) * per)
 
     @QUIET
     def __call__(self, kind: str, name: str, values: Array) -> Array:
         """Values of one kind, shape (n, m), that go on those of this name."""
         finite = np.abs(values[np.isfinite(values)])
-        largest = max(self._largest.get(kind, 0.0), float(finite.max(initial=0.0)))
-        self._largest[kind] = largest
-        if kind == "torque":
-            largest = max(largest, self._largest.get("force", 0.0) * self._length)
-        least = RESOLUTION * largest
+        self._largest[kind] = max(self._largest.get(kind, 0.0), float(finite.max(initial=0.0)))
+        least = self.least(kind)
         flat = np.ptp(values, axis=0) <= least  # not what is not finite
         constant = values[0]
         constant = np.where(np.abs(constant) <= least, 0.0, constant)

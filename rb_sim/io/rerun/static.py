@@ -8,13 +8,16 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
+from rb_sim.base.palette import AXES, COMMAND, CYCLE, ENERGIES, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
+from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
+from rb_sim.numerics.rotations import rotate
 
 if TYPE_CHECKING:
     from rb_sim.io.rerun.arrow_scales import Scales
-    from rb_sim.mechanics.samples import SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -53,13 +56,88 @@ def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:
     )
 
 
-SUPPORT = (105, 110, 120)
-THIN_PLANE = 0.002
-"""Thickness to draw a plane with, of the size of the scene."""
+SUPPORT = (125, 130, 142)
+JOINT = (225, 225, 230)
+"""Of pivots, bearings and rails, which stand before bodies and grids."""
+PIVOT, BEARING, AXLE = 0.07, (0.07, 0.3), 1.0
+"""In lengths of the arrows: radius of a pivot; radius and length of a bearing; half the line that
+shows its axis."""
+THIN_LINE, WIDE_LINE = 0.8, 2.5
+"""Radii of the lines of a grid, and of an axis or a rail, in pixels."""
 
-BELOW = 0.001
-"""Of the size of the scene, by which a plane is drawn lower, so that neither the grid nor a face
-that lies on it is in the very same plane: they would flicker."""
+
+def spacing(size: float) -> float:
+    """Power of ten that divides the scene into some ten fields."""
+    return float(10.0 ** np.round(np.log10(size / 10.0)))
+
+
+def lines(strips: Any, color: tuple[int, int, int], width: float) -> Any:
+    """Strips of a width in pixels."""
+    radius: Any = rr.Radius.ui_points(width)
+    return rr.LineStrips3D(strips, colors=[color], radii=[radius])
+
+
+def grid(point: Any, normal: Any, near: Any, size: float) -> Any:
+    """A plane as lines, which hide nothing: about `size` [m] around the point nearest to `near`."""
+    along = [_turned(_from_z(normal), axis) for axis in np.eye(3)[:2]]
+    field = spacing(size)
+    half = field * np.ceil(0.5 * size / field)
+    foot = point + sum(
+        field * np.round(np.dot(near - point, axis) / field) * axis for axis in along
+    )
+    ticks = np.arange(-half, half + 0.5 * field, field)
+    strips = [
+        [foot + tick * one - half * other, foot + tick * one + half * other]
+        for one, other in (along, along[::-1])
+        for tick in ticks
+    ]
+    return lines(strips, SUPPORT, THIN_LINE)
+
+
+def pivot(point_B: Any, length: float) -> Any:
+    """The point about which a body turns."""
+    return rr.Ellipsoids3D(
+        centers=[point_B], half_sizes=[[PIVOT * length] * 3], colors=[JOINT], fill_mode="solid"
+    )
+
+
+def bearing(point_B: Any, axis_B: Any, length: float) -> tuple[Any, Any]:
+    """The bearing about which a body turns, and its axis."""
+    point, axis = np.array(point_B, float), np.array(axis_B, float)
+    radius, long = BEARING
+    solid = rr.Cylinders3D(
+        centers=[point], lengths=[long * length], radii=[radius * length],
+        quaternions=[_from_z(axis)], colors=[JOINT], fill_mode="solid",
+    )  # fmt: skip
+    reach = AXLE * length * axis
+    return solid, lines([[point - reach, point + reach]], JOINT, THIN_LINE)
+
+
+def rail(guide: Any, start: Any, near: Any, size: float, origin: Any) -> Any:
+    """The curve along which a point goes. start: where that point is at the start, from the local
+    origin; near, size, origin: as of `support_archetype`."""
+    match guide.type:
+        case "line":
+            direction = np.array(guide.direction)
+            point = start if guide.point is None else np.array(guide.point) - origin
+            foot = point + np.dot(near - point, direction) * direction
+            points = [foot - 0.5 * size * direction, foot + 0.5 * size * direction]
+        case "circle":
+            turn = _from_z(np.array(guide.normal))
+            angles = np.linspace(0.0, 2.0 * np.pi, ROUND)
+            flat = guide.radius * np.c_[np.cos(angles), np.sin(angles), 0.0 * angles]
+            points = np.array(guide.center) - origin + [_turned(turn, each) for each in flat]
+        case _:
+            points = guide.points_along(ROUND) - origin
+    return lines([points], JOINT, WIDE_LINE)
+
+
+ROUND = 181
+"""Points of a curved rail."""
+
+
+def _turned(quaternion: Any, vector: Any) -> Any:
+    return rotate(np.asarray(quaternion, float), np.asarray(vector, float))
 
 
 def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any | None:
@@ -71,15 +149,7 @@ def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any 
     match surface.type:
         case "plane":
             point, normal = np.array(surface.point) - origin, np.array(surface.normal)
-            foot = near - np.dot(near - point, normal) * normal
-            half = [0.5 * size, 0.5 * size, 0.5 * THIN_PLANE * size]
-            return rr.Boxes3D(
-                centers=[foot - (half[2] + BELOW * size) * normal],
-                half_sizes=[half],
-                quaternions=[_from_z(normal)],
-                colors=[SUPPORT],
-                fill_mode="solid",
-            )
+            return grid(point, normal, near, size)
         case "sphere":
             solid = surface.side == "outside"
             return rr.Ellipsoids3D(
@@ -113,13 +183,13 @@ def _from_z(axis: Any) -> Any:
 AXIS = 1.4
 """Length of the body axes in reaches of the shape, so that they stick out of a ball."""
 
-VELOCITY = (64, 190, 110)
-REACTION = (255, 165, 40)
-COMMAND = (235, 80, 160)
 TRAIL = (150, 160, 175)
-BODIES = ((96, 150, 225), (215, 140, 90), (130, 185, 110), (175, 130, 200), (200, 185, 100))
-AXES = ((230, 80, 80), (90, 190, 90), (90, 130, 240), (190, 190, 190))
+BODIES = tuple(map(rgb, CYCLE))
+LINES = tuple(map(rgb, AXES))
 """Of x, y, z and the scalar part w."""
+
+ENERGY = (rgb(ENERGIES["kinetic"]), rgb(ENERGIES["potential"]), (240, 240, 240))
+"""The total is black elsewhere, where the ground is white."""
 
 ARROW = 2.5
 """Radius of an arrow in pixels: its length has a scale of its own, which its width has not."""
@@ -132,9 +202,19 @@ than it: a box that flies for half a kilometre."""
 class Static:
     """Logs it once, at the start of a recording. scales: of the arrows and of the camera."""
 
-    def __init__(self, recording: Any, scene: Scene, layout: SampleLayout, scales: Scales) -> None:
+    def __init__(
+        self,
+        recording: Any,
+        scene: Scene,
+        layout: SampleLayout,
+        scales: Scales,
+        first: SampleBlock,
+    ) -> None:
+        """first: samples, of which the first one tells where rails begin."""
         self._recording, self._scene, self._layout = recording, scene, layout
         self._scales = scales
+        self._orientation = dict(zip(layout.bodies, first.orientation[0], strict=True))
+        self._position = dict(zip(layout.bodies, first.position[0], strict=True))
         self._drawn = drawn_reactions(layout)
 
     def _log(self, entity: str, archetype: Any) -> None:
@@ -164,6 +244,7 @@ class Static:
             self._log_arrow(f"world/velocity/{name}", VELOCITY)
             self._log_plot(f"plots/{name}/position", "xyz")
             self._log_plot(f"plots/{name}/orientation", "xyzw")
+            self._log(f"plots/{name}/angles", _lines(["roll", "pitch", "yaw"], LINES[:3]))
             self._log_plot(f"plots/{name}/velocity", "xyz")
             self._log_plot(f"plots/{name}/angular_velocity", "xyz")
         for name in self._layout.contacts:
@@ -171,12 +252,15 @@ class Static:
             self._log(f"world/contact/{name}", rr.Points3D.from_fields(radii=[size]))
         for name in self._layout.commanded:
             self._log_arrow(f"world/command/{name}", COMMAND)
+            for part in ("force", "torque"):
+                style = _lines(list("xyz"), LINES[:3], interpolation_mode="StepBefore")
+                self._log(f"plots/command/{name}/{part}", style)
         for k, name in enumerate(self._layout.reactions):
             if k in self._drawn:
                 self._log_arrow(f"world/reaction/{name}", REACTION)
             self._log_plot(f"plots/reactions/{name}/force", "xyz")
             self._log_plot(f"plots/reactions/{name}/torque", "xyz")
-        self._log_supports()
+        self.log_supports(self._scales.center, self._scales.size)
         for c, name in enumerate(self._layout.contacts):
             style = rr.SeriesLines(
                 names=[name],
@@ -186,15 +270,35 @@ class Static:
             )
             self._log(f"plots/contacts/{name}", style)
         names = ["kinetic", "potential", "total"]
-        self._log("plots/energy", _lines(names, [AXES[0], AXES[2], (240, 240, 240)]))
-        self._log("plots/residual", _lines(["residual"], [AXES[3]]))
+        self._log("plots/energy", _lines(names, ENERGY))
+        for name in JointTable(self._scene, self._layout).names:
+            self._log(f"plots/joints/{name}", _lines([name], [LINES[3]]))
+        self._log("plots/residual", _lines(["residual"], [LINES[3]]))
 
-    def _log_supports(self) -> None:
-        """The surface of each contact, in the world or on its parent.
+    def log_supports(self, center: Array, size: float) -> None:
+        """What holds the bodies: surfaces of contacts and planes, in the world or on a parent, and
+        on each body the pivots and bearings about which it turns.
 
-        A plane on a body that has a shape is not drawn: the shape shows it, and a plane around it
-        would hide what is below, the body's own arrows too.
+        center, size [m]: what the 3D view shows, from the local origin. A plane on a body that has
+        a shape is not drawn: the shape shows it.
         """
+        length = self._scales.length
+        specs: dict[str, Any] = dict(self._scene.constraints)
+        for name, spec in specs.items():
+            entity = f"world/{spec.body}/support/{name}"
+            match spec.type:
+                case "fixed_point":
+                    self._log(entity, pivot(spec.point_B, length))
+                case "fixed_axis":
+                    solid, axis = bearing(spec.point_B, spec.axis_B, length)
+                    self._log(entity, solid)
+                    self._log(f"{entity}/axis", axis)
+                case "translation" if spec.guide is not None:
+                    start = self._start_of(spec.body, spec.point_B)
+                    drawn = rail(spec.guide, start, center, size, self._scales.origin)
+                    self._log(f"world/support/{name}", drawn)
+                case "rolling" | "plane" if spec.parent is None:
+                    self._log(f"world/support/{name}", self._plane(spec, center, size))
         for name, spec in contacts_of(self._scene).items():
             on = None if spec.parent is None else self._scene.bodies[spec.parent].shape
             if spec.surface.type == "plane" and on is not None:
@@ -202,17 +306,29 @@ class Static:
             frame = "world" if spec.parent is None else f"world/{spec.parent}"
             near, origin = np.zeros(3), np.zeros(3)
             if spec.parent is None:
-                near, origin = self._scales.center, self._scales.origin
-            surface = support_archetype(spec.surface, near, self._scales.size, origin)
+                near, origin = center, self._scales.origin
+            surface = support_archetype(spec.surface, near, size, origin)
             if surface is not None:
                 self._log(f"{frame}/support/{name}", surface)
 
-    def _log_arrow(self, entity: str, color: tuple[int, int, int]) -> None:
+    def _start_of(self, body: str, point_B: Any) -> Array:
+        """Where a point of a body is at the start, from the local origin [m]."""
+        arm = np.array(point_B) - self._scene.bodies[body].center_of_mass
+        return self._position[body] + _turned(self._orientation[body], arm) - self._scales.origin
+
+    def _plane(self, spec: Any, center: Array, size: float) -> Any:
+        if spec.point_A is None:
+            point = self._start_of(spec.body, spec.point_B)
+        else:
+            point = np.array(spec.point_A) - self._scales.origin
+        return grid(point, np.array(spec.normal_A), center, size)
+
+    def _log_arrow(self, entity: str, color: str) -> None:
         radius: Any = rr.Radius.ui_points(ARROW)
-        self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[color], radii=[radius]))
+        self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[rgb(color)], radii=[radius]))
 
     def _log_plot(self, entity: str, names: str) -> None:
-        self._log(entity, _lines(list(names), AXES[: len(names)]))
+        self._log(entity, _lines(list(names), LINES[: len(names)]))
 
 
 def entity_path(entity: str) -> str:
@@ -220,5 +336,14 @@ def entity_path(entity: str) -> str:
     return "/".join(map(rr.escape_entity_path_part, entity.split("/")))
 
 
-def _lines(names: list[str], colors: Any) -> Any:
-    return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names))
+def has_plane(scene: Scene) -> bool:
+    """Whether a plane of the world is drawn, beside which the view's own grid would confuse."""
+    specs: list[Any] = list(scene.constraints.values())
+    if any(spec.type in ("rolling", "plane") and spec.parent is None for spec in specs):
+        return True
+    surfaces = (spec for spec in contacts_of(scene).values() if spec.parent is None)
+    return any(spec.surface.type == "plane" for spec in surfaces)
+
+
+def _lines(names: list[str], colors: Any, **more: Any) -> Any:
+    return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names), **more)

@@ -9,11 +9,13 @@
 | world/reaction/NAME     | where the force on the body is drawn: on its line of action       |
 | world/command/BODY      | where the commanded force is drawn: at the body's origin          |
 | .../arrow               | the vector itself, in m/s or N, and how long it is drawn          |
-| world/support/NAME      | surface of a contact in the world; world/PARENT/support/NAME else |
+| world/support/NAME      | surface of a contact, a plane or a rail in the world              |
+| world/BODY/support/NAME | surface of a contact on BODY; pivot or bearing about which it turns |
 | world/contact/NAME      | point of contact, while it is closed: orange slips, blue holds    |
 | plots/contacts/NAME     | its state: 0 open, 1 slip, 2 stick or roll                        |
 | events                  | what happened to the contacts, as text                            |
-| plots/BODY/..., plots/reactions/NAME/..., plots/energy, plots/residual | numbers            |
+| plots/BODY/..., plots/reactions/NAME/..., plots/command/BODY/..., plots/joints/NAME,         |
+| plots/energy, plots/residual: numbers                                                       |
 
 The timeline is `sim_time` [s]. Imported only when a recording is opened.
 """
@@ -22,15 +24,24 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import half_box
-from rb_sim.io.plots.panels import BODY_TITLES, FORCE_TITLE, TORQUE_TITLE
+from rb_sim.io.plots.panels import (
+    BODY_TITLES,
+    COMMAND_TITLES,
+    FORCE_TITLE,
+    JOINT_TITLES,
+    TORQUE_TITLE,
+    Angles,
+    Joints,
+)
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,
@@ -39,7 +50,7 @@ from rb_sim.io.rerun.arrow_scales import (
     drawn_reactions,
     scales_of,
 )
-from rb_sim.io.rerun.static import Static, entity_path
+from rb_sim.io.rerun.static import Static, entity_path, has_plane, spacing
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline
 from rb_sim.mechanics.samples import centers_of_mass, origins
@@ -140,6 +151,7 @@ class Trail:
 
 UNITS = {
     "position": " [m]",
+    "angles": " [deg]",
     "orientation": "",
     "velocity": " [m/s]",
     "angular_velocity": " [rad/s]",
@@ -150,10 +162,28 @@ _EYE = np.array([0.48, -0.72, 0.45])
 """From the centre of the scene to the eye, in sizes of the scene."""
 
 
-def motion_blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
+class Shown(NamedTuple):
+    """What the viewer is to lay out."""
+
+    layout: SampleLayout
+    joints: Joints
+    plane: bool
+    """whether a plane of the world is drawn."""
+    center: Array
+    """of what the 3D view is to show [m]."""
+    size: float
+    zero: frozenset[str] = frozenset()
+    """plots of what is zero throughout, which have no panel."""
+
+    def plots(self, titles: dict[str, str]) -> list[Any]:
+        """Views by their entities and titles."""
+        return [_plot(of, title) for of, title in titles.items() if of not in self.zero]
+
+
+def motion_blueprint(shown: Shown) -> Any:
     """The 3D view alone, without panels, for pictures of the motion."""
     return rrb.Blueprint(
-        _spatial_view(layout, center, size, titled=False),
+        _spatial_view(shown, titled=False),
         rrb.TopPanel(state="hidden"),
         rrb.TimePanel(state="hidden", timeline="sim_time", play_state="paused"),
         rrb.SelectionPanel(state="hidden"),
@@ -163,23 +193,22 @@ def motion_blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     )
 
 
-def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
-    """The layout. center, size [m]: what the 3D view is to show."""
+def blueprint(shown: Shown) -> Any:
+    """The layout."""
+    layout = shown.layout
     about = rrb.TextDocumentView(origin="/about", name="about")
     if layout.contacts:
         told = rrb.TextLogView(origin="/events", name="contact events")
         about = rrb.Horizontal(about, told)
-    left = rrb.Vertical(_spatial_view(layout, center, size), about, row_shares=[5, 2])
-    energy = [
-        _plot("/plots/energy", "energy [J]"),
-        _plot("/plots/residual", "log10 of the residual"),
-    ]
-    forces = [rrb.Vertical(_reactions(layout), row_shares=[1])] if layout.reactions else []
-    states = [_plot("/plots/contacts", "contacts: 0 open, 1 slip, 2 stick")]
+    left = rrb.Vertical(_spatial_view(shown), about, row_shares=[5, 2])
+    energy = shown.plots({"plots/energy": "energy [J]", "plots/residual": "log10 of the residual"})
+    columns = _forces(shown)
+    forces = [rrb.Vertical(_tabs(columns), row_shares=[1])] if columns else []
+    states = [_plot("plots/contacts", "contacts: 0 open, 1 slip, 2 stick")]
     energy = (states if layout.contacts else []) + energy
     right = rrb.Vertical(*forces, *energy, row_shares=[2] * len(forces) + [1] * len(energy))
     return rrb.Blueprint(
-        rrb.Horizontal(left, _bodies(layout), right, column_shares=[5, 3, 3]),
+        rrb.Horizontal(left, _bodies(shown), right, column_shares=[5, 3, 3]),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
@@ -188,7 +217,11 @@ def blueprint(layout: SampleLayout, center: Array, size: float) -> Any:
     )
 
 
-def _spatial_view(layout: SampleLayout, center: Array, size: float, titled: bool = True) -> Any:
+def _spatial_view(shown: Shown, titled: bool = True) -> Any:
+    layout, center, size = shown.layout, shown.center, shown.size
+    grid: Any = rrb.LineGrid3D(
+        visible=not shown.plane, spacing=spacing(size), color=[255, 255, 255, 40]
+    )
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * _EYE,
@@ -207,46 +240,60 @@ def _spatial_view(layout: SampleLayout, center: Array, size: float, titled: bool
         eye_controls=eye,
         background=[22, 24, 30],
         overrides={entity_path(f"/world/trail/{name}"): so_far for name in layout.bodies},
-        line_grid=rrb.LineGrid3D(visible=True, spacing=_spacing(size), color=[255, 255, 255, 40]),
+        line_grid=grid,
     )
 
 
-def _spacing(size: float) -> float:
-    """Power of ten that divides the scene into some ten fields."""
-    return float(10.0 ** np.round(np.log10(size / 10.0)))
+def _bodies(shown: Shown) -> Any:
+    """The motion of each body and of the joints that hold it, behind tabs if there are several."""
+    joints, columns = shown.joints, []
+    for name in shown.layout.bodies:
+        titles = {
+            f"plots/joints/{joint}": JOINT_TITLES[unit].format(joint) + _JOINT_UNITS[unit]
+            for joint, unit, body in zip(joints.names, joints.units, joints.bodies, strict=True)
+            if body == name
+        }
+        titles |= {
+            f"plots/{name}/{key}": title.format(name) + UNITS[key]
+            for key, title in BODY_TITLES.items()
+        }
+        columns.append(rrb.Vertical(*shown.plots(titles), name=name))
+    return _tabs(columns)
 
 
-def _bodies(layout: SampleLayout) -> Any:
-    """The motion of each body, behind tabs if there are several."""
-    columns = [
-        rrb.Vertical(
-            *(
-                _plot(f"/plots/{name}/{key}", title.format(name) + UNITS[key])
-                for key, title in BODY_TITLES.items()
-            ),
-            name=name,
-        )
-        for name in layout.bodies
-    ]
-    return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
+_JOINT_UNITS = {"rad": " [deg]", "m": " [m]"}
 
 
-def _reactions(layout: SampleLayout) -> Any:
-    """Force and torque of each reaction, behind tabs if there are several."""
-    columns = [
-        rrb.Vertical(
-            _plot(f"/plots/reactions/{name}/force", FORCE_TITLE.format(name, body) + " [N]"),
-            _plot(f"/plots/reactions/{name}/torque", TORQUE_TITLE.format(name) + " [N m]"),
-            name=name,
-        )
+def _forces(shown: Shown) -> list[Any]:
+    """Force and torque of each reaction, and of each command."""
+    layout = shown.layout
+    found = [
+        (name, {
+            f"plots/reactions/{name}/force": FORCE_TITLE.format(name, body) + " [N]",
+            f"plots/reactions/{name}/torque": TORQUE_TITLE.format(name) + " [N m]",
+        })
         for name, body in zip(layout.reactions, layout.reaction_bodies, strict=True)
-    ]
+    ]  # fmt: skip
+    force, torque = COMMAND_TITLES
+    found += [
+        (f"command {name}", {
+            f"plots/command/{name}/force": force.format(name) + " [N]",
+            f"plots/command/{name}/torque": torque.format(name) + " [N m]",
+        })
+        for name in layout.commanded
+    ]  # fmt: skip
+    views = [(name, shown.plots(titles)) for name, titles in found]
+    return [rrb.Vertical(*plots, name=name) for name, plots in views if plots]
+
+
+def _tabs(columns: list[Any]) -> Any:
+    """Behind tabs if there are several."""
     return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
 
 
-def _plot(origin: str, name: str) -> Any:
+def _plot(entity: str, name: str) -> Any:
     return rrb.TimeSeriesView(
-        origin=entity_path(origin), name=name, plot_legend=rrb.Corner2D.LeftTop
+        origin=entity_path(f"/{entity}"), name=name, plot_legend=rrb.Corner2D.LeftTop
     )
 
 
@@ -255,7 +302,7 @@ TIMELINE = "sim_time"
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-STATES = np.array([(120, 120, 120), (255, 165, 40), (80, 150, 255)], dtype=np.uint8)
+STATES = np.array([(120, 120, 120), rgb(SLIPPING), rgb(STICKING)], dtype=np.uint8)
 """Of a contact that is open, slips, sticks or rolls."""
 
 
@@ -285,11 +332,17 @@ class View:
         self._forces_seen, self._speeds_seen = Lengths(), Lengths()
         self._resolved = Resolved(self._scales.size)
         self._blueprint = motion_blueprint if motion_only else blueprint
-        Static(recording, scene, layout, self._scales).log()
+        self._angles = [Angles(i) for i in range(len(layout.bodies))]
+        self._joints = Joints(scene, layout)
+        self._most: dict[str, tuple[str, float]] = {}
+        """by plot its kind, and the largest number so far."""
+        self._static = Static(recording, scene, layout, self._scales, first)
+        self._static.log()
         self._log_scales()
         self._log("about", markdown(self._about()))
         center, size = self._scales.center, self._scales.size
-        recording.send_blueprint(self._blueprint(layout, center, size))
+        self._shown = Shown(layout, self._joints, has_plane(scene), center, size)
+        recording.send_blueprint(self._blueprint(self._shown))
 
     def send(self, block: SampleBlock) -> None:
         """The next samples."""
@@ -311,7 +364,13 @@ class View:
     def finish(self, summary: dict[str, Any] | None) -> None:
         """Camera and arrows at the scale of the whole motion, the summary beside the words."""
         center, size = self._extent.center_and_size()
-        self._recording.send_blueprint(self._blueprint(self._layout, center, size))
+        least = self._resolved.least
+        zero = frozenset(
+            entity for entity, (kind, most) in self._most.items() if most <= least(kind)
+        )
+        shown = self._shown._replace(center=center, size=size, zero=zero)
+        self._recording.send_blueprint(self._blueprint(shown))
+        self._static.log_supports(center, size)
         length = max(self._scales.length, size / 8.0)
         self._scales = self._scales._replace(
             per_newton=self._forces_seen.per_metre(length),
@@ -366,20 +425,34 @@ class View:
     def _send_plots(self, block: SampleBlock) -> None:
         for i, name in enumerate(self._layout.bodies):
             self._show("length", f"plots/{name}/position", block.position[:, i])
+            self._show("angle", f"plots/{name}/angles", self._angles[i](block))
             self._show("attitude", f"plots/{name}/orientation", block.orientation[:, i])
             self._show("speed", f"plots/{name}/velocity", block.linear_velocity[:, i])
             self._show("spin", f"plots/{name}/angular_velocity", block.angular_velocity[:, i])
         for k, name in enumerate(self._layout.reactions):
             self._show("force", f"plots/reactions/{name}/force", block.reaction_force[:, k])
             self._show("torque", f"plots/reactions/{name}/torque", block.reaction_torque[:, k])
+        for i, name in enumerate(self._layout.commanded):
+            for kind, part in (("force", slice(3)), ("torque", slice(3, 6))):
+                self._show(kind, f"plots/command/{name}/{kind}", block.command[:, i, part])
+        for j, name in enumerate(self._joints.names):
+            kind = "angle" if self._joints.units[j] == "rad" else "length"
+            self._show(kind, f"plots/joints/{name}", self._joints(block, j))
         energy = np.c_[block.kinetic_energy, block.potential_energy, block.energy]
         self._show("energy", "plots/energy", energy)
+        self._note_most("residual", "plots/residual", block.residual)
         self._plot("plots/residual", np.log10(np.maximum(block.residual, LEAST))[:, None])
 
     def _show(self, kind: str, entity: str, values: Array) -> None:
         """Numbers without their round-off."""
         if len(values):
+            self._note_most(kind, entity, values)
             self._plot(entity, self._resolved(kind, entity, values))
+
+    def _note_most(self, kind: str, entity: str, values: Array) -> None:
+        """What is not finite is to be seen."""
+        most = np.abs(np.where(np.isfinite(values), values, np.inf)).max(initial=0.0)
+        self._most[entity] = kind, max(self._most.get(entity, (kind, 0.0))[1], float(most))
 
     def _send_contacts(self, block: SampleBlock) -> None:
         """State, point where closed, and events."""

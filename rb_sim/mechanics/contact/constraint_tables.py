@@ -102,6 +102,7 @@ LAYOUT = Layout(
         "lines_law": INTEGER,
         "anchors_law": INTEGER,
         "energy_law": INTEGER,
+        "carry_law": INTEGER,
         "free_by_address": INTEGER,
         "accelerate_by_address": INTEGER,
         "settle_by_address": INTEGER,
@@ -214,6 +215,16 @@ def write_contact_by_law(system, t, y, c):
         put_forces(system, c, out)
 
 
+@inline
+def traction_at(law, slip, constants, work):
+    """(|T| over N, |T| without N [N]) that a law of traction gives at a slip [m/s]; work: 9
+    numbers."""
+    found = part(work, 3)
+    work[0], work[1], work[2] = slip, 0.0, 0.0
+    call_law(law, 0.0, work, constants, found)
+    return norm((found[0], found[1], found[2])), norm((found[3], found[4], found[5]))
+
+
 @dispatch
 def traction_over_push(system, c, slip):
     """Largest tangential over normal force or impulse of contact c at a slip [m/s]."""
@@ -233,12 +244,8 @@ def traction_over_push_by_law(system, c, slip):
     law = system.contacts[c, TRACTION_LAW]
     if law == 0:
         return system.touch[c, KINETIC]
-    at = pointer(system.workspace)
-    found = part(at, 3)
-    at[0], at[1], at[2] = slip, 0.0, 0.0
     constants = part(pointer(system.parameters), system.contacts[c, FIRST_OF_TRACTION])
-    call_law(law, 0.0, at, constants, found)
-    return norm((found[0], found[1], found[2]))
+    return traction_at(law, slip, constants, pointer(system.workspace))[0]
 
 
 def write_contacts(groups, t, system, y, c, everywhere):
@@ -322,6 +329,25 @@ def load_effects_by_law(system, t, y):
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] += loads[6 * i + j]
+
+
+@dispatch
+def carry_inputs(system, t, y):
+    """Keep in the inputs what laws keep from step to step, for a step that begins at (t, y)."""
+
+
+@carry_inputs.register(ContactBodies)
+def carry_nothing(system, t, y):
+    pass  # interpreted, laws are given the rows as they are
+
+
+@carry_inputs.register(PackedSystem)
+def carry_inputs_by_law(system, t, y):
+    if system.carry_law:
+        found = part(pointer(system.workspace), WORKSPACE)
+        call_law(system.carry_law, t, pointer(y), pointer(system.inputs), found)
+        for i in range(system.inputs.shape[0] - 1):
+            system.inputs[i] = found[i]
 
 
 @dispatch

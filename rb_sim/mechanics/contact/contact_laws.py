@@ -48,6 +48,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     apply_effects,
     energetics,
     fill_all,
+    state_of,
 )
 from rb_sim.numerics.kernels import by_address, place_of
 
@@ -154,6 +155,13 @@ def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:
     return row._replace(pair=row.pair._replace(surface=PackedHull(place_of(kept[-1]))))
 
 
+def loads_of(system: Any, t: Any, y: list[Any]) -> list[Any]:
+    """Forces (world) and torques (body) of the effects on each body."""
+    system.bodies[:, LOAD:BODY_WIDTH] = 0.0
+    apply_effects(system.effects, t, system, y)
+    return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+
+
 class ContactLaws:
     """What loops call for a system of bodies in contact, and the system packed for them."""
 
@@ -173,13 +181,16 @@ class ContactLaws:
     @cached_property
     def loads(self) -> Law:
         """Forces (world) and torques (body) of the effects on each body, 6 N numbers."""
+        return self._law(loads_of)
+
+    @cached_property
+    def loads_and_inputs(self) -> Law:
+        """As `loads`; then the inputs of the next step, where some are kept from step to step."""
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            system.bodies[:, LOAD:BODY_WIDTH] = 0.0
-            apply_effects(system.effects, t, system, y)
-            return list(system.bodies[:, LOAD:BODY_WIDTH].ravel())
+            return [*loads_of(system, t, y), *self._next(y)]
 
-        return self._law(kernel)
+        return self._law(kernel) if self.inputs.kept(self._system) else self.loads
 
     @cached_property
     def lines(self) -> Law | None:
@@ -217,6 +228,16 @@ class ContactLaws:
         return self._law(kernel)
 
     @cached_property
+    def carry(self) -> Law | None:
+        """The inputs of the step after one, where laws keep something from step to step."""
+        if not self.inputs.kept(self._system):
+            return None
+        return self._law(lambda system, t, y: self._next(y))
+
+    def _next(self, y: list[Any]) -> list[Any]:
+        return self.inputs.next(self._system, y[0].graph, lambda body: state_of(y, body))
+
+    @cached_property
     def contacts(self) -> tuple[np.ndarray, np.ndarray]:
         """(table of the contacts, their constants); see layout."""
         placed = [contact for group in self._system.contacts for contact in group]
@@ -240,9 +261,9 @@ class ContactLaws:
         """(the system for loops, what must live as long); inputs: of the laws, in place."""
 
         table, constants = self.contacts
-        workspace = np.zeros(WORKSPACE + 6 * len(system.bodies))
-        laws = (self.loads, self.lines, self.anchors, self.energy)
-        names = ("loads_law", "lines_law", "anchors_law", "energy_law")
+        workspace = np.zeros(WORKSPACE + max(6 * len(system.bodies), len(inputs)))
+        laws = (self.loads, self.lines, self.anchors, self.energy, self.carry)
+        names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
             **{name: getattr(system, name, None) for name in LAYOUT.fields},
             "joints": len(system.constraints),

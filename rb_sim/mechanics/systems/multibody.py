@@ -34,7 +34,7 @@ from rb_sim.mechanics.systems.many_bodies import (
 )
 from rb_sim.mechanics.systems.multipliers import accelerations, row_velocity, settle_bodies
 from rb_sim.numerics.kernels import inline
-from rb_sim.numerics.linear_solves import minimum_norm
+from rb_sim.numerics.rank import ranked
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -172,7 +172,8 @@ def multibody_sample(system, t, y, out):
     reaction_power = 0.0
     if n > 0:
         if rank < n:
-            minimum_norm(system.square[0], system.vectors[MULTIPLIERS], rank)
+            A, x = system.square[0], system.vectors[MULTIPLIERS]
+            x[:] = ranked(A).least(A @ x)
         at = put_reactions(system, y, out, at)
         reaction_power = power_of_reactions(system)
     put_balances(system, t, y, out, at, reaction_power)

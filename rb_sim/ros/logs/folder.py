@@ -11,7 +11,7 @@ from rb_sim.base.errors import SinkError
 from rb_sim.simulation.outputs import refuse_logs
 
 TIME_FIELD = "{time}"
-INSIST = f"put {TIME_FIELD} in its name, or insist with overwrite:=true"
+INSIST = f"put {TIME_FIELD} in its name, or use overwrite:=true"
 
 
 def out_folder(out: str, *, overwrite: bool) -> Path:

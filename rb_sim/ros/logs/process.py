@@ -29,6 +29,7 @@ from rb_sim.ros.logs.protocol import (
     Plan,
     Rows,
     Said,
+    State,
     frame,
     rows_of,
     take_frame,
@@ -70,6 +71,7 @@ class LogProcess:
         """whether somebody wants the node to end: told what is waited for, and no sample waits for
         room any more."""
         self._closing = self._told = False
+        self._state = ""
         self._cut_off: list[str] = []
         """names of the logs that the process left unfinished."""
         self._depth, self._say = depth, say
@@ -152,6 +154,13 @@ class LogProcess:
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self.flush()
+
+    def note_state(self, state: str) -> None:
+        """Pass on the state of the node, if it is a new one."""
+        if state != self._state:
+            self._state = state
+            self.flush()
+            self._enqueue(frame(State(state)), 0)
 
     def tick(self) -> bool:
         """Call it now and then: pass on what has waited for FLUSH_PERIOD; whether it has."""
@@ -261,7 +270,7 @@ class LogProcess:
         cure = f"; read the bag with: rb_sim recover {bag}" if broken else ""
         self._say(
             f"warning: the process that writes the logs has ended ({self._process.returncode});"
-            f" the run goes on without {', '.join(missing)}{cure}"
+            f" the run continues without {', '.join(missing)}{cure}"
         )
 
     def _lose(self) -> None:
@@ -278,8 +287,8 @@ class LogProcess:
         missing = [name for name in self.names if name not in self.finished]
         self._say(
             f"warning: waits up to {PATIENCE:g} s for the process that writes {', '.join(missing)}"
-            f" in {self.plan.folder} ({self.queued} samples on the way); another signal ends the"
-            " node without"
+            f" in {self.plan.folder} ({self.queued} samples left); send another signal to end"
+            " without them"
         )
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:

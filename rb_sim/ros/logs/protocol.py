@@ -1,7 +1,7 @@
 """What the node and the process of its logs tell each other: each a pickle behind its length.
 
-Begin, then Rows and Blocks of samples, then End, to the process; Opened, Said, Count and Finished
-back.
+Begin, then Rows and Blocks of samples and States, then End, to the process; Opened, Said, Count and
+Finished back.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ class Plan(NamedTuple):
     """where the bag is split, as BagSink has it."""
     accelerations: bool = False
     """record BODY/accel."""
+    odometry: bool = False
+    """record BODY/odometry."""
 
 
 class Begin(NamedTuple):
@@ -84,6 +86,12 @@ class Block(NamedTuple):
     def block(self, _: SampleLayout) -> SampleBlock:
         """The samples."""
         return self.samples
+
+
+class State(NamedTuple):
+    """State of the node from the samples so far on."""
+
+    state: str
 
 
 class End(NamedTuple):

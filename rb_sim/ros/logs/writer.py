@@ -29,6 +29,7 @@ from rb_sim.ros.logs.protocol import (
     Plan,
     Rows,
     Said,
+    State,
     frame,
     take_frame,
 )
@@ -73,6 +74,9 @@ class Writer:
                         output.write(block)
                     self._written += len(block)
                     self._count()
+                elif isinstance(message, State):
+                    if "bag" in self._outputs:
+                        self._outputs["bag"].note_state(message.state)
                 elif isinstance(message, End):
                     summary = message.summary
                     break
@@ -121,7 +125,8 @@ class Writer:
         def bag(path: Path) -> BagSink:
             asked = accelerating if plan.accelerations else None
             own: dict[str, Any] = {"start_ns": plan.start_ns, "run": plan.run, **plan.split}
-            return BagSink(path, namespace=plan.namespace, accelerations=asked, **own)
+            own |= {"accelerations": asked, "odometry": plan.odometry}
+            return BagSink(path, namespace=plan.namespace, **own)
 
         chosen: dict[str, Output] = {}
         for wanted, name, sink in (

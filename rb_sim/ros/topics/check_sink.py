@@ -7,8 +7,8 @@ from queue import Queue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rb_sim.checks.bounds import Effort, effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import Effort, effort_of
 from rb_sim.mechanics.samples import block_of_rows, concatenate
 
 if TYPE_CHECKING:
@@ -99,9 +99,7 @@ class WatchSink:
 
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
         """Have the samples looked at: by the thread, or at once."""
-        effort = effort_of(self._simulation)._replace(
-            ahead=None, again=None
-        )  # a thread looks at it
+        effort = effort_of(self._simulation)._replace(ahead=None)  # a thread looks at it
         batch = Batch(self._watches, samples, effort)
         if self._thread is None:
             self._add(batch)

@@ -104,7 +104,7 @@ class Reader:
         try:
             message: WrenchStamped = deserialize_message(data, WrenchStamped)
         except Exception as error:  # rclpy's own error types share no base class
-            return Refusal(UNREADABLE, f"it cannot be read: {' '.join(str(error).split())}")
+            return Refusal(UNREADABLE, f"unreadable: {' '.join(str(error).split())}")
         frame_id, wrench = message.header.frame_id, message.wrench
         if frame_id not in self._frames:
             return wrong_frame(frame_id, self._body, self._prefix)

@@ -1,11 +1,12 @@
 """Topics that other ROS programs expect, published where a parameter asks for them.
 
-They repeat numbers that the bag has under the names of `rb_sim.io.messages.topics`, so no log has
-them, but for `joint_states`, `accel` and `robot_description`, which are in the table itself.
+Their messages are those that the bag has (`rb_sim.io.messages.topics`), but for `imu`, whose
+numbers follow from others and which no log has.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,11 +18,11 @@ from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.joints import JointTable
-from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame, body_topic
-from rb_sim.io.messages.topics import AccelTable
-from rb_sim.mechanics.samples import centers_of_mass, origins
+from rb_sim.io.messages.topic_names import JOINT_STATES, body_frame, body_topic
+from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
-from rb_sim.ros.offers import offer
+from rb_sim.ros.offers import message_class, offer
+from rb_sim.ros.topics.topic_sink import Latest
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations
 
@@ -33,40 +34,52 @@ if TYPE_CHECKING:
     from rb_sim.ros.parameters import Settings
     from rb_sim.scene.schema import Scene
 
+    Make = Callable[[Scene, SampleLayout, str], AccelTable | OdometryTable]
 
-# ~/BODY/accel (geometry_msgs/AccelStamped): published where parameter `accelerations` asks.
+
+# ~/BODY/accel and ~/BODY/odometry: published where parameters ask, as the bag has them.
 
 
-class Accel:
-    """Publishes the accelerations of every body."""
+class OfTable:
+    """Publishes the messages of a table. make: gives it, of scene, layout and prefix of frames."""
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node, self._settings = node, settings
+    def __init__(self, node: Node, settings: Settings, make: Make) -> None:
+        self._node, self._settings, self._make = node, settings, make
         self._publishers: list[Publisher] = []
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the publishers. RbSimError: the method has no accelerations."""
-        if scene.simulation.method == "time_stepping":
-            raise RbSimError(
-                "parameter accelerations: method time_stepping has none; must be another method"
-            )
-        self._table = AccelTable(scene, layout, accelerating, self._settings.frame_prefix)
-        kind = import_module("geometry_msgs.msg").AccelStamped
-        for name, _ in self._table.topics:
-            publisher = offer(self._node, kind, f"~/{name}", self._settings.publish_depth)
-            self._publishers.append(publisher)
+        """Create the publishers. Raises RbSimError as `make` does."""
+        self._table = self._make(scene, layout, self._settings.frame_prefix)
+        depth = self._settings.publish_depth
+        self._publishers = [
+            offer(self._node, message_class(ros_type), f"~/{name}", depth)
+            for name, ros_type in self._table.topics
+        ]
+        self.latest.open(self._publishers)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         for messages in self._table.messages(block):
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
+            self.latest.sent(messages)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         for publisher in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []
+
+
+def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
+    """Of the accelerations of every body. RbSimError: the method has none."""
+    if scene.simulation.method == "time_stepping":
+        raise RbSimError(
+            "parameter accelerations: method time_stepping has none; must be another method"
+        )
+    return AccelTable(scene, layout, accelerating, prefix)
 
 
 # ~/BODY/imu (sensor_msgs/Imu): what an inertial sensor at a point of the body would measure.
@@ -118,6 +131,7 @@ class Imu:
         self._node, self._settings = node, settings
         self._sensors = read_sensors(settings.imu)
         self._publishers: list[tuple[Publisher, cdr.Codec]] = []
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publishers."""
@@ -137,10 +151,12 @@ class Imu:
             frame = self._settings.frame_prefix + body_frame(body)
             publisher = offer(self._node, kind, name, self._settings.publish_depth)
             self._publishers.append((publisher, imu_codec(frame)))
+        self.latest.open([publisher for publisher, _ in self._publishers])
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         found = accelerations(Trajectory(block, self._layout, self._scene))
+        last = []
         for sensor, (publisher, codec) in zip(self._sensors, self._publishers, strict=True):
             i = self._layout.bodies.index(sensor.body)
             arm = np.array(sensor.point_B) - self._scene.bodies[sensor.body].center_of_mass
@@ -150,8 +166,11 @@ class Imu:
             force += cross(found.angular[:, i], arm[None]) + cross(spin, cross(spin, arm[None]))
             none = np.zeros((len(block), COVARIANCE_3X3))
             rows = np.concatenate([turn, none, spin, none, force, none], axis=1)
-            for t, row in zip(block.t, rows, strict=True):
-                publisher.publish(codec.pack(stamp_of(t), row))
+            messages = [codec.pack(stamp_of(t), r) for t, r in zip(block.t, rows, strict=True)]
+            for data in messages:
+                publisher.publish(data)
+            last.append(messages[-1])
+        self.latest.sent(last)
 
     def _gravity(self, body: str) -> Array:
         """Of all uniform fields on the body, world axes [m/s^2]."""
@@ -163,6 +182,7 @@ class Imu:
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         for publisher, _ in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []
@@ -174,67 +194,31 @@ def imu_codec(frame_id: str) -> cdr.Codec:
     return layout.doubles(4 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3).codec()
 
 
-COVARIANCE_6X6 = 36
-"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
-
-
-class Odometry:
-    """Publishes BODY/odometry: the pose in the world, the twist of the body origin in BODY axes."""
-
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node, self._settings = node, settings
-        self._publishers: list[tuple[Publisher, cdr.Codec]] = []
-
-    def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the publishers."""
-        kind = import_module("nav_msgs.msg").Odometry
-        prefix, depth = self._settings.frame_prefix, self._settings.publish_depth
-        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        for body in layout.bodies:
-            publisher = offer(self._node, kind, f"~/{body_topic(body, 'odometry')}", depth)
-            self._publishers.append(
-                (publisher, odometry_codec(prefix + WORLD, prefix + body_frame(body)))
-            )
-
-    def write(self, block: SampleBlock) -> None:
-        """Publish every sample of the block."""
-        motion = origins(block, self._center_of_mass)
-        velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
-        none = np.zeros((*block.position.shape[:2], COVARIANCE_6X6))
-        pose = (motion.position, block.orientation, none)
-        values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
-        for t, row in zip(block.t, values, strict=True):
-            for (publisher, codec), numbers in zip(self._publishers, row, strict=True):
-                publisher.publish(codec.pack(stamp_of(t), numbers))
-
-    def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Remove the publishers."""
-        for publisher, _ in self._publishers:
-            self._node.destroy_publisher(publisher)
-        self._publishers = []
-
-
 class JointStates:
     """Publishes joint_states, as the bag has them (`rb_sim.io.messages.joints`)."""
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
         self._publisher: Publisher | None = None
+        self.latest = Latest()
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher, also where no axis is there: then the message is empty."""
         self._table = JointTable(scene, layout)
         kind, depth = import_module("sensor_msgs.msg").JointState, self._settings.publish_depth
-        self._publisher = offer(self._node, kind, f"~/{JOINT_STATES}", depth)
+        self._publisher = offer(self._node, kind, f"~/{JOINT_STATES}", depth, latched=True)
+        self.latest.open([self._publisher])
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
         assert self._publisher is not None
         for data in self._table.messages(block):
             self._publisher.publish(data)
+            self.latest.sent([data])
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
+        self.latest.close()
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
         self._publisher = None
@@ -244,18 +228,14 @@ def asked_for(node: Node, settings: Settings) -> list[Any]:
     """A sink for each convention that a parameter asks for."""
     from rb_sim.ros.topics.latched import Markers, RobotDescription
 
+    tables = {OdometryTable: settings.odometry, accel_table: settings.accelerations}
     wanted = {
-        Odometry: settings.odometry,
         JointStates: settings.joint_states,
-        Accel: settings.accelerations,
         Imu: bool(settings.imu),
         Markers: settings.markers,
         RobotDescription: settings.robot_description,
     }
-    return [make(node, settings) for make, there in wanted.items() if there]
-
-
-def odometry_codec(frame_id: str, child_frame_id: str) -> cdr.Codec:
-    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
-    layout = cdr.Layout().stamp().text(frame_id).text(child_frame_id)
-    return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
+    return [
+        *(OfTable(node, settings, make) for make, there in tables.items() if there),
+        *(make(node, settings) for make, there in wanted.items() if there),
+    ]

@@ -28,6 +28,9 @@ EVENT_DEPTH = 10_000
 ASK = 1000
 """Messages that somebody listened to, after which a topic is asked again whether anybody does."""
 
+LOOK_PERIOD = 0.2
+"""[s] of wall time between looks at who listens: a look takes a microsecond or two a topic."""
+
 Send = Callable[[bytes], None]
 
 
@@ -53,6 +56,7 @@ class TopicSink:
         self._clock: tuple[Send, bytes] | None = None
         self._clock_sent = 0.0
         self._prepared: deque[tuple[SampleRow, SampleMessages]] = deque()
+        self.latest = Latest()
 
     def wait_until_received(self, seconds: float) -> None:
         """Until the reliable subscribers have all that was sent, but at most so long for each."""
@@ -76,6 +80,13 @@ class TopicSink:
         if self._table.event_topic is not None:
             self._events = self._publisher(*self._table.event_topic)
         self._table.warm(layout)
+        self.latest.open(
+            [
+                publisher
+                for publisher, topic in zip(self._publishers, topics, strict=True)
+                if topic.name != CLOCK  # it is repeated for all
+            ]
+        )
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block, and the events before it."""
@@ -100,6 +111,7 @@ class TopicSink:
             self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
         for send, data in zip(self._send, instant.messages, strict=True):
             send(data)
+        self.latest.sent(instant.messages)
         if CLOCK not in self._skip:
             # the table ends with the clock
             self._clock = self._send[-1], instant.messages[-1]
@@ -107,6 +119,7 @@ class TopicSink:
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publishers."""
+        self.latest.close()
         self._held.close()
         for publisher in (*self._publishers, self._events):
             if publisher is not None:
@@ -117,6 +130,53 @@ class TopicSink:
         name = topic if topic.startswith("/") else f"~/{topic}"
         depth = {CLOCK: 1, CONTACT_EVENTS: max(EVENT_DEPTH, self._depth)}.get(topic, self._depth)
         return offer(self._node, message_class(ros_type), name, depth)
+
+
+class Latest:
+    """The last message of each topic, once more where a subscription begins while none comes.
+
+    Most subscriptions are volatile, those of tf among them: a latched topic would not help them.
+    Who was there before gets that message a second time.
+    """
+
+    def __init__(self) -> None:
+        self._publishers: Sequence[Publisher] = []
+        self._messages: Sequence[bytes] = []
+        self._counts: list[int] = []
+        """of subscriptions, of each topic at the last look."""
+        self._new: set[int] = set()
+        """topics with a subscription that has come since their last message, as far as seen."""
+        self._looked = 0.0
+
+    def open(self, publishers: Sequence[Publisher]) -> None:
+        """Take charge of these topics."""
+        self._publishers, self._counts = publishers, [0] * len(publishers)
+
+    def sent(self, messages: Sequence[bytes]) -> None:
+        """Remember what was published, one message of each topic in their order."""
+        self._messages = messages
+        if self._new:
+            self._new.clear()
+
+    def tick(self, *, stands: bool) -> None:
+        """See who has come, a few times a second; where no sample is due they get the last one."""
+        if (now := time.monotonic()) - self._looked < LOOK_PERIOD:
+            return
+        self._looked = now
+        for k, publisher in enumerate(self._publishers):
+            count = publisher.get_subscription_count()
+            if count > self._counts[k]:
+                self._new.add(k)
+            self._counts[k] = count
+        if stands and self._messages:
+            for k in self._new:
+                self._publishers[k].publish(self._messages[k])
+            self._new.clear()
+
+    def close(self) -> None:
+        """Forget the topics: their publishers are removed."""
+        self._publishers, self._messages = [], []
+        self._new.clear()
 
 
 def sender(publisher: Publisher, held: ExitStack) -> Send:

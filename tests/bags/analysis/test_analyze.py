@@ -92,8 +92,8 @@ def spoilt(kind: str, folder: Path) -> Path:
     ("kind", "note"),
     [
         ("gaps", ""),
-        ("nan", "10 readings with NaN or infinity are left out"),
-        ("zero quaternion", "1 readings with a quaternion of length 0 are left out"),
+        ("nan", "10 readings with NaN or infinity skipped"),
+        ("zero quaternion", "1 readings with a quaternion of length 0 skipped"),
         ("time back", "time goes back 1 times"),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_spin_that_is_too_fast_for_the_samples_is_told():
     assert not nothing
     torque, note = coning(4e-2, 101)
     assert note.startswith("turns by up to 1.7 rad between samples")
-    told = float(note.split("off by ")[1].split(" %")[0]) / 100.0
+    told = float(note.split("error of ")[1].split(" %")[0]) / 100.0
     assert 0.05 < told < abs(torque / exact - 1.0) < 3.0 * told
 
 
@@ -167,9 +167,9 @@ def test_a_wrong_schema_is_told(tmp_path):
     with pytest.raises(SinkError) as caught:
         analyze(path)
     (line,) = str(caught.value).splitlines()
-    assert "/x: left out: its schema of geometry_msgs/msg/PoseStamped lacks header, pose" in line
-    assert "/short: left out: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
-    assert "/big: left out: its encoding 0000 is not CDR, little endian" in line
+    assert "/x: skipped: its schema of geometry_msgs/msg/PoseStamped lacks header, pose" in line
+    assert "/short: skipped: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
+    assert "/big: skipped: its encoding 0000 is not CDR, little endian" in line
 
 
 def test_mass_properties_of_a_urdf(tmp_path):
@@ -194,7 +194,7 @@ def results(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     bag = foreign.write(folder / "bag")
     out = folder / "out"
-    assert verb(AnalyzeOptions(bag, out, parquet=_has("pyarrow"), screenshot=False)) == 0
+    assert verb(AnalyzeOptions(bag, out, parquet=_has("pyarrow"))) == 0
     return out
 
 
@@ -359,7 +359,7 @@ def test_a_plot_for_each_unit():
     assert linear.layout.yaxis.title.text == "[m/s]"
     assert angular.layout.yaxis.title.text == "[rad/s]"
     (density,) = _spectra(graph, "energy", figures_of(("value",), rows[:, :1]), {})
-    assert density.layout.yaxis.title.text == "[(J)^2/Hz]"
+    assert density.layout.yaxis.title.text == "[(J)²/Hz]"
     assert unit_of("/somebody/energy", "value") == ""
 
 
@@ -385,8 +385,8 @@ def test_noise_of_the_poses_is_told():
     figures.add(t, np.c_[p + rng.normal(0, 3e-3, p.shape), q])
     figures.finish()
     (note,) = figures.notes
-    assert note.startswith("its poses or stamps are noisy")
-    told = float(note.split(" of its accelerations ")[1].split()[0])
+    assert note.startswith("acceleration from poses is mostly noise")
+    told = float(note.split("mostly noise: ")[1].split()[0])
     wrench = figures.wrench.as_dict()["values"]
     exact = 4.5 * np.sin(3.0 * t[4:-4])
     true = np.hypot(*(wrench[k]["rms"] / CUBE.mass for k in ("Fy", "Fz")))  # these are all noise

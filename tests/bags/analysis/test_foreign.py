@@ -197,7 +197,7 @@ def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
     found = analyze(tmp_path / "x.mcap")
     assert found.figures["/body"].rates.count == len(T) - 1
     (line,) = found.notes
-    assert line == f"/body: 1 message left out: a message of {cut} bytes is no {POSE}"
+    assert line == f"/body: 1 message skipped: a message of {cut} bytes is no {POSE}"
 
 
 def test_a_frame_of_its_own_in_each_message(tmp_path):
@@ -206,7 +206,7 @@ def test_a_frame_of_its_own_in_each_message(tmp_path):
             bag.add("/body", POSE, pose(t, p, q, f"frame{k}"), t)
     found = analyze(tmp_path / "x.mcap")
     assert len(found.figures) == 16
-    assert "/body: the rest is left out: it has more than 16 frames" in found.notes
+    assert "/body: the rest is skipped: it has more than 16 frames" in found.notes
 
 
 def test_a_pose_that_comes_twice_is_one(tmp_path):
@@ -225,7 +225,7 @@ def test_a_quaternion_beyond_all_bounds_is_left_out(tmp_path):
     t, position, q = foreign.swing(50)
     q[20, 1] = 1e200
     found = analyze(foreign.write(tmp_path / "bag", t=t, position=position, q=q))
-    assert "/body: 1 readings beyond 1e+100 are left out" in found.notes
+    assert "/body: 1 readings beyond 1e+100 skipped" in found.notes
 
 
 @pytest.mark.filterwarnings("error")
@@ -235,7 +235,7 @@ def test_a_reading_beyond_all_bounds_is_left_out(tmp_path):
             bag.add("/body", POSE, pose(t, p * (1e300 if k == 200 else 1.0), q), t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
-    assert "/body: 1 readings beyond 1e+100 are left out" in found.notes
+    assert "/body: 1 readings beyond 1e+100 skipped" in found.notes
 
 
 def test_a_compression_that_nobody_knows_is_no_wrong_checksum(tmp_path):
@@ -256,14 +256,14 @@ def test_poses_too_few_in_a_row_are_counted_and_told(tmp_path, n, cut, found):
     bag = foreign.write(tmp_path / "b", t=T[:n] + shift, position=P[:n], q=Q[:n])
     result = analyze(bag, masses=UNIT)
     told = result.bodies["/body"].as_dict()
-    assert told == {"note": f"{found}: nothing is differentiated, which takes 11 in a row"}
+    assert told == {"note": f"{found}: not differentiated, which needs 11 in a row"}
     assert "too few poses in a row of body: no balance, no constraints" in result.notes
 
 
 def test_topics_that_hold_no_readings_are_named_by_their_types(tmp_path):
     with writing(tmp_path / "a.mcap") as bag:
         bag.add("/chatter", "std_msgs/msg/String", bytes(16), 0.0)
-    line = r"nothing to analyze in it: its topics are of other types \(std_msgs/msg/String\)$"
+    line = r"nothing to analyze: its topics are of other types \(std_msgs/msg/String\)$"
     with pytest.raises(SinkError, match=line):
         analyze(tmp_path / "a.mcap")
 

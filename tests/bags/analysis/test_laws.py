@@ -39,3 +39,17 @@ def test_energies_momenta_and_errors(name):
         assert (np.abs(lifted.overlap - found.overlap) > 0.1).all()
     elif name != "rolling_disk":
         assert np.abs(lifted.gap).max() == pytest.approx(1.0, rel=1e-9)
+
+
+def test_turns_of_a_torsion_spring_are_counted_over_the_samples():
+    """Wound by 7.6 rad, as the run has it, in pieces and once more."""
+    from tests.catalogue.test_torsion import wound
+
+    simulation = wound("reduced", 50.0)
+    block = simulation.run().block
+    laws, half = SceneLaws(simulation.scene), len(block) // 2
+    y = coordinates(block)
+    for part in (slice(0, half), slice(half, None), slice(0, half), slice(half, None)):
+        found = laws.at(block.t[part], y[part])
+        wanted = block.potential_energy[part]
+        np.testing.assert_allclose(found.potential, wanted, rtol=1e-9, atol=1e-9)

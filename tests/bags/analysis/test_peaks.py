@@ -43,7 +43,7 @@ def test_a_narrow_peak_tells_how_far_it_is_off(width: float, moves: str) -> None
     assert error > 0.01 * exact and told["largest"] == pytest.approx(largest)
     assert 0.6 * error < told["off"] < 1.1 * error
     (note,) = found.notes
-    assert "largest accelerations are off by about" in note
+    assert "peak acceleration uncertain by about" in note
     assert f"{told['off']:.2g} of {largest:.3g} {'m/s^2' if key == 0 else 'rad/s^2'}" in note
     assert " and " not in note.partition("about")[2]
 

@@ -139,8 +139,8 @@ def test_string_without_a_length_is_just_taut_at_the_start() -> None:
     ("change", "words"),
     [
         ({"length": -1.0}, "length: got -1.0"),
-        ({"length": 0.1}, "the initial position violates it"),
-        ({"restitution": 0.5, "compliance": {"stiffness": 1.0}}, "left out where the string is"),
+        ({"length": 0.1}, "stretch of 0.4 m at the start"),
+        ({"restitution": 0.5, "compliance": {"stiffness": 1.0}}, "omitted for an elastic string"),
         ({"point_A": [0.5, 0.0, 0.0], "length": None}, "its points coincide"),
     ],
 )

@@ -73,7 +73,7 @@ def falling(**more: Any) -> dict[str, Any]:
 
 def test_a_handful_of_states_tells_an_instant() -> None:
     """Regula falsi on the lowest of all event functions, which has kinks, took 26."""
-    events, states = interpreted(looks, falling(), 0.2)
+    events, states = interpreted(looks, falling(), 0.13)
     assert events >= 8
     assert states <= MOST * events
 

@@ -50,18 +50,23 @@ SCENE: dict[str, Any] = {
 """An ellipsoid that rubs on a soft plane of a free body while both turn, in steps of a period."""
 
 
-def test_every_sample_is_a_state() -> None:
+@pytest.fixture(scope="module")
+def often() -> Any:
+    """The run with many samples inside a step."""
+    return Simulation(load_scene(SCENE)).run()
+
+
+def test_every_sample_is_a_state(often: Any) -> None:
     """Samples that the method did not reach in one step were written as NaN, without a word."""
-    found = Simulation(load_scene(SCENE)).run()
+    found = often
     for name in ("a", "b"):
         assert np.isfinite(found.position[name]).all()
         norms = np.linalg.norm(found.orientation[name], axis=1)
         np.testing.assert_allclose(norms, 1.0, rtol=0.0, atol=1e-12)
 
 
-def test_seldom_samples_show_the_same_motion() -> None:
+def test_seldom_samples_show_the_same_motion(often: Any) -> None:
     """What is done for a sample does not change the steps."""
-    often = Simulation(load_scene(SCENE)).run()
     options = SCENE["simulation"] | {"rate": 50.0}
     seldom = Simulation(load_scene(SCENE | {"simulation": options})).run()
     np.testing.assert_array_equal(often.position["b"][-1], seldom.position["b"][-1])

@@ -128,10 +128,14 @@ def test_rough_contacts_that_slip_are_refused_by_what_ends_it() -> None:
         SimpleNamespace(static=s, compliant=False) for s in (math.inf, math.inf, math.inf, 0.5)
     ]
     assert limits.slipping_rough(at) == [0]
-    with pytest.raises(SimulationError, match="contact a would have to pull at t = 0.25 s"):
+    with pytest.raises(
+        SimulationError, match="contact a would have to pull or to slip at t = 0.25 s"
+    ):
         limits.refuse_rough(at, 0, ("a", "b"))
     at.laws[1].compliant = True
-    with pytest.raises(SimulationError, match="contact b slips as it touches at t = 0.25 s"):
+    with pytest.raises(
+        SimulationError, match="contact b slips on a compliant support at t = 0.25 s"
+    ):
         limits.refuse_rough(at, 1, ("a", "b"))
     with pytest.raises(SimulationError, match="b"):
         limits.refuse_drag(0.25, "b")
@@ -156,7 +160,7 @@ def test_a_drag_that_lifts_what_would_push_again_is_refused(
     system: Any = SimpleNamespace(touch=touch, length=0.5, speed=2.0)
     law: Any = SimpleNamespace(compliant=soft, drags=drags)
     if refused:
-        with pytest.raises(SimulationError, match="viscous contact a neither"):
+        with pytest.raises(SimulationError, match="viscous contact a can neither"):
             limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))
     else:
         limits.refuse_to_be_dragged_off(system, law, 3.0, 0, ("a",))

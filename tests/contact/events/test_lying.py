@@ -181,7 +181,7 @@ def test_disk_that_touches_with_one_point_says_that_it_cannot_lie(tilt: float) -
     ("shape", "contact", "allowed"),
     [
         ({"type": "sphere", "radius": RADIUS}, {}, "where lies_flat is given"),
-        (disk(), {"mode": "bilateral"}, "lies_flat.* must be false where"),
+        (disk(), {"mode": "bilateral"}, "lies_flat.* must be false for"),
         (disk(), {"points": [[0.0, 0.0, 0.0]]}, "where lies_flat is given"),
         (
             disk(),

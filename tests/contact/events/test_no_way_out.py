@@ -37,7 +37,7 @@ def test_what_is_perfectly_rough_does_not_slip_after_bounces(rate: float) -> Non
 def test_nothing_ends_a_slip_at_once_on_a_support_that_gives_way() -> None:
     thrown = ball([0, 0, 0.11], linear_velocity=[1, 0, 0])
     soft = touch(friction=ROUGH, compliance={"stiffness": 1e4, "damping": 0.0})
-    with pytest.raises(RbSimError, match="perfectly rough contact floor slips .* gives way"):
+    with pytest.raises(RbSimError, match="perfectly rough contact floor slips on a compliant"):
         contact_run(scene(thrown, soft), np.linspace(0.0, 0.1, 3))
 
 
@@ -60,7 +60,7 @@ def test_a_drag_that_lifts_its_body_off_is_refused(per_normal: bool) -> None:
     if per_normal:
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
         return
-    with pytest.raises(RbSimError, match="viscous contact floor neither stays nor leaves"):
+    with pytest.raises(RbSimError, match="viscous contact floor can neither stay closed nor open"):
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
 
 
@@ -76,7 +76,7 @@ def test_so_is_one_on_a_support_that_gives_way_and_has_a_damper(per_normal: bool
     if per_normal:
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
         return
-    with pytest.raises(RbSimError, match="viscous contact floor neither stays nor leaves"):
+    with pytest.raises(RbSimError, match="viscous contact floor can neither stay closed nor open"):
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
 
 

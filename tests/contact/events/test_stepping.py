@@ -119,7 +119,7 @@ def test_why_an_implicit_method_finds_no_step() -> None:
         touch[:, [CLOSED, SLIDE, STATIC]] = 1.0, STUCK, 0.3
         touch[1, SLIDE] = SLIDING if rubs else STUCK
         text = found._explain(status)
-        assert ("turns a slow slip (on_b1)" in text) is named
+        assert ("slow slips with friction (on_b1)" in text) is named
     touch[1, [CLOSED, SLIDE]] = 0.0, SLIDING
     assert "slow slip" not in found._explain(NOT_FINITE)
 

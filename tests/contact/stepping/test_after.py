@@ -16,7 +16,7 @@ from rb_sim.contact.stepping.scene_tables import LAWS, PERFECTLY_ROUGH, STATIC
 from rb_sim.contact.stepping.step_workspace import TOO_FAR
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 
-WORKSPACE = 64
+COLUMNS = 64
 """Columns of tables of which few are read."""
 
 
@@ -27,11 +27,11 @@ def test_paradox_where_friction_pulls_together_by_more_than_the_push_parts(
     """Slip s = (0.3, 0.4) on its support: W_nn - mu W_nt . s/|s| = 1 - mu (2 0.6 - 1 0.8)."""
     y = np.zeros(2 * WIDTH)
     y[WIDTH + 7 : WIDTH + 10] = 0.4, 0.6, 5.0
-    rows, targets = np.zeros((2 * LINES, WORKSPACE)), np.zeros(2 * LINES)
+    rows, targets = np.zeros((2 * LINES, COLUMNS)), np.zeros(2 * LINES)
     rows[LINES + 1, 0] = rows[LINES + 2, 1] = 1.0
     bends = np.array([[5.0, 5.0, 5.0], [5.0, 0.7, -0.4]])
     targets[LINES + 1 : LINES + 3] = 0.1 - 0.7, 0.2 + 0.4
-    blocks = np.zeros((2, WORKSPACE))
+    blocks = np.zeros((2, COLUMNS))
     blocks[1, :3] = 1.0, 2.0, -1.0
     assert is_paradox(blocks, rows, targets, bends, y, 1, 1, -1, mu, 0.49) == expected
     assert not is_paradox(blocks, rows, targets, bends, y, 1, 1, -1, mu, 0.51)  # it hardly slips
@@ -42,7 +42,7 @@ def test_a_point_runs_around_its_body(part: float) -> None:
     """The body has moved on by half a step meanwhile, by more than its own size."""
     h, arm, v, place = 0.1, 0.2, np.array([30.0, -20.0, 8.0]), np.array([1.0, 2.0, 3.0])
     angle = part * TOO_FAR
-    y, memory, spots = np.zeros(2 * WIDTH), np.zeros((3, WORKSPACE)), np.zeros((3, WORKSPACE))
+    y, memory, spots = np.zeros(2 * WIDTH), np.zeros((3, COLUMNS)), np.zeros((3, COLUMNS))
     y[WIDTH : WIDTH + 3], y[WIDTH + 7 : WIDTH + 10] = place, v
     y[WIDTH + 6] = 1.0
     memory[2, ANCHOR : ANCHOR + 3] = place - 0.5 * h * v + [0.0, 0.0, -arm]

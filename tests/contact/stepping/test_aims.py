@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.bounds import effort_of
-from rb_sim.checks.effort import ASTRAY, found_in
+from rb_sim.checks.effort import ASTRAY, effort_of, found_in
 from rb_sim.contact.stepping.geometry import IMPULSE, TWIST
 from rb_sim.contact.stepping.step_kernels import add_up
 from rb_sim.contact.stepping.step_workspace import LENGTH, memory_of, workspace_for
@@ -60,7 +59,7 @@ def sent_off(
     simulation = Simulation(load_scene(scene), announce=None)
     run = simulation.run(watched=False)
     found = found_in(run.block, effort_of(simulation), 1.0 / duration, 1.0)
-    told = [finding.where for finding in found if finding.watch == "aim"]
+    told = [finding.where for finding in found if finding.watch == "contact steps"]
     return simulation, run.linear_velocity["ball"][-1], told
 
 

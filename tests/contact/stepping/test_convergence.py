@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.checks.bounds import effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.effort import effort_of
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import body, scene, touch
 from tests.interpreted import interpreted
@@ -75,7 +75,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     struck here and there; a wheel that rolls upright, however fast, and a ball are none of that."""
     low = START | {"position": [0.0, 0.0, 0.1], "angular_velocity": [0.3, 0.1, 0.2]}
     steps, text = interpreted(told, low, 1e-3, 0.0)
-    assert steps > 0 and "running contact" in text and "try step" in text
+    assert steps > 0 and "contact steps" in text and "try step" in text
     upright = {"axis": [1.0, 0.0, 0.0], "angle": np.pi / 2.0}
     wheel = body(SHAPE, [0.0, 0.0, 0.1], orientation=upright, linear_velocity=[3.0, 0.0, 0.0],
                  angular_velocity=[0.0, 0.0, -30.0])  # fmt: skip
@@ -83,7 +83,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     ball = body(round_, [0.0, 0.0, 0.15], angular_velocity=[9.0, 2.0, 5.0])
     for start in (wheel, ball):
         steps, text = interpreted(told, start, 5e-3, 0.5)
-        assert steps == 0 and "running contact" not in text
+        assert steps == 0 and "contact steps" not in text
 
 
 def paradox(mu: float, step: float = 1e-3) -> tuple[int, str]:
@@ -172,9 +172,9 @@ def test_energy_lost_where_a_contact_bears_already_is_told() -> None:
     start, lost, restruck, text = interpreted(in_a_bowl, 5e-2)
     assert lost > 0.02 * start
     assert 0.3 * lost < restruck < 3.0 * lost
-    assert "running contact" in text and "try step" in text
+    assert "contact steps" in text and "try step" in text
     _, less, _, text = interpreted(in_a_bowl, 1e-2)
-    assert less < 0.05 * lost and "running contact" not in text
+    assert less < 0.05 * lost and "contact steps" not in text
 
 
 def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:

@@ -190,7 +190,7 @@ def test_normals_that_turn_are_told_at_the_end_of_their_step() -> None:
     assert when == pytest.approx(0.5 + 1e-6, abs=1e-9) and speed > 0.0
 
 
-NORMAL_FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
+FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
 SHAKE, RATTLE = 1e-3, 12.0
 """A force along x on what is in flight, a support that goes up and down [N, rad/s; m, rad/s]."""
 
@@ -198,7 +198,7 @@ SHAKE, RATTLE = 1e-3, 12.0
 def pushed(start: float, steps: int) -> float:
     """Velocity along x of what flies, after so many steps of 10 ms."""
     push = {
-        "type": "wrench", "body": "body", "sine_force": [NORMAL_FORCE, 0, 0],
+        "type": "wrench", "body": "body", "sine_force": [FORCE, 0, 0],
         "angular_frequency": OMEGA, "phase": PHASE,
     }  # fmt: skip
     mapping = scene(ball([5.0, 0.0, 9.0]), touch(), push=push)
@@ -238,7 +238,7 @@ def carried(shape: str, start: float, steps: int) -> tuple[float, float, float]:
 def test_loads_are_those_of_the_middle_of_a_step(start: float) -> None:
     for steps in (1, 4):
         middles = start + 0.01 * (np.arange(steps) + 0.5)
-        force = NORMAL_FORCE * np.sin(OMEGA * middles + PHASE)
+        force = FORCE * np.sin(OMEGA * middles + PHASE)
         found = interpreted(pushed, start, steps)
         assert found == pytest.approx(0.01 * force.sum(), rel=1e-9)
 

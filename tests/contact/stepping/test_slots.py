@@ -84,7 +84,7 @@ def slots_of(spots: np.ndarray, world: list[np.ndarray], gaps: np.ndarray) -> li
     return found
 
 
-RELATIVE_SPIN = Rotation.from_rotvec([0.4, 0.5, -0.6]).as_matrix()
+TURN = Rotation.from_rotvec([0.4, 0.5, -0.6]).as_matrix()
 NEW = np.array([0.1, 0.45, -0.2])
 
 
@@ -93,7 +93,7 @@ NEW = np.array([0.1, 0.45, -0.2])
 def test_a_point_keeps_its_slot_while_it_stays(away: float, stays: bool, forget: bool) -> None:
     """Within a tenth of the body's smallest half edge, in whatever order points are found; what is
     new takes the first slot that is free and remembers nothing."""
-    points = [NEW, OLD[2] + away * RELATIVE_SPIN[0], OLD[5] + away * RELATIVE_SPIN[1]]
+    points = [NEW, OLD[2] + away * TURN[0], OLD[5] + away * TURN[1]]
     spots, memory, before, world, gaps = interpreted(placed, points, forget)
     assert slots_of(spots, world, gaps) == ([0, 2, 5] if stays else [0, 1, 2])
     for k, slot in enumerate([0, 2, 5] if stays else [0, 1, 2]):
@@ -108,7 +108,7 @@ def test_a_point_keeps_its_slot_while_it_stays(away: float, stays: bool, forget:
 
 def test_two_points_near_one_place_share_no_slot() -> None:
     """The first that is found stays."""
-    points = [OLD[2] + 0.5 * NEAR * RELATIVE_SPIN[0], OLD[2] + 0.1 * NEAR * RELATIVE_SPIN[1]]
+    points = [OLD[2] + 0.5 * NEAR * TURN[0], OLD[2] + 0.1 * NEAR * TURN[1]]
     spots, memory, before, world, gaps = interpreted(placed, points, True)
     assert slots_of(spots, world, gaps) == [2, 0]
     assert np.array_equal(memory[2, :PLACE], before[2, :PLACE])

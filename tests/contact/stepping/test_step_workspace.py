@@ -19,7 +19,7 @@ SHAPES = {
     "x": (LINES * C,), "joint_rows": (J, WIDTH), "joint_targets": (J,), "joint_x": (J,),
     "joint_back": (J,), "joint_factor": (J, J), "joint_spare": (2, J), "u": (N, 6),
     "turning": (N, 6), "before": (13 * N + 1,), "notes": (NOTES,), "meets": (C,),
-    "summed": (C, 6), "joint_summed": (J,), "loads": (6 * N,), "traction": (9,),
+    "summed": (C, 6), "joint_summed": (J,), "traction": (9,),
     "joint_out": (13 * N + ROW_WIDTH * J + 1,),
 }  # fmt: skip
 

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.checks.bounds import Effort, below, effort_of, finer_step, round_down
 from rb_sim.checks.check_list import CLOSER, INTERVALS, closer_samples
-from rb_sim.checks.step_doubling import Coarseness
+from rb_sim.checks.effort import Effort, below, effort_of, finer_step, round_down
+from rb_sim.checks.step_doubling import LocalError
 from tests.checks.blocks import Block
 
 
 def adaptive(tolerance: float, steps: int) -> Effort:
-    return Effort("dopri853", None, tolerance, steps, 0)
+    return Effort("dopri853", None, tolerance, steps)
 
 
 def fixed(method: str, **more: Any) -> Effort:
-    return Effort(method, 0.01, None, 100, 0, **more)
+    return Effort(method, 0.01, None, 100, **more)
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,8 @@ def test_the_balance_of_an_adaptive_run(tolerance: float, steps: int, balance: f
 def test_the_bounds_of_fixed_steps_by_the_order() -> None:
     first, higher, foreign = fixed("euler"), fixed("rk4"), fixed("heun of nobody")
     assert [e.balance for e in (first, higher, foreign)] == [2e-2, 1e-3, 1e-3]
-    assert [e.coarse_bound for e in (first, higher, foreign)] == [0.1, 1e-2, 1e-2]
-    assert [e.grown_bound for e in (first, higher, foreign)] == [0.5, 0.1, 0.1]
+    assert [e.bounds.local for e in (first, higher, foreign)] == [0.1, 1e-2, 1e-2]
+    assert [e.bounds.grown for e in (first, higher, foreign)] == [0.5, 0.1, 0.1]
     assert higher.outcome_bound == 1e-3
 
 
@@ -56,8 +56,6 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
         "choice": None,
         "scene": SimpleNamespace(simulation=options),
         "steps": 40,
-        "rejected_steps": 9,
-        "cut_steps": 4,
         "unsolved_steps": (3, 0.5),
         "circling_steps": 5,
         "paradox_steps": 6,
@@ -65,28 +63,25 @@ def test_where_the_effort_of_a_run_comes_from() -> None:
         "restruck_energy": 7.0,
         "made_energy": 7.5,
         "astray": (8.0, 0.1, "floor"),
-        "coarseness": Coarseness(),
-        "method": SimpleNamespace(),
-        "held_bodies": frozenset({"bob"}),
+        "local_error": LocalError(share=0.2),
         "left_open": None,
         "ahead": None,
-        "again": None,
     }
     told = effort_of(SimpleNamespace(**run))
-    assert told[:5] == ("rk4", 0.01, None, 40, 5)
-    assert told[5:13] == (3, 0.5, 5, 6, 6.5, 7.0, 7.5, (8.0, 0.1, "floor"))
-    assert told.local == 0.0 and told.held == {"bob"}
+    assert told[:4] == ("rk4", 0.01, None, 40)
+    assert told[4:12] == (3, 0.5, 5, 6, 6.5, 7.0, 7.5, (8.0, 0.1, "floor"))
+    assert told.local.share == 0.2
     assert told.asked is None and told.kept_to == 0.0
     chosen = SimpleNamespace(
         method="dopri853", step=None, tolerance=1e-9, target=1e-10, reached=False
     )
-    run |= {"choice": chosen, "method": SimpleNamespace(tolerance=2e-9)}
+    run["choice"] = chosen
     told = effort_of(SimpleNamespace(**run))
-    assert told[:3] == ("dopri853", None, 1e-9) and told.local == 2e-9
-    assert told.own_tolerance == 1e-10 and told.kept_to == 0.0
+    assert told[:3] == ("dopri853", None, 1e-9)
+    assert told.asked == 1e-10 and told.kept_to == 0.0
     chosen.reached = True
     told = effort_of(SimpleNamespace(**run))
-    assert told.local == 1e-10 and told.kept_to == 3.0
+    assert told.kept_to == 3.0
 
 
 @pytest.mark.parametrize(

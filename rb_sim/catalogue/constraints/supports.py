@@ -1,0 +1,180 @@
+"""The short form of supports, as `supports` of a scene lists them: what holds bodies at one point.
+
+Each is a constraint like the others, but for `contact`: that is written out as the contact of a
+point of the body with a plane of its parent.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+from pydantic import AfterValidator, model_validator
+
+from rb_sim.catalogue.constraints.joints import Weld
+from rb_sim.catalogue.constraints.rows import ParallelRow, PointRow
+from rb_sim.catalogue.constraints.simple import Distance
+from rb_sim.catalogue.contacts.contact import Contact, CoulombLaw, RoughLaw, SmoothLaw
+from rb_sim.catalogue.contacts.string import String
+from rb_sim.catalogue.contacts.surfaces import PlaneSurface
+from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse, refuse_at
+from rb_sim.catalogue.types import Part, Place, Quaternion, Vec3
+from rb_sim.numerics.vectors import ZERO, add, dot, norm, perpendicular, rotate, sub, unrotate
+
+SAME_POINT = 1e-9
+"""Distance [m], or share of the distance from the world origin if that is more than 1 m, below
+which two points given in numbers are one."""
+
+
+class Pose(NamedTuple):
+    """Of a body's origin and axes at the start; of the world without arguments."""
+
+    position: Vec3 = ZERO
+    """world [m]."""
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    """[x, y, z, w], body to world."""
+    shape: Any = None
+
+    def point(self, p: Vec3) -> Vec3:
+        """A point of the body in the world [m]."""
+        return add(self.position, rotate(self.orientation, p))
+
+    def local(self, p: Vec3) -> Vec3:
+        """The same, back."""
+        return unrotate(self.orientation, sub(p, self.position))
+
+
+def _coefficient(value: Any) -> Any:
+    """Refuse what is neither a word nor a finite coefficient >= 0."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
+        return value
+    raise refuse("smooth, rough or a coefficient of friction >= 0")
+
+
+class PointContact(Spec):
+    """Touch at a point: N >= 0 along the normal, |friction force| <= friction N across it.
+
+    Say the point on one side, point_B or point_A, and the normal on one side; if both points are
+    given they must coincide. An edge has the normal of what lies on it: take normal_B there, for
+    bodies at rest.
+    """
+
+    type: Literal["contact"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 | None = None
+    point_A: Vector3 | None = None
+    normal_B: UnitVector3 | None = None
+    """into the body, body axes."""
+    normal_A: UnitVector3 | None = None
+    """into the body, axes of the parent."""
+    friction: Annotated[Any, AfterValidator(_coefficient)] = "smooth"
+    """smooth: along the normal only; a number: Coulomb's coefficient; rough: any tangential
+    force."""
+
+    @model_validator(mode="after")
+    def _one_side(self) -> PointContact:
+        if self.point_B is None and self.point_A is None:
+            raise refuse("a contact with point_B (on the body) or point_A (on the parent)")
+        if (self.normal_B is None) == (self.normal_A is None):
+            raise refuse("a contact with one normal: normal_A or normal_B, pointing into the body")
+        return self
+
+    def written_out(self, B: Pose, A: Pose) -> Contact:
+        """The contact of the point with a plane of the parent as the bodies stand.
+
+        Raises ValidationError for points that differ and those beyond the end of a rod.
+        """
+        at = B.point(self.point_B) if self.point_B is not None else A.point(self.point_A or ZERO)
+        if self.point_A is not None and (apart := norm(sub(A.point(self.point_A), at))):
+            if apart > SAME_POINT * max(1.0, norm(at)):
+                allowed = f"the same point as point_B (they are {apart:.3g} m apart)"
+                raise refuse_at((("point_A",), list(self.point_A), refuse(allowed)))
+        for name, pose in ((self.body, B), (self.parent, A)):
+            if (beyond := beyond_the_end(pose, at)) > 0.0:
+                field = "point_A" if self.point_B is None else "point_B"
+                allowed = f"a point of rod {name} (this one is {beyond:.3g} m beyond its end)"
+                raise refuse_at(((field,), list(getattr(self, field)), refuse(allowed)))
+        normal: Vec3 = self.normal_A or ZERO
+        if self.normal_B is not None:
+            normal = unrotate(A.orientation, rotate(B.orientation, self.normal_B))
+        laws = {"smooth": SmoothLaw(), "rough": RoughLaw()}
+        law = laws.get(self.friction) or CoulombLaw(static=float(self.friction))
+        return Contact(
+            type="contact",
+            body=self.body,
+            parent=self.parent,
+            points=(self.point_B if self.point_B is not None else B.local(at),),
+            surface=PlaneSurface(point=self.point_A or A.local(at), normal=normal),
+            friction=law,
+        )
+
+
+def beyond_the_end(pose: Pose, point: Vec3) -> float:
+    """How far along its axis a point (world) lies beyond the end of a rod [m]; 0 if it does not,
+    or the body is no rod."""
+    if getattr(pose.shape, "type", "") != "rod":
+        return 0.0
+    centre = pose.point(pose.shape.center_B)
+    along = abs(dot(sub(point, centre), rotate(pose.orientation, pose.shape.axis_B)))
+    beyond = along - 0.5 * pose.shape.length
+    return beyond if beyond > SAME_POINT * max(1.0, norm(point), norm(centre)) else 0.0
+
+
+class Rod(Distance):
+    """Light strut hinged at both ends: a force along it of either sign."""
+
+    type: Literal["rod"]  # type: ignore[assignment]
+
+
+class Hinge(Spec):
+    """Smooth hinge: a force in any direction; with an axis (a pin) also the torques across it."""
+
+    type: Literal["hinge"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 | None = None
+    """from the body origin, body axes [m]; left out: where point_A is, or the body origin."""
+    point_A: Vector3 | None = None
+    """on the parent, from its origin, or in the world [m]; left out: where point_B is."""
+    axis_B: UnitVector3 | None = None
+    """free axis of a pin, body axes; none: a ball joint."""
+    axis_A: UnitVector3 | None = None
+    """the same in the axes of the parent."""
+
+    EQUATION: ClassVar[str] = """
+    p_B = p_A;  with an axis: axis_B . s = axis_B . t = 0      s, t: normal to axis_A
+    on the body: a force at point_B, and a torque normal to the axis
+    """
+
+    @model_validator(mode="after")
+    def _one_axis(self) -> Hinge:
+        if self.axis_B is not None and self.axis_A is not None:
+            raise refuse("a hinge with at most one of axis_B and axis_A")
+        return self
+
+    def parts(self, place: Place) -> list[Part]:
+        if self.point_B is None and self.point_A is not None:
+            r_A = place.from_com(self.parent, self.point_A)
+            r_B = place.partner_point(self.body, None, self.parent, self.point_A)
+        else:
+            r_B = place.from_com(self.body, self.point_B or ZERO)
+            r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B or ZERO)
+        parts = [Part(PointRow(r_B, r_A))]
+        if self.axis_B is not None:
+            n_A = place.partner_axis(self.parent, None, self.body, self.axis_B)
+            parts.append(Part(ParallelRow(self.axis_B, *perpendicular(n_A))))
+        elif self.axis_A is not None:
+            n_B = place.partner_axis(self.body, None, self.parent, self.axis_A)
+            parts.append(Part(ParallelRow(n_B, *perpendicular(self.axis_A))))
+        return parts
+
+
+SUPPORTS: dict[str, type[Spec]] = {
+    "string": String,
+    "rod": Rod,
+    "contact": PointContact,
+    "hinge": Hinge,
+    "weld": Weld,
+}

@@ -1,0 +1,133 @@
+"""Shares of a load that joints leave open are the least ones, and that they are is reported.
+
+A block between flat pads on guides: the centre of pressure of the pads is in no law, and friction
+at a pressure off the centre would turn the block. Forces and motions are closed forms.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim import Simulation, load_scene
+from tests.contact.scenes import G, box
+
+MU, STEP = 0.5, 1e-3
+BLOCK, FINGERS = 0.3, {"left": -1.0, "right": 1.0}
+
+
+def guided(parent: dict[str, str], finger: str, along: list[float]) -> dict[str, Any]:
+    """Constraints that let a finger move along an axis of its parent only."""
+    across = ([0.0, 1.0, 0.0] if along[0] else [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    own = {"body": finger} | parent
+    return {
+        f"{finger}_x": {"type": "parallel", "axis_B": along} | own,
+        f"{finger}_z": {"type": "parallel", "axis_B": [0.0, 0.0, 1.0]} | own,
+        f"{finger}_across": {"type": "plane", "normal_A": across[0]} | own,
+        f"{finger}_up": {"type": "plane", "normal_A": across[1]} | own,
+    }
+
+
+def clamped(squeeze: float, friction: dict[str, Any], hand: bool) -> dict[str, Any]:
+    """A block between two pads that slide in a hand on a vertical rail, or in the world."""
+    bodies: dict[str, Any] = {}
+    constraints: dict[str, Any] = {}
+    effects: dict[str, Any] = {"weight": {"type": "gravity"}}
+    parent = {"parent": "hand"} if hand else {}
+    if hand:
+        inertia = [0.01, 0.01, 0.01]
+        bodies["hand"] = {"mass": 1.0, "inertia": inertia, "position": [0.0, 0.0, 0.3]}
+        guide = {"type": "line", "direction": [0.0, 0.0, 1.0]}
+        constraints["rail"] = {"type": "translation", "body": "hand", "guide": guide}
+        effects["lift"] = {"type": "wrench", "body": "hand", "force": [0.0, 0.0, 1.5 * G]}
+    for finger, side in FINGERS.items():
+        bodies[finger] = box([0.02, 0.06, 0.06], [0.04 * side, 0.0, 0.1]) | {"mass": 0.1}
+        constraints |= guided(parent, finger, [1.0, 0.0, 0.0])
+        surface = {"type": "plane", "point": [-0.01 * side, 0, 0], "normal": [-side, 0, 0]}
+        touching = {"type": "contact", "body": "block", "parent": finger, "surface": surface}
+        constraints[f"on_{finger}"] = touching | {"friction": friction}
+        effects[f"push_{finger}"] = {
+            "type": "wrench",
+            "body": finger,
+            "force": [-side * squeeze, 0, 0],
+        }
+    bodies["block"] = box([0.06, 0.04, 0.04], [0.0, 0.0, 0.1]) | {"mass": BLOCK}
+    return {"bodies": bodies, "constraints": constraints, "effects": effects}
+
+
+def plate(squeeze: float) -> dict[str, Any]:
+    """A plate between one flat finger and two that press against it."""
+    bodies = {"block": box([0.1, 0.02, 0.1], [0.0, 0.0, 0.1]) | {"mass": BLOCK}}
+    constraints: dict[str, Any] = {}
+    effects: dict[str, Any] = {"weight": {"type": "gravity"}}
+    for i, (side, x, force) in enumerate(((-1, 0.0, 2.0), (1, 0.03, 1.0), (1, -0.03, 1.0))):
+        finger = f"finger{i}"
+        bodies[finger] = box([0.02, 0.02, 0.02], [x, 0.02 * side, 0.1]) | {"mass": 0.1}
+        constraints |= guided({}, finger, [0.0, 1.0, 0.0])
+        surface = {"type": "plane", "point": [0, 0.01 * side, 0], "normal": [0, side, 0]}
+        constraints[f"on_{finger}"] = {
+            "type": "contact", "body": finger, "parent": "block", "surface": surface,
+            "friction": {"type": "coulomb", "static": MU},
+        }  # fmt: skip
+        push = [0.0, -side * force * squeeze, 0.0]
+        effects[f"push_{finger}"] = {"type": "wrench", "body": finger, "force": push}
+    return {"bodies": bodies, "constraints": constraints, "effects": effects}
+
+
+def run(scene: dict[str, Any], step: float = STEP) -> Any:
+    """0.1 s by time stepping; (trajectory, texts of its warnings)."""
+    options = {"method": "time_stepping", "step": step, "duration": 0.1, "rate": 100.0}
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run = Simulation(load_scene(scene | {"simulation": options})).run(check=False)
+    return run, [str(w.message) for w in said]
+
+
+COULOMB = {"type": "coulomb", "static": MU}
+
+
+def falls(found: Any, friction: float) -> None:
+    """The block falls without a turn, held back by the friction of all its contacts."""
+    t = found.t
+    way = 0.5 * (G - friction / BLOCK) * t**2
+    assert_allclose(0.1 - found.position["block"][:, 2], way, atol=2e-6)
+    assert np.abs(found.orientation["block"][:, :3]).max() < 1e-6
+
+
+@pytest.mark.parametrize("hand", [True, False])
+@pytest.mark.parametrize("step", [1e-2, 1e-3])
+def test_a_block_slips_out_of_two_pads_without_a_turn(hand: bool, step: float) -> None:
+    """Its four corners on a pad share the squeeze alike, whatever sweeps begin with."""
+    squeeze = 0.985 * BLOCK * G / (2.0 * MU)
+    found, _ = run(clamped(squeeze, COULOMB, hand), step)
+    falls(found, 2.0 * MU * squeeze)
+    for finger, side in FINGERS.items():
+        corners = [found.reaction[f"on_{finger}/{i}"].force[1:, 0] for i in range(1, 9)]
+        pushing = [c for c in corners if np.abs(c).max() > 0.0]
+        assert len(pushing) == 4
+        assert_allclose(pushing, -side * squeeze / 4.0, rtol=1e-3)
+        assert_allclose(found.reaction[f"on_{finger}"].force[1:, 0], -side * squeeze, rtol=1e-6)
+
+
+def test_a_plate_slips_out_of_three_fingers_without_a_turn() -> None:
+    found, _ = run(plate(1.4))
+    falls(found, 4.0 * MU * 1.4)
+
+
+def test_a_block_that_is_held_loads_both_pads_alike() -> None:
+    """Also where the first solution that sweeps find has corners at the bound of friction."""
+    found, told = run(clamped(3.2, COULOMB, False))
+    for finger in FINGERS:
+        assert_allclose(found.reaction[f"on_{finger}"].force[1:, 2], BLOCK * G / 2.0, rtol=1e-6)
+        assert_allclose(found.reaction[f"on_{finger}"].force[1:, 1], 0.0, atol=1e-6)
+    assert not [text for text in told if "ambiguous" in text]
+
+
+def test_a_motion_that_shares_leave_open_is_reported_once() -> None:
+    squeeze = 0.985 * BLOCK * G / (2.0 * MU)
+    _, told = run(clamped(squeeze, COULOMB, False))
+    assert len([text for text in told if "accelerations that the contact laws allow" in text]) == 1
