@@ -13,8 +13,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation
 
+from benchmarks.contact.depths import depth_of
 from benchmarks.contact.loads import loads, power, velocity_of
 from benchmarks.contact.normals import normal_of
+from benchmarks.contact.shapes import size_of
 
 GAINED = 1e-6
 """Change of energy less work of contacts, over the largest kinetic energy and that of the fall."""
@@ -55,7 +57,21 @@ def broken(mapping: dict[str, Any], trajectory: Any) -> Problems:
     for name, contact in mapping["constraints"].items():
         if contact["type"] == "contact":
             out += laws(name, contact, mapping, trajectory)
+            out += sunk(name, contact, mapping, trajectory)
     return out
+
+
+def sunk(name: str, contact: Any, mapping: Any, trajectory: Any) -> Problems:
+    """A body whose shape lies deeper in its support than rounding leaves, sides and faces too."""
+    shape = mapping["bodies"][contact["body"]].get("shape")
+    if shape is None or "points" in contact or "compliance" in contact:
+        return []
+    depth = depth_of(contact, mapping, trajectory)
+    worst = int(depth.argmax())
+    share = float(depth[worst]) / size_of(shape)
+    if share <= DEEP:
+        return []
+    return [f"{name} sinks by {share:.2g} of the body's size at t = {trajectory.t[worst]:.6g} s"]
 
 
 def energy(trajectory: Any, loose: bool, allowed: float) -> Problems:
