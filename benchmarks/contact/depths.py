@@ -48,5 +48,5 @@ def displacement(contact: Any, trajectory: Any) -> Any:
     motion = contact.get("motion") or {}
     if motion.get("type") != "shaken":
         return np.zeros((len(trajectory.t), 3))
-    angle = 2.0 * np.pi * motion["frequency"] * trajectory.t + motion["phase"]
+    angle = 2.0 * np.pi * motion["frequency"] * trajectory.t + motion.get("phase", 0.0)
     return motion["amplitude"] * np.sin(angle)[:, None] * np.array(motion["direction"])
