@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib import import_module
@@ -11,16 +10,16 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.alignment import Interpolated, stretches
 from rb_sim.bags.compare import CALENDAR, UNITS, Differences
-from rb_sim.bags.message_rates import LONG
+from rb_sim.bags.message_rates import LONG, linear
 from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
 from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
 from rb_sim.io.rerun.viewer import MOTION
+from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
 
 # Two motions over time, one laid over the other, and their differences, as a picture.
 
@@ -40,10 +39,6 @@ FLIP = 90.0
 
 WRAP = 130
 """Characters in a line of the title."""
-
-
-HALF_TURN = 170.0
-"""[degrees]: by more both roll and yaw leap where the pitch passes 90."""
 
 
 class Overlaid(NamedTuple):
@@ -133,8 +128,8 @@ def _overlaid(found: Differences, a: Track, b: Track) -> list[Overlaid]:
     """Panels of the positions and then of the angles that move; x if nothing does."""
     shift, clock = found.start, _on_clock(b, found).t
     p_a, p_b = (_lines(t - shift, track.position, track) for t, track in ((a.t, a), (clock, b)))
-    first = roll_pitch_yaw(a)
-    angles = first, roll_pitch_yaw(b, np.stack([np.interp(clock, a.t, c) for c in first.T], axis=1))
+    first = attitude_angles(a)
+    angles = first, attitude_angles(b, linear(clock, a.t, first))
     r_a, r_b = (
         _lines(t - shift, values, track, FLIP)
         for t, values, track in ((a.t, angles[0], a), (clock, angles[1], b))
@@ -175,21 +170,17 @@ def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.insert(t[kept], at, t[gaps]), np.insert(values[kept], at, np.nan)
 
 
-def roll_pitch_yaw(track: Track, near: np.ndarray | None = None) -> np.ndarray:
-    """Rotations about the fixed x, then y, then z axis [degrees], shape (n, 3).
+def attitude_angles(track: Track, near: np.ndarray | None = None) -> np.ndarray:
+    """Roll, pitch and yaw [degrees], shape (n, 3).
 
-    (roll, pitch, yaw) is the attitude of (roll + 180, 180 - pitch, yaw + 180), too: of both, and of
-    whole turns, that is taken which is nearest to `near`; without, that which leaps least.
+    Of both triples of an attitude, and of whole turns, that is taken which is nearest to `near`;
+    without, to the sample before.
     """
-    with warnings.catch_warnings():  # where the pitch is 90 roll and yaw are one angle
-        warnings.simplefilter("ignore", UserWarning)
-        angles = Rotation.from_quat(track.orientation).as_euler("xyz", degrees=True)
-    other = np.array([180.0, 180.0, 180.0]) + angles * [1.0, -1.0, 1.0]
+    angles = roll_pitch_yaw(track.orientation)
     if near is None:
-        steps = np.abs((np.diff(angles[:, [0, 2]], axis=0) + 180.0) % 360.0 - 180.0)
-        beyond = np.cumsum(np.concatenate([[False], (steps > HALF_TURN).all(axis=1)])) % 2 == 1
-        return np.unwrap(np.where(beyond[:, None], other, angles), period=360.0, axis=0)
-    both = [each - 360.0 * np.round((each - near) / 360.0) for each in (angles, other)]
+        return np.degrees(without_jumps(angles))
+    both = [np.degrees(each) for each in (angles, other_triple(angles))]
+    both = [each - 360.0 * np.round((each - near) / 360.0) for each in both]
     off = [np.abs(each - near).sum(axis=1) for each in both]
     return np.where((off[0] <= off[1])[:, None], *both)
 

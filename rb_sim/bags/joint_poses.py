@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from rb_sim.bags.message_rates import forward
 from rb_sim.base.names import ros_name
 from rb_sim.io.bag.batches import unpacked
 from rb_sim.io.bag.folder import bag_paths, scan_of
@@ -21,6 +21,7 @@ from rb_sim.io.messages import cdr
 from rb_sim.io.messages.joints import slides
 from rb_sim.io.messages.message_types import JOINT_STATE
 from rb_sim.io.messages.robot_description import joints_above
+from rb_sim.numerics.rotations import from_rotation_vector, product, rotate
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
@@ -79,8 +80,7 @@ def _positions(bag: Path) -> dict[str, tuple[Array, Array]]:
     series = {}
     for name, pairs in rows.items():
         t, value = np.array(pairs).T
-        later = np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])
-        kept = later & np.isfinite(value)
+        kept = forward(t) & np.isfinite(value)
         series[name] = t[kept], value[kept]
     return series
 
@@ -103,21 +103,25 @@ def _placed(
     first, last = max(t[0] for t, _ in series), min(t[-1] for t, _ in series)
     t = series[0][0]
     t = t[(t >= first) & (t <= last)]
-    turn, shift = Rotation.identity(len(t)), np.zeros((len(t), 3))
-    """what the joints so far do to a point of the world at the start: turn, then shift."""
+    # what the joints so far do to a point of the world at the start: turn, then shift
+    turn, shift = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)), np.zeros((len(t), 3))
     for name, spec in chain:
-        start = scene.bodies[spec.body]
-        own = Rotation.from_quat(start.orientation)
         if spec.type == "weld":
             continue
-        value = np.interp(t, *mine[name])
+        value = np.interp(t, *mine[name])[:, None]
         if slides(spec):
-            shift = shift + turn.apply(value[:, None] * np.array(spec.guide.direction))
+            shift = shift + rotate(turn, value * np.array(spec.guide.direction))
             continue
-        point = np.array(start.position) + own.apply(spec.point_B)
-        swing = Rotation.from_rotvec(value[:, None] * own.apply(spec.axis_B))
-        shift = shift + turn.apply(point - swing.apply(point))
-        turn = turn * swing
-    start = scene.bodies[body]
-    position = shift + turn.apply(np.array(start.position, dtype=float))
-    return Poses(t, position, (turn * Rotation.from_quat(start.orientation)).as_quat())
+        p, q = _start(scene, spec.body)
+        point = p + rotate(q, np.array(spec.point_B))
+        swing = from_rotation_vector(value * rotate(q, np.array(spec.axis_B)))
+        shift = shift + rotate(turn, point - rotate(swing, point))
+        turn = product(turn, swing)
+    p, q = _start(scene, body)
+    return Poses(t, shift + rotate(turn, p), product(turn, q))
+
+
+def _start(scene: Scene, body: str) -> tuple[Array, Array]:
+    """Position and orientation in the scene file."""
+    spec = scene.bodies[body]
+    return np.array(spec.position, dtype=float), np.array(spec.orientation, dtype=float)

@@ -1,12 +1,35 @@
-"""Rates, gaps and clock jumps of a stream of messages, in bounded memory."""
+"""Times of a stream of messages: what increases, rates, gaps and clock jumps, in bounded memory."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rb_sim.mechanics.samples import Array
+
+# Readings at increasing times.
+
+
+def forward(t: Array) -> NDArray[np.bool_]:
+    """Which times are later than all before them; a reset or a clock set back leaves out some."""
+    return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
+
+
+def joined(times: Iterable[Array], rows: Iterable[Array]) -> tuple[Array, Array]:
+    """Parts in a row, without the readings whose time goes back."""
+    t = np.concatenate(list(times))
+    kept = forward(t)
+    return t[kept], np.concatenate(list(rows))[kept]
+
+
+def linear(t: Array, times: Array, rows: Array, outside: float | None = None) -> Array:
+    """Rows (m, k) at the times t, linear in between; outside: what holds before and after."""
+    columns = [np.interp(t, times, column, left=outside, right=outside) for column in rows.T]
+    return np.stack(columns, axis=1)
+
 
 # Rates and gaps of a stream of times, in bounded memory.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.bags.joint_poses import joint_poses
+from rb_sim.bags.message_rates import forward, joined
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
 from rb_sim.bags.transforms import FixedFrames, plain
@@ -207,28 +208,28 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
     if not len(block):
         raise SinkError(f"{name}: no whole sample in it")
     motion = origins(block, centers_of_mass(scene.bodies, layout.bodies))
-    forward = _forward(block.t)
-    begun = tuple(int(forward[:k].sum()) for k, _ in restarts(block.inputs) if k)
+    kept = forward(block.t)
+    begun = tuple(int(kept[:k].sum()) for k, _ in restarts(block.inputs) if k)
     impacts = Impacts(scene if reader is None else scene_as_run(reader)) if block.events else None
     struck = {} if impacts is None else impacts.times(block.events)
     anew = {
-        body: begun + _beside(block.t[forward], struck.get(body, np.empty(0)))
+        body: begun + _beside(block.t[kept], struck.get(body, np.empty(0)))
         for body in layout.bodies
     }
     bodies = {
         body: Track(
-            block.t[forward],
-            motion.position[forward, i],
-            unit(block.orientation[forward, i]),
-            motion.linear_velocity[forward, i],
-            motion.angular_velocity[forward, i],
+            block.t[kept],
+            motion.position[kept, i],
+            unit(block.orientation[kept, i]),
+            motion.linear_velocity[kept, i],
+            motion.angular_velocity[kept, i],
             anew[body],
         )
         for i, body in enumerate(layout.bodies)
     }
     wrenches = np.concatenate([block.reaction_force, block.reaction_torque], axis=2)
     reactions = {
-        n: Wrenches(block.t[forward], wrenches[forward, k], anew[body])
+        n: Wrenches(block.t[kept], wrenches[kept, k], anew[body])
         for k, (n, body) in enumerate(zip(layout.reactions, layout.reaction_bodies, strict=True))
     }
     notes = [] if reader is None else reader.left_out
@@ -280,10 +281,7 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
 
 
 def _joined(parts: list[Piece]) -> tuple[Array, Array]:
-    t = np.concatenate([part.t for part in parts])
-    values = np.concatenate([part.values for part in parts])
-    forward = _forward(t)
-    return t[forward], values[forward]
+    return joined((part.t for part in parts), (part.values for part in parts))
 
 
 def _track(parts: list[Piece]) -> Track:
@@ -295,11 +293,8 @@ def _track(parts: list[Piece]) -> Track:
 def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
     """Give a twist to the pose of the same name, in the axes that its frame says: those of the
     poses, or of the body, as in an Odometry. Returns a line where that is not to be told, or ""."""
-    own = source.removesuffix(":twist")
-    folder = own.rsplit("/", 1)[0]
-    names = [own] if own in bodies else [n for n in bodies if n.rsplit("/", 1)[0] == folder]
     t, twist = _joined(sources[source])
-    names = [name for name in names if np.array_equal(t, bodies[name].t)]
+    names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
         return f"{source}: of which of {', '.join(names)} it is, nothing tells" if names else ""
     (name,) = names
@@ -315,6 +310,14 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
         )
     track.linear_velocity, track.angular_velocity = v, w
     return ""
+
+
+def poses_of(twist: str, names: Iterable[str]) -> list[str]:
+    """The poses that a twist may be of: those of its own message, else all in the folder of its
+    topic."""
+    own, known = twist.removesuffix(":twist"), list(names)
+    folder = own.rpartition("/")[0]
+    return [own] if own in known else [n for n in known if n.rpartition("/")[0] == folder]
 
 
 def axes_of(twist: Piece, pose: Piece) -> str:
@@ -353,11 +356,11 @@ def tracks_of_csv(path: Path) -> Tracks:
     for body in dict.fromkeys(bodies):
         own = np.array([name == body for name in bodies])
         part, times = table[own], t[own]
-        forward = _forward(times)
-        part = part[forward]
+        kept = forward(times)
+        part = part[kept]
         v, w = (part[:, names.index(n) : names.index(n) + 3] if n in names else None
                 for n in ("vx", "wx"))  # fmt: skip
-        tracks[body] = Track(times[forward], part[:, 1:4], unit(part[:, 4:8]), v, w)
+        tracks[body] = Track(times[kept], part[:, 1:4], unit(part[:, 4:8]), v, w)
     return Tracks(str(path), tracks, notes=[f"{path}: {note}" for note in notes])
 
 
@@ -467,8 +470,3 @@ def _same(one: Track, other: Track) -> bool:
     p, q = one.position[i], one.orientation[i]
     near = np.abs(p - other.position[j]).max() <= SAME * max(1.0, np.abs(p).max())
     return bool(near and np.abs(np.abs(np.sum(q * other.orientation[j], axis=1)) - 1).max() <= SAME)
-
-
-def _forward(t: Array) -> Array:
-    """Which samples are later than all before them; a reset or a clock set back leaves out some."""
-    return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0

@@ -97,17 +97,22 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
     return np.stack([np.where(alike, 0.0, roll), pitch, yaw], axis=-1)
 
 
+def other_triple(angles: Array) -> Array:
+    """The other roll, pitch and yaw of the same attitude: roll + pi, pi - pitch, yaw + pi."""
+    return np.pi + angles * np.array([1.0, -1.0, 1.0])
+
+
 def without_jumps(angles: Array, before: Array | None = None) -> Array:
     """Roll, pitch and yaw over time [rad], shape (n, ..., 3), as angles that go on beyond a turn.
 
-    (roll + pi, pi - pitch, yaw + pi) is the same attitude: at each sample that of the two is taken
-    which is nearer to the sample before. before: the last angles so far, shape (..., 3).
+    At each sample that of the two triples is taken which is nearer to the sample before.
+    before: the last angles so far, shape (..., 3).
     """
     if not len(angles):
         return angles
     first = angles[:1] if before is None else before[None]
     rows = np.concatenate([first, angles])
-    other = np.stack([rows[..., 0] + np.pi, np.pi - rows[..., 1], rows[..., 2] + np.pi], axis=-1)
+    other = other_triple(rows)
     stays, turns = (
         np.sum(np.abs(np.angle(np.exp(1j * (to[1:] - rows[:-1])))), axis=-1) for to in (rows, other)
     )

@@ -16,8 +16,9 @@ import numpy as np
 
 from rb_sim.bags.analysis.bodies import BodyFigures
 from rb_sim.bags.analysis.derivatives import Motion, velocity_noise
+from rb_sim.bags.message_rates import linear
 from rb_sim.bags.sources import Piece
-from rb_sim.bags.tracks import axes_of
+from rb_sim.bags.tracks import axes_of, poses_of
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 AXES = {"world": "in the axes of the poses", "body": "in the body's axes"}
@@ -68,10 +69,7 @@ class Twists:
     def add(self, piece: Piece, t: np.ndarray) -> None:
         """The next readings of a twist, at times t [s]."""
         if piece.source not in self._checks:
-            own = piece.source.removesuffix(":twist")
-            folder = own.rpartition("/")[0]
-            beside = [name for name in self._poses if name.rpartition("/")[0] == folder]
-            names = [own] if own in self._poses else beside
+            names = poses_of(piece.source, self._poses)
             if not names:
                 self._early = [*self._early[1 - EARLY :], (piece, t)]
                 return
@@ -138,8 +136,8 @@ class TwistCheck:
             zip((v, motion.spin), velocity_noise(motion), strict=True)
         ):
             a = twist[:, 3 * j : 3 * j + 3]
-            at = {"world": _at(t, motion.t, posed)}
-            at["body"] = _at(t, motion.t, rotate(conjugate(q), posed))
+            at = {"world": linear(t, motion.t, posed)}
+            at["body"] = linear(t, motion.t, rotate(conjugate(q), posed))
             self._own[j] += np.sum(a * a)
             self._posed[j] += np.sum(at["world"] ** 2)
             self._noise[j] += len(t) * noise**2
@@ -173,8 +171,3 @@ class TwistCheck:
         own, posed, both = (float(x[j]) for x in (self._own, self._posed, self._both[axes]))
         left = (own - 2.0 * k * both + k * k * posed) / max(own, k * k * posed)
         return Fit(float(np.sqrt(max(left, 0.0))), AXES[axes] + FACTORS[j][k])
-
-
-def _at(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (n, 3), linear in between."""
-    return np.stack([np.interp(t, times, column) for column in values.T], axis=1)

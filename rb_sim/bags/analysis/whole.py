@@ -14,7 +14,7 @@ import numpy as np
 
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
-from rb_sim.bags.message_rates import GAP, GrowingTime
+from rb_sim.bags.message_rates import GAP, GrowingTime, forward, joined, linear
 from rb_sim.bags.sources import words
 from rb_sim.checks.sample_integrals import CheckedQuadrature
 from rb_sim.mechanics.samples import Array
@@ -144,7 +144,7 @@ class Whole:
                 acting.t.append(self._time.found(source, stamps, self._late))
                 acting.values.append(values)
             acting.new.clear()
-        columns = {name: _joined(parts) for name, parts in self._waiting.items()}
+        columns = {name: joined(*zip(*parts, strict=True)) for name, parts in self._waiting.items()}
         full = max(len(t) for t, _ in columns.values()) > MOST
         ends = [t[-1] for t, _ in columns.values()]
         if not last and not full:
@@ -176,7 +176,7 @@ class Whole:
         for acting in self._acting.values():
             acting.silent[0] += len(t)
             at = np.concatenate(acting.t)
-            acting.silent[1] += int(_silent(_increasing(at), t).sum())
+            acting.silent[1] += int(_silent(at[forward(at)], t).sum())
         self._balance.add(t, found.kinetic, state, supply, noise)
 
     def _balanced(self, t: Array, y: Array, found: Found) -> tuple[Array, Array]:
@@ -185,8 +185,7 @@ class Whole:
         for acting in self._acting.values():
             i = self._laws.bodies.index(acting.body)
             p, q, v, w_B = np.split(y[:, 13 * i : 13 * i + 13], [3, 7, 10], axis=1)
-            at, readings = _joined(list(zip(acting.t, acting.values, strict=True)))
-            wrench = np.stack([np.interp(t, at, c, left=0, right=0) for c in readings.T], axis=1)
+            wrench = linear(t, *joined(acting.t, acting.values), outside=0.0)
             force, torque = wrench[:, :3], wrench[:, 3:]
             if acting.own_axes:
                 force, torque = rotate(q, force), rotate(q, torque)
@@ -325,18 +324,6 @@ def _silent(at: Array, t: Array) -> Array:
     width = at[np.minimum(inside, len(at) - 1)] - at[inside - 1]
     outside = (t < at[0] - far) | (t > at[-1] + far)
     return outside | ((after > 0) & (after < len(at)) & (width > far) & (at[after % len(at)] != t))
-
-
-def _increasing(t: Array) -> Array:
-    return t[np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])]
-
-
-def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Parts in a row, without those whose time goes back."""
-    t = np.concatenate([part[0] for part in parts])
-    rows = np.concatenate([part[1] for part in parts])
-    forward = np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]])
-    return t[forward], rows[forward]
 
 
 def _together(columns: list[tuple[Array, Array]]) -> tuple[Array, Array]:
