@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.message_rates import LONG
+from rb_sim.bags.message_rates import after_gaps
 from rb_sim.bags.tracks import SAME, Track
 from rb_sim.base.errors import RbSimError
 from rb_sim.numerics.rotations import angle_between, continuous, norms, turn_between, unit
@@ -205,9 +205,7 @@ def _standing(values: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def stretches(track: Track) -> list[slice]:
     """The samples between gaps and beginnings anew."""
-    steps = np.diff(track.t)
-    long = np.flatnonzero(steps > LONG * np.median(steps)) + 1 if len(steps) else steps.astype(int)
-    edges = sorted({0, *track.anew, *long.tolist(), len(track.t)})
+    edges = sorted({0, *track.anew, *after_gaps(track.t).tolist(), len(track.t)})
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
 

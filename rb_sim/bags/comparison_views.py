@@ -13,7 +13,7 @@ import numpy as np
 
 from rb_sim.bags.alignment import Interpolated, stretches
 from rb_sim.bags.compare import CALENDAR, UNITS, Differences
-from rb_sim.bags.message_rates import LONG, linear
+from rb_sim.bags.message_rates import after_gaps, linear
 from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
@@ -161,8 +161,7 @@ def _lines(
 
 def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The curve, thinned, with a NaN in each interval that is LONG."""
-    steps = np.diff(t)
-    gaps = np.flatnonzero(steps > LONG * np.median(steps)) + 1 if len(steps) else np.array([], int)
+    gaps = after_gaps(t)
     kept = np.zeros(len(t), bool)
     kept[:: max(1, len(t) // CURVE_POINTS)] = True
     kept[gaps] = True

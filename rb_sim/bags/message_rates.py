@@ -46,6 +46,12 @@ KEPT = 20
 """Gaps that are kept one by one."""
 
 
+def after_gaps(t: Array) -> NDArray[np.intp]:
+    """Which times come after an interval that is LONG."""
+    steps = np.diff(t)
+    return 1 + np.flatnonzero(steps > LONG * np.median(steps) if len(steps) else steps)
+
+
 class Rates:
     """Counts, rate, jitter and gaps of times [s] that come in pieces."""
 

@@ -18,7 +18,6 @@ from rb_sim.mechanics.samples import (
     origins,
     row_width,
 )
-from rb_sim.numerics.rotations import cross
 from rb_sim.scene.load import load_scene
 
 NAMES = tuple(f"heap/{k}" for k in range(1, 301))
@@ -64,12 +63,6 @@ def test_packed_at_once_or_field_by_field(n: int, skip: tuple[str, ...]) -> None
 def test_no_samples_are_no_messages() -> None:
     table = TopicTable(load_scene(SCENE), LAYOUT)
     assert list(table.messages(empty_block(0, LAYOUT))) == []
-
-
-def test_cross_is_the_cross_product_to_the_bit() -> None:
-    a, b = np.random.default_rng(1).normal(size=(2, 4, 5, 3))
-    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
-    np.testing.assert_array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))
 
 
 def test_rows_of_the_kernel_give_the_bytes_of_their_blocks() -> None:
