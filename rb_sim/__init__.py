@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rb_sim.simulation.reaction_ranges import reaction_ranges
     from rb_sim.simulation.simulation import Simulation
     from rb_sim.sweeps.sweep import sweep
-    from rb_sim.trajectory.states import State
+    from rb_sim.trajectory.record import State
     from rb_sim.trajectory.trajectory import Trajectory
 
 __all__ = [
@@ -63,7 +63,7 @@ _HOMES = {
     "SceneWarning": "rb_sim.base.errors",
     "Simulation": "rb_sim.simulation.simulation",
     "SimulationError": "rb_sim.base.errors",
-    "State": "rb_sim.trajectory.states",
+    "State": "rb_sim.trajectory.record",
     "Trajectory": "rb_sim.trajectory.trajectory",
     "analyze": "rb_sim.cli.public",
     "compare": "rb_sim.cli.public",

@@ -13,8 +13,15 @@ from rb_sim.base.diagnostic import findings_in, global_error_in, tell
 from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.numerics.rotations import roll_pitch_yaw
-from rb_sim.trajectory.record import ByName, Reaction, Record
-from rb_sim.trajectory.states import EventState, State, beside, state_of
+from rb_sim.trajectory.record import (
+    ByName,
+    EventState,
+    Reaction,
+    Record,
+    State,
+    beside,
+    state_of,
+)
 from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches, resultant
 
 if TYPE_CHECKING:
