@@ -133,8 +133,8 @@ class Workspace(NamedTuple):
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
     """impulses of the joints in them."""
-    traction: np.ndarray
-    """slip of a point and what its law of traction gives, shape (9,)."""
+    scratch: np.ndarray
+    """what the law of a pair or of a traction gets and gives, shape (2 STATE + SPOT,)."""
     joint_out: np.ndarray
     """what a law of the joints gives."""
 
@@ -169,7 +169,7 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.full(points, -1.0),
         np.zeros((points, 6)),
         np.zeros(joints),
-        np.zeros(9),
+        np.zeros(2 * STATE + SPOT),
         np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
     )
 
