@@ -57,6 +57,7 @@ from rb_sim.contact.stepping.step_workspace import (
     ASTRAY_AT,
     ASTRAY_OF,
     EXACT,
+    GAINED,
     LENGTH,
     MADE,
     OPEN,
@@ -76,7 +77,7 @@ from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
 from rb_sim.numerics.kernels import call_law, entry, inline, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
-# Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
+# Bodies that overlap after a step are moved apart, as little as can be.
 
 
 MARGIN = 4.0
@@ -175,29 +176,26 @@ def find_carried(tables, memory, workspace, carried):
 
 
 @inline
-def pay_for_lift(tables, memory, workspace, y, before):
-    """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
-    long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
-    last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
-    was."""
-    unpaid, carried = 0.0, np.zeros(tables.bodies.shape[0])
+def book_lift(tables, memory, workspace, y):
+    """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
+    counts as made by them with what they made in the step, but where driven supports lift.
+
+    Velocities stay: the impulses of a step are the change of momentum.
+    """
+    made, before, carried = (
+        workspace.notes[GAINED],
+        workspace.before,
+        np.zeros(tables.bodies.shape[0]),
+    )
     find_carried(tables, memory, workspace, carried)
     for i in range(tables.bodies.shape[0]):
-        B, k = state_of(y, i), STATE * i
-        lifted = 0.0
+        k, lifted = STATE * i, 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
-        if not lifted > 0.0 or carried[i] == 1.0:
-            y[y.shape[0] - 1] += lifted
-            continue
-        spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
-        kinetic = 0.5 * (tables.bodies[i, MASS] * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
-        slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
-        unpaid += lifted - min(lifted, kinetic)
-        for j in range(7, STATE):
-            y[k + j] *= slower
-    y[y.shape[0] - 1] += unpaid
-    return unpaid
+        y[y.shape[0] - 1] += lifted
+        if carried[i] == 0.0:
+            made += lifted
+    workspace.notes[MADE] += max(0.0, made)
 
 
 # Parts of a step: where something fast meets what is round, the step is split there.
@@ -570,7 +568,7 @@ def one_part(tables, memory, workspace, t, y, h):
     note_aims(memory, workspace, t + h)
     note_open(workspace, t + h)
     note_anchors(memory, workspace)
-    workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
+    book_lift(tables, memory, workspace, y)
     note_ends(tables, memory, workspace, y)
 
 

@@ -66,7 +66,7 @@ GYROSCOPIC_ROUNDS = 12
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
-    PART,
+    GAINED,
     MADE,
     ROUGH_SLIPS,
     OPEN_NOW,
@@ -84,7 +84,7 @@ and in which a contact has Painleve's paradox; the most that contacts of a movin
 natural map of the laws over the largest impulse; energy that went where a rigid contact bore
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
 the normal has left by the end of its step [m/s], when [s], and at which point;
-length of the next part of a step [s]; energy that rigid contacts have made [J];
+energy that rigid contacts have given in the step, and that they have made in the run [J];
 steps in which a perfectly rough contact slipped;
 change of velocities that shares of a load left open in the step, relative to what impulses gave,
 and at which point; the first of the run, when [s], and at which point."""
