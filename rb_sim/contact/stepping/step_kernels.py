@@ -48,6 +48,7 @@ from rb_sim.contact.stepping.step import (
     after_turn,
     drift,
     fastest_of,
+    is_slow,
     load_gravity,
     move,
     solve_step,
@@ -176,26 +177,74 @@ def find_carried(tables, memory, workspace, carried):
 
 
 @inline
+def find_supports(tables, memory, links, order):
+    """Write for each body the point that bears it nearest to the world (-1: none does), and the
+    bodies in the order in which they are reached from there; how many are."""
+    reached = 0
+    for i in range(links.shape[0]):
+        links[i] = -1
+    changed = True
+    while changed:
+        changed = False
+        for c in range(tables.owners.shape[0]):
+            b, a = tables.owners[c, 0], tables.owners[c, 1]
+            if memory[c, CLOSED] != 1.0:
+                continue
+            new = -1
+            if links[b] < 0 and (a < 0 or links[a] >= 0):
+                new = b
+            elif a >= 0 and links[a] < 0 and links[b] >= 0:
+                new = a
+            if new >= 0:
+                links[new], order[reached] = c, new
+                reached, changed = reached + 1, True
+    return reached
+
+
+@inline
 def book_lift(tables, memory, workspace, y):
     """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
     counts as made by them with what they made in the step, but where driven supports lift.
 
-    Velocities stay: the impulses of a step are the change of momentum.
+    Bodies that are slow pay for it with their velocities instead, so that they come to rest; what
+    that takes of their momentum goes through the contacts that bear them to the world, and is part
+    of the impulses of these: an impulse that is told is the change of a momentum.
     """
-    made, before, carried = (
-        workspace.notes[GAINED],
-        workspace.before,
-        np.zeros(tables.bodies.shape[0]),
-    )
+    n = tables.bodies.shape[0]
+    made, before, carried = workspace.notes[GAINED], workspace.before, np.zeros(n)
+    links, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    taken, reached, lifts = np.zeros((n, 3)), -1, 0.0
     find_carried(tables, memory, workspace, carried)
-    for i in range(tables.bodies.shape[0]):
-        k, lifted = STATE * i, 0.0
+    for i in range(n):
+        B, k, m = state_of(y, i), STATE * i, tables.bodies[i, MASS]
+        lifted = 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
+        if lifted > 0.0 and carried[i] == 0.0 and is_slow(tables, B):
+            if reached < 0:
+                reached = find_supports(tables, memory, links, order)
+            if links[i] >= 0:
+                spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+                kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+                slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+                lifted -= min(lifted, kinetic)
+                for j in range(3):
+                    taken[i, j] = m * (slower - 1.0) * y[k + 7 + j]
+                for j in range(7, STATE):
+                    y[k + j] *= slower
         y[y.shape[0] - 1] += lifted
         if carried[i] == 0.0:
-            made += lifted
-    workspace.notes[MADE] += max(0.0, made)
+            lifts += lifted
+    workspace.notes[MADE] += max(0.0, made + lifts)
+    for turn in range(reached - 1, -1, -1):  # from the last ones towards the world
+        i = order[turn]
+        c = links[i]
+        on_body = tables.owners[c, 0] == i
+        other = tables.owners[c, 1] if on_body else tables.owners[c, 0]
+        for j in range(3):
+            memory[c, IMPULSE + j] += taken[i, j] if on_body else -taken[i, j]
+            if other >= 0:
+                taken[other, j] += taken[i, j]
 
 
 # Parts of a step: where something fast meets what is round, the step is split there.

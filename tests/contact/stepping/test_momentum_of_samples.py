@@ -90,6 +90,13 @@ def test_of_a_tower(layers, duration):
     assert momentum_error(tower(layers), duration) < EXACT
 
 
+def test_of_bodies_that_lean_on_each_other_as_they_come_to_rest():
+    """What they pay for being moved apart goes through their contacts to the floor."""
+    from benchmarks.heaps.scenes import dominoes
+
+    assert momentum_error(dominoes(4), 1.2) < EXACT
+
+
 @pytest.mark.parametrize("number", range(24))
 def test_of_tosses(number):
     try:
