@@ -203,17 +203,17 @@ def find_supports(tables, memory, links, order):
 
 @inline
 def book_lift(tables, memory, workspace, y):
-    """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
-    counts as made by them with what they made in the step, but where driven supports lift.
+    """What the loads lose where bodies were moved apart is work of the contacts, the last of y.
 
-    Bodies that are slow pay for it with their velocities instead, so that they come to rest; what
-    that takes of their momentum goes through the contacts that bear them to the world, and is part
-    of the impulses of these: an impulse that is told is the change of a momentum.
+    Bodies that are slow pay for it with their velocities instead, so that they come to rest, but
+    where driven supports lift them; what they cannot pay counts as made by contacts.  What paying
+    takes of momenta goes through the contacts that bear the bodies to the world, and is part of the
+    impulses of these: an impulse that is told is the change of a momentum.
     """
     n = tables.bodies.shape[0]
-    made, before, carried = workspace.notes[GAINED], workspace.before, np.zeros(n)
+    before, carried = workspace.before, np.zeros(n)
     links, order = np.empty(n, np.int64), np.empty(n, np.int64)
-    taken, reached, lifts = np.zeros((n, 3)), -1, 0.0
+    taken, reached, unpaid = np.zeros((n, 3)), -1, 0.0
     find_carried(tables, memory, workspace, carried)
     for i in range(n):
         B, k, m = state_of(y, i), STATE * i, tables.bodies[i, MASS]
@@ -232,10 +232,9 @@ def book_lift(tables, memory, workspace, y):
                     taken[i, j] = m * (slower - 1.0) * y[k + 7 + j]
                 for j in range(7, STATE):
                     y[k + j] *= slower
+                unpaid += lifted
         y[y.shape[0] - 1] += lifted
-        if carried[i] == 0.0:
-            lifts += lifted
-    workspace.notes[MADE] += max(0.0, made + lifts)
+    workspace.notes[MADE] += max(0.0, workspace.notes[GAINED]) + unpaid
     for turn in range(reached - 1, -1, -1):  # from the last ones towards the world
         i = order[turn]
         c = links[i]

@@ -21,7 +21,7 @@ def run(mapping: dict[str, Any], step: float, duration: float) -> Any:
 
 @pytest.mark.parametrize("step", [0.01, 0.1])
 def test_what_nothing_touches_falls_exactly(step: float) -> None:
-    """Halves of a drift at the old and the new velocity are the parabola; a spin keeps its energy."""
+    """Drifts at the old and the new velocity are the parabola; a spin keeps its energy."""
     start = {"linear_velocity": [0.3, -0.2, 1.0], "angular_velocity": [1.0, 2.0, -0.5]}
     thrown = box([0.1, 0.2, 0.4], [0.0, 0.0, 5.0], **start)
     found = run(scene(thrown, touch(surface=FAR)), step, 0.5)
