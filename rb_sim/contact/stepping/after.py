@@ -91,9 +91,9 @@ def work_done(workspace, n):
 
 
 @inline
-def made_by(laws, workspace, n):
-    """Energy that rigid contacts have made in the step [J]: impulse times mean velocity relative to
-    their supports, of all of them.  By their laws they take some or none."""
+def gained_by(laws, workspace, n):
+    """Energy that rigid contacts have given in the step [J], impulse times mean velocity over their
+    supports'; by their laws they take some or none."""
     made = 0.0
     for i in range(n):
         c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
@@ -110,7 +110,7 @@ def made_by(laws, workspace, n):
                     dot(triple(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
                 )
                 made += workspace.x[k] * (0.5 * mean - support)
-    return max(0.0, made)
+    return made
 
 
 @inline

@@ -139,12 +139,12 @@ def speed_at(rows, k, y, b, a):
 @inline
 def write_rules(
     scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h,
-    addresses, constants, traction,
+    addresses, constants, scratch,
 ):  # fmt: skip
     """Friction, compliance and the target along the normal of contact i, which is point c.
 
     slides: its mode in the step before, negative where there was none; turning: velocities before
-    the loads; addresses, constants: of the traced laws; traction: 9 numbers to work with.
+    the loads; addresses, constants: of the traced laws; scratch: numbers to work with.
     """
     k, bend = LINES * i, bends[i, 0]
     before = rate_of(rows, k, turning, b, a) - targets[k]
@@ -160,7 +160,7 @@ def write_rules(
         slip = max(slip, LEAVES * scales[1])
         own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
         law = addresses[int(laws[c, TRACTION])]
-        per_push, alone = traction_at(law, slip, own, pointer(traction))
+        per_push, alone = traction_at(law, slip, own, pointer(scratch))
         rules[i, VISCOUS_PER_PUSH], rules[i, VISCOUS] = per_push / slip, h * alone / slip
         if laws[c, STATIC] == 0.0:
             strikes = is_impact(1.0, before - bend, now - bend)  # as in problem.impacts
@@ -325,7 +325,7 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
         gap = spots[c, GAP]
         write_rules(
             scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
-            i, c, b, a, h, tables.addresses, tables.constants, workspace.traction,
+            i, c, b, a, h, tables.addresses, tables.constants, workspace.scratch,
         )  # fmt: skip
         normal = triple(spots, c, NORMAL)
         t1, t2 = perpendicular(normal)

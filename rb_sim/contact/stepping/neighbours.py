@@ -10,22 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.geometry import carriers
 from rb_sim.catalogue.geometry.boxes import MOST_POINTS, box_points
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.contact.stepping.scene_tables import (
     ALONE,
-    BOX_BOX,
+    COLUMNS,
     LAWS,
     NEAR_WIDTH,
-    OTHER,
-    RESTS,
     SIZES,
+    PointLaws,
     Tables,
-    Tractions,
-    flat,
-    kind_of_pair,
-    padded,
+    entry_of,
     write_law,
 )
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
@@ -46,9 +41,9 @@ class Neighbours:
     """Which pairs are near, and where their points stand in the tables."""
 
     def __init__(
-        self, compiled: Compiled, between: Between, fixed: Tables, tractions: Tractions
+        self, compiled: Compiled, between: Between, fixed: Tables, laws: PointLaws
     ) -> None:
-        self._between, self._fixed, self._tractions = between, fixed, tractions
+        self._between, self._fixed, self._laws = between, fixed, laws
         self._points = len(fixed.owners)
         reactions = {name: k for k, name in enumerate(compiled.layout.reactions)}
         contacts = {name: k for k, name in enumerate(compiled.layout.contacts)}
@@ -59,14 +54,13 @@ class Neighbours:
         balls = between.radii[between.radii > 0.0]
         self._least = LEAST_MARGIN * float(balls.min())
         self._numbers: dict[int, Any] = {}
-        """of each set of points, by its identity: kinds, sizes, laws of its entries."""
+        """of each set of points, by its identity, what `_numbers_of` gives."""
         refuse_overlaps(between, compiled.y, compiled.system.length)
         self.first: dict[tuple[str, Pair], tuple[int, int]] = {}
         """first point and number of points of each pair."""
 
-    def look(self, y: np.ndarray, h: float) -> tuple[Tables, list[Any]]:
-        """(tables with the pairs that are near at y, the pairs of kind OTHER of the new entries
-        with None for the rest); h: of the steps to come."""
+    def look(self, y: np.ndarray, h: float) -> Tables:
+        """The tables with the pairs that are near at y; h: of the steps to come."""
         fixed = self._fixed
         state = y[:-1].reshape(-1, STATE)
         speeds = np.linalg.norm(state[:, 7:10], axis=1)
@@ -76,63 +70,46 @@ class Neighbours:
         way = (2.0 + STEPS_AHEAD) * h * (fastest + h * pull)
         margin = max(self._least, 2.0 * way, 4.0 * (2.0 + STEPS_AHEAD) * h * h * pull)
         entries, sizes, laws, owners, shares = [], [], [], [], []
-        others: list[Any] = []
         self.first = {}
         c = self._points
         for group, pair in self._between.near(y, margin):
             made, body, parent = self._between.placed(group, pair)
-            kinds, numbers, rules, pairs, per_entry = self._numbers_of(made, group)
+            found, rules = self._numbers_of(made, group)
             self.first[group, pair] = c, len(rules)
-            for kind in kinds:
-                entries.append((kind, body, parent, c, RESTS))
-                c += per_entry
-            sizes += numbers
-            laws += [rules]
-            others += pairs
+            for entry, size in found:
+                entries.append((entry[0], body, parent, c, *entry[1:]))
+                sizes.append(size)
+                c += len(rules) // len(found)
+            laws.append(rules)
             B, A = self._shares[group][body], self._shares[group][parent]
             owners += [(body, parent)] * len(rules)
             shares += [(B[0], A[0], B[1], A[1])] * len(rules)
         near = np.concatenate((state[:, :3], self._between.radii[:, None]), axis=1)
         none = np.zeros((self._points, 4), np.int64)
-        added = np.array(entries, np.int64).reshape(-1, 5)
-        tables = self._tractions.written(fixed)._replace(
+        added = np.array(entries, np.int64).reshape(-1, COLUMNS)
+        return self._laws.written(fixed)._replace(
             entries=np.concatenate((fixed.entries, added)),
             sizes=np.concatenate((fixed.sizes, np.array(sizes).reshape(-1, SIZES))),
-            motions=np.concatenate((fixed.motions, np.zeros((len(added), 8)))),
             laws=np.concatenate((fixed.laws, *laws)),
             owners=np.concatenate((fixed.owners, np.array(owners, np.int64).reshape(-1, 2))),
             near=np.ascontiguousarray(near.reshape(-1, NEAR_WIDTH)),
             shares=np.concatenate((none, np.array(shares, np.int64).reshape(-1, 4))),
             margin=np.array([margin]),
         )
-        return tables, others
 
-    def _numbers_of(self, made: Any, group: str) -> Any:
+    def _numbers_of(self, made: PairRows, group: str) -> tuple[list[Any], np.ndarray]:
+        """(entries and sizes, as of `entry_of`, laws of the points) of such a pair."""
         if id(made) not in self._numbers:
-            points = MOST_POINTS if made.boxes is not None else len(made.rows)
+            boxes, length = made.boxes, float(self._fixed.scales[0])
+            rows = made.rows[:1] if boxes is not None else made.rows
+            found = [entry_of(row, boxes, False, self._laws, length) for row in rows]
+            points = MOST_POINTS if boxes is not None else len(rows)
             laws = np.zeros((points, LAWS))
-            traction = self._tractions.of(made.rows[0].friction, group)
+            traction = self._laws.of_traction(made.rows[0].friction, group)
             for row in laws:
                 write_law(row, traction, made.law)
             laws[:, ALONE] = points == 1
-            if made.boxes is not None:
-                found = [BOX_BOX], [padded(made.boxes, SIZES)], laws, [None], MOST_POINTS
-            else:
-                kinds = [kind_of_pair(row.pair) for row in made.rows]
-                found = (
-                    kinds,
-                    [
-                        padded([] if kind == OTHER else flat(row.pair), SIZES)
-                        for kind, row in zip(kinds, made.rows, strict=True)
-                    ],
-                    laws,
-                    [
-                        row.pair if kind == OTHER else None
-                        for kind, row in zip(kinds, made.rows, strict=True)
-                    ],
-                    1,
-                )
-            self._numbers[id(made)] = found
+            self._numbers[id(made)] = found, laws
         return self._numbers[id(made)]
 
     def moved(
@@ -154,10 +131,6 @@ def resized(workspace: Workspace, bodies: int, points: int, joints: int) -> Work
     for name in ("notes", "joint_x", "joint_back", "joint_summed"):
         getattr(made, name)[:] = getattr(workspace, name)
     return made
-
-
-RESTING = carriers.Resting()
-"""What carries the support of a neighbour: its body, which is not driven."""
 
 
 def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:

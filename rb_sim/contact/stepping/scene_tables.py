@@ -10,27 +10,39 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.effects.gravity import GravityRow
-from rb_sim.catalogue.geometry import carriers, corners_and_rims, pairs, solids
 from rb_sim.catalogue.geometry.boxes import MOST_POINTS
-from rb_sim.catalogue.geometry.corners_and_rims import PointOnSolid
-from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, SphereSurface
-from rb_sim.graph.machine import interpreted
+from rb_sim.catalogue.geometry.carriers import Resting, carrier
+from rb_sim.catalogue.geometry.pairs import (
+    BallOnCylinder,
+    BallOnSolid,
+    BallOnSphere,
+    SolidOnSphere,
+    touching,
+)
+from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.graph.functions import explored, leaves
+from rb_sim.graph.machine import compile_law, interpreted
+from rb_sim.graph.symbols import Graph
 from rb_sim.integrate.layout import RATE, VELOCITY
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, DEPENDENT
-from rb_sim.mechanics.contact.contact_laws import traction_law
-from rb_sim.mechanics.inputs import numbers
+from rb_sim.mechanics.contact.contact_laws import state_from, traction_law, with_packed_hulls
+from rb_sim.mechanics.inputs import numbers, skeleton, with_numbers
 from rb_sim.mechanics.laws import reference
+from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
+from rb_sim.numerics.vectors import ZERO, add, cross, norm, rotate, sub
 from rb_sim.scene.compiled import Compiled
 
-POINT_PLANE, BALL_PLANE, ELLIPSOID_PLANE, RIM_PLANE, BALL_SPHERE, BALL_CYLINDER = 0, 1, 2, 3, 4, 5
-BALL_BOX, BALL_SOLID_CYLINDER, BOX_SPHERE, CYLINDER_SPHERE, ROD_SPHERE = 6, 7, 8, 9, 10
-BOX_BOX, OTHER = 11, 12
-"""Kinds of pairs.  OTHER: what the catalogue's own function finds, called from Python."""
-KIND, BODY, PARENT, FIRST, CARRIER = 0, 1, 2, 3, 4
-"""Columns of Tables.entries."""
-RESTS, TURNS, SHAKES = 0, 1, 2
-"""Kinds of carriers."""
-SIZES = 16
+LAW, BODY, PARENT, FIRST, CONSTANT, RESTS, COLUMNS = range(7)
+"""Columns of Tables.entries: place of the law of the pair in Tables.addresses (BOXES: two boxes),
+body, parent (-1: world), first point, place of the first constant of the law in Tables.constants, 1
+where the point follows from the poses of both bodies alone."""
+BOXES = 0
+RADIUS, ARM = 0, 1
+"""Columns of Tables.sizes of what is no pair of boxes: distance [m] over which the normal turns by
+1 rad where a body may pass something round, else 0; how far from its C the body's spin moves it."""
+SHARP = 0.05
+"""Of the scene's length: radius that corners and edges count as."""
+SIZES = 12
 NEAR_WIDTH = 4
 """Columns of Tables.near."""
 (STATIC, KINETIC, TRACTION, FIRST_CONSTANT, RESTITUTION, ROLLING, SPINNING,
@@ -55,11 +67,9 @@ class Tables(NamedTuple):
     gravity: np.ndarray
     """acceleration of each body by uniform gravity [m/s^2], shape (N, 3)."""
     entries: np.ndarray
-    """kind, body, parent (-1: world), first point, kind of carrier of each pair; (E, 5)."""
+    """integers of each pair, shape (E, COLUMNS)."""
     sizes: np.ndarray
-    """fields of the pair, flat, in the order of its class, shape (E, SIZES)."""
-    motions: np.ndarray
-    """fields of the carrier, flat, shape (E, 8)."""
+    """of two boxes centre and half edges of both; else RADIUS and ARM; shape (E, SIZES)."""
     laws: np.ndarray
     """friction, restitution, compliance of each point, shape (C, LAWS)."""
     owners: np.ndarray
@@ -79,59 +89,23 @@ class Tables(NamedTuple):
     margin: np.ndarray = np.zeros(1)
     """distance [m] below which pairs are neighbours."""
     addresses: np.ndarray = np.zeros(1, np.int64)
-    """traced laws: of the loads of all effects but gravity (0: there are none), of tractions."""
+    """traced laws: of the loads of all effects but gravity (0: there are none), of pairs, of
+    tractions."""
     inputs: np.ndarray = np.zeros(1)
     """of the law of the loads, see mechanics.inputs; the last is not used."""
     loads: np.ndarray = np.zeros(0)
     """what that law gives: force and torque of each body, then, where some are kept from step to
     step, the inputs of the next step."""
     constants: np.ndarray = np.zeros(1)
-    """of the laws of traction; the last is not used."""
+    """of the laws of pairs and tractions; the last is not used."""
     joint_laws: np.ndarray = np.zeros(VELOCITY + 1, np.int64)
     """traced laws of the joints, 0 without joints."""
     joint_inputs: np.ndarray = np.zeros(1)
     """of these laws; the last is not used."""
 
 
-def flat(row: Any) -> list[float]:
-    """All numbers of a row of the catalogue, in order."""
-    found: list[float] = []
-    for field in row:
-        found += flat(field) if isinstance(field, tuple) else [float(field)]
-    return found
-
-
-SURFACES_ON_PLANE = {SphereSurface: BALL_PLANE, EllipsoidSurface: ELLIPSOID_PLANE}
-SOLIDS_UNDER_BALL = {solids.Box: BALL_BOX, solids.Cylinder: BALL_SOLID_CYLINDER}
-SOLIDS_ON_SPHERE = {
-    solids.Box: BOX_SPHERE,
-    solids.Cylinder: CYLINDER_SPHERE,
-    solids.Rod: ROD_SPHERE,
-}
-PLAIN = {
-    pairs.PointOnPlane: POINT_PLANE,
-    corners_and_rims.RimOnPlane: RIM_PLANE,
-    pairs.BallOnSphere: BALL_SPHERE,
-    pairs.BallOnCylinder: BALL_CYLINDER,
-}
-NESTED = {
-    pairs.SurfaceOnPlane: SURFACES_ON_PLANE,
-    pairs.BallOnSolid: SOLIDS_UNDER_BALL,
-    PointOnSolid: SOLIDS_UNDER_BALL,
-    pairs.SolidOnSphere: SOLIDS_ON_SPHERE,
-}
-CARRIERS = {carriers.Resting: RESTS, carriers.Turntable: TURNS, carriers.Shaken: SHAKES}
-
-
-def kind_of_pair(pair: Any) -> int:
-    """The kind under which the kernels know a pair of the catalogue."""
-    if type(pair) in NESTED:
-        return NESTED[type(pair)].get(type(pair.surface), OTHER)
-    return PLAIN.get(type(pair), OTHER)
-
-
-class Tractions:
-    """The traced laws of traction that the points of a scene have, and their constants.
+class PointLaws:
+    """The traced laws of the pairs and tractions of a scene, and their constants.
 
     A step takes friction as a round cone, or as a force against the slip in proportion to it; the
     law says how wide the cone is, or how large the proportion, at the slip before the step.
@@ -140,22 +114,37 @@ class Tractions:
     def __init__(self) -> None:
         self.laws: list[Any] = []
         self.constants: list[float] = []
-        self._found: dict[Any, tuple[int, int]] = {}
+        self._places: dict[int, int] = {}
+        self._tractions: dict[Any, tuple[int, int]] = {}
+        self._hulls: list[np.ndarray] = []
 
-    def of(self, rubs: Any, name: str) -> tuple[int, int]:
-        """(place of its law in Tables.addresses, place of its first constant); zeros of friction
-        whose bound does not depend on the slip.
+    def _placed(self, law: Any, constants: list[float]) -> tuple[int, int]:
+        """(place of the law in Tables.addresses, place of its first constant)."""
+        if id(law) not in self._places:
+            self.laws.append(law)
+            self._places[id(law)] = len(self.laws)
+        first = len(self.constants)
+        self.constants += constants
+        return self._places[id(law)], first
+
+    def of_pair(self, row: Any, in_world: bool) -> tuple[int, int]:
+        """(place of the law, of its first constant) of the pair and the carrier of a contact."""
+        row = with_packed_hulls(row, self._hulls)
+        of = row.pair, row.carrier
+        return self._placed(spot_law(of, in_world), [value for _, value in numbers(of)])
+
+    def of_traction(self, rubs: Any, name: str) -> tuple[int, int]:
+        """The same of a friction; zeros of one whose bound does not depend on the slip.
 
         Raises SceneError if a step cannot take such a friction; name: of the contact.
         """
         if isinstance(rubs, friction.BOUNDED):
             return 0, 0
-        if rubs not in self._found:
+        if rubs not in self._tractions:
             refuse_traction(rubs, name)
-            self.laws.append(traction_law(rubs))
-            self._found[rubs] = len(self.laws), len(self.constants)
-            self.constants += [value for _, value in numbers(rubs)]
-        return self._found[rubs]
+            constants = [value for _, value in numbers(rubs)]
+            self._tractions[rubs] = self._placed(traction_law(rubs), constants)
+        return self._tractions[rubs]
 
     def written(self, tables: Tables) -> Tables:
         """The tables with the laws that are known so far."""
@@ -164,6 +153,46 @@ class Tractions:
             addresses=addresses([*loads, *map(reference, self.laws)]),
             constants=np.array([*self.constants, 0.0]),
         )
+
+
+_SPOTS: dict[Any, Any] = {}
+"""Laws of pairs by what their kind is."""
+
+
+def spot_law(of: tuple[Any, Any], in_world: bool) -> Any:
+    """The law of a pair and its carrier: void law(t, states of body and parent, constants, spot).
+
+    spot: as geometry.SPOT has it; velocity and spin of the support are 0 where it is not driven.
+    """
+    key = skeleton(of), in_world
+    if key not in _SPOTS:
+        graph = Graph()
+        places = [place for place, _ in numbers(of)]
+        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
+        pair, carries = with_numbers(of, constants) if places else of
+        y = graph.vector("y", 2 * STATE)
+
+        def found(B: BodyState, A: BodyState) -> tuple[Any, ...]:
+            A, _, _, driven = carrier(carries, graph.input("t"), A)
+            at, moves, spin = touching(pair, B, A), ZERO, ZERO
+            if driven == 1.0:
+                spin = rotate(A.q_WB, A.w_WB_B)
+                moves = add(A.v_WC, cross(spin, sub(at.point, A.p_WC)))
+            return at.gap, at.normal, at.point, moves, spin
+
+        parent = WORLD if in_world else state_from(y[STATE:])
+        _SPOTS[key] = compile_law(list(leaves(explored(found, state_from(y), parent))))
+    return _SPOTS[key]
+
+
+def sizes_of_pair(pair: Any, length: float) -> list[float]:
+    """RADIUS and ARM of a pair; length: of the scene."""
+    if isinstance(pair, BallOnSphere | BallOnCylinder):
+        outside = pair.radius + pair.curved if pair.side > 0.0 else 0.0
+        return [outside, norm(pair.r_B)]
+    if isinstance(pair, BallOnSolid):
+        return [max(pair.radius, SHARP * length), norm(pair.r_B)]
+    return [pair.curved if isinstance(pair, SolidOnSphere) else 0.0, length]
 
 
 def addresses(found: Sequence[Any]) -> np.ndarray:
@@ -205,37 +234,44 @@ def refused(rubs: Any, name: str, allowed: str) -> SceneError:
     )
 
 
-def tables_of(compiled: Compiled, tractions: Tractions) -> tuple[Tables, tuple[Any, ...]]:
-    """(tables, the pairs of kind OTHER with None for the rest, in the order of the entries)."""
+def tables_of(compiled: Compiled, laws: PointLaws) -> Tables:
+    """The tables of a scene; `laws` gets those of its points."""
     system = compiled.system
     contacts = [placed for group in system.contacts for placed in group]
     boxes = {box.first: box for box in compiled.box_pairs}
-    entries, sizes, motions, others, c = [], [], [], [], 0
+    entries, sizes, c = [], [], 0
     while c < len(contacts):
-        placed = contacts[c]
-        row, box = placed.row, boxes.get(c)
-        kind = BOX_BOX if box is not None else kind_of_pair(row.pair)
-        carrier = CARRIERS[type(row.carrier)]
-        entries.append([kind, placed.body, placed.parent, c, carrier])
-        numbers = box.sizes if box is not None else [] if kind == OTHER else flat(row.pair)
-        sizes.append(padded(numbers, SIZES))
-        motions.append(padded(flat(row.carrier), 8))
-        others.append(row.pair if kind == OTHER else None)
+        placed, box = contacts[c], boxes.get(c)
+        entry, size = entry_of(
+            placed.row, box.sizes if box else None, placed.parent < 0, laws, system.length
+        )
+        entries.append([entry[0], placed.body, placed.parent, c, *entry[1:]])
+        sizes.append(size)
         c += MOST_POINTS if box is not None else 1
     rows = int(system.first_row[len(system.constraints)])
     tables = Tables(
         bodies=system.bodies.copy(),
         gravity=gravity_of(system),
-        entries=np.array(entries, np.int64).reshape(-1, 5),
+        entries=np.array(entries, np.int64).reshape(-1, COLUMNS),
         sizes=np.array(sizes).reshape(-1, SIZES),
-        motions=np.array(motions).reshape(-1, 8),
-        laws=laws_of(compiled, contacts, tractions),
+        laws=laws_of(compiled, contacts, laws),
         owners=np.array([[p.body, p.parent] for p in contacts], np.int64).reshape(-1, 2),
         joints=joint_ends(system.lines[:rows]),
         joint_rows=np.zeros((rows, system.rows.shape[1])),
         scales=np.array([system.length, system.speed]),
     )
-    return tractions.written(tables), tuple(others)
+    return laws.written(tables)
+
+
+def entry_of(
+    row: Any, boxes: list[float] | None, in_world: bool, laws: PointLaws, length: float
+) -> tuple[list[int], list[float]]:
+    """(LAW, CONSTANT and RESTS, sizes) of a pair; boxes: centres and half edges of two boxes."""
+    if boxes is not None:
+        return [BOXES, 0, 0], padded(boxes, SIZES)
+    law, constant = laws.of_pair(row, in_world)
+    rests = int(isinstance(row.carrier, Resting))
+    return [law, constant, rests], padded(sizes_of_pair(row.pair, length), SIZES)
 
 
 def joint_ends(lines: np.ndarray) -> np.ndarray:
@@ -257,7 +293,7 @@ def gravity_of(system: Any) -> np.ndarray:
     return total
 
 
-def laws_of(compiled: Compiled, contacts: list[Any], tractions: Tractions) -> np.ndarray:
+def laws_of(compiled: Compiled, contacts: list[Any], laws: PointLaws) -> np.ndarray:
     """The table of laws, one row per point."""
     table = np.zeros((len(contacts), LAWS))
     parts = compiled.system.members[:, 1 + len(compiled.system.constraints) :]
@@ -265,12 +301,12 @@ def laws_of(compiled: Compiled, contacts: list[Any], tractions: Tractions) -> np
     table[:, ALONE] = ~several
     names = compiled.layout.contacts
     for c, (placed, law) in enumerate(zip(contacts, compiled.contact_laws, strict=True)):
-        write_law(table[c], tractions.of(placed.row.friction, names[c]), law)
+        write_law(table[c], laws.of_traction(placed.row.friction, names[c]), law)
     return table
 
 
 def write_law(row: np.ndarray, traction: tuple[int, int], law: Any) -> None:
-    """Fill the row of a point in the table of laws; traction: as of `Tractions.of`."""
+    """Fill the row of a point in the table of laws; traction: as of `PointLaws.of_traction`."""
     row[[STATIC, KINETIC]] = min(law.static, PERFECTLY_ROUGH), min(law.kinetic, PERFECTLY_ROUGH)
     row[[TRACTION, FIRST_CONSTANT]] = traction
     row[[RESTITUTION, ROLLING, SPINNING]] = law.restitution, law.rolling_arm, law.spinning_arm

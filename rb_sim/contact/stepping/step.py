@@ -30,7 +30,7 @@ from rb_sim.contact.solvers.graph import LINES, push, rate_of
 from rb_sim.contact.solvers.hybrid import solve_exactly, sweep_against_joints, sweep_near
 from rb_sim.contact.solvers.least_shares import take_least_shares
 from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
-from rb_sim.contact.stepping.after import keep_impulses, made_by, quieten, work_done
+from rb_sim.contact.stepping.after import gained_by, keep_impulses, quieten, work_done
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
 from rb_sim.contact.stepping.geometry import MOVES, NORMAL, triple
 from rb_sim.contact.stepping.scene_tables import COMPLIANT, RESTITUTION
@@ -42,11 +42,11 @@ from rb_sim.contact.stepping.step_workspace import (
     FINE,
     FIRST_SWEEPS,
     FRESH,
+    GAINED,
     GAVE,
     GYROSCOPIC_ROUNDS,
     LEAVES,
     LENGTH,
-    MADE,
     NEXT,
     OFTEN,
     OPEN,
@@ -287,12 +287,16 @@ def free_velocities(tables, workspace, y, h):
 
 
 @inline
+def is_slow(tables, B):
+    """Whether a body in this state is slower than QUIET."""
+    return norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B) <= QUIET * tables.scales[1]
+
+
+@inline
 def is_quiet(tables, y):
     """Whether all bodies are slow."""
     for i in range(tables.bodies.shape[0]):
-        B = state_of(y, i)
-        speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
-        if speed > QUIET * tables.scales[1]:
+        if not is_slow(tables, state_of(y, i)):
             return False
     return True
 
@@ -407,7 +411,7 @@ def solve_step(tables, memory, workspace, y, h):
     quieten(tables, workspace, n, h)
     notes = workspace.notes
     notes[WORK], notes[ACTIVE] = work_done(workspace, n), n
-    notes[MADE] += made_by(tables.laws, workspace, n)
+    notes[GAINED] = gained_by(tables.laws, workspace, n)
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)

@@ -1,4 +1,4 @@
-"""Kernels of time stepping that Python calls: many steps, parts of one, corrections."""
+"""The loop of time stepping: steps in their parts, corrections at their ends, rows of samples."""
 
 from __future__ import annotations
 
@@ -23,28 +23,23 @@ from rb_sim.contact.stepping.geometry import (
     TURNS_AT,
     TWIST,
     find_spots,
-    on_round,
     pushed,
     put,
+    spot_at,
     triple,
 )
 from rb_sim.contact.stepping.normal_change import note_ends
 from rb_sim.contact.stepping.scene_tables import (
-    BALL_BOX,
-    BALL_CYLINDER,
-    BALL_SOLID_CYLINDER,
-    BALL_SPHERE,
+    ARM,
     BILATERAL,
     BODY,
-    BOX_BOX,
-    BOX_SPHERE,
-    CARRIER,
+    BOXES,
     COMPLIANT,
-    CYLINDER_SPHERE,
     FIRST,
-    KIND,
+    LAW,
     LOADS,
     PARENT,
+    RADIUS,
     RESTS,
     ROWS,
 )
@@ -53,6 +48,7 @@ from rb_sim.contact.stepping.step import (
     after_turn,
     drift,
     fastest_of,
+    is_slow,
     load_gravity,
     move,
     solve_step,
@@ -62,6 +58,7 @@ from rb_sim.contact.stepping.step_workspace import (
     ASTRAY_AT,
     ASTRAY_OF,
     EXACT,
+    GAINED,
     LENGTH,
     MADE,
     OPEN,
@@ -69,7 +66,6 @@ from rb_sim.contact.stepping.step_workspace import (
     OPEN_NOW,
     OPEN_OF,
     OPEN_OF_NOW,
-    PART,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
     SHIFT_ROUNDS,
@@ -79,10 +75,10 @@ from rb_sim.contact.stepping.step_workspace import (
 from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
 from rb_sim.integrate.layout import SETTLE, VELOCITY
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
-from rb_sim.numerics.kernels import call_law, entry, inline, integers, pointer
+from rb_sim.numerics.kernels import call_law, entry, inline, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
-# Bodies that overlap after a step are moved apart, as little as can be, and pay for the lift.
+# Bodies that overlap after a step are moved apart, as little as can be.
 
 
 MARGIN = 4.0
@@ -181,29 +177,73 @@ def find_carried(tables, memory, workspace, carried):
 
 
 @inline
-def pay_for_lift(tables, memory, workspace, y, before):
-    """Take what the loads lose where bodies were moved apart from their kinetic energy: else every
-    long step on a curved surface would add some.  What cannot be paid is work of the contacts, the
-    last of y, and returned; so is what driven supports lift, which is no error.  before: y as it
-    was."""
-    unpaid, carried = 0.0, np.zeros(tables.bodies.shape[0])
+def find_supports(tables, memory, links, order):
+    """Write for each body the point that bears it nearest to the world (-1: none does), and the
+    bodies in the order in which they are reached from there; how many are."""
+    reached = 0
+    for i in range(links.shape[0]):
+        links[i] = -1
+    changed = True
+    while changed:
+        changed = False
+        for c in range(tables.owners.shape[0]):
+            b, a = tables.owners[c, 0], tables.owners[c, 1]
+            if memory[c, CLOSED] != 1.0:
+                continue
+            new = -1
+            if links[b] < 0 and (a < 0 or links[a] >= 0):
+                new = b
+            elif a >= 0 and links[a] < 0 and links[b] >= 0:
+                new = a
+            if new >= 0:
+                links[new], order[reached] = c, new
+                reached, changed = reached + 1, True
+    return reached
+
+
+@inline
+def book_lift(tables, memory, workspace, y):
+    """What the loads lose where bodies were moved apart is work of the contacts, the last of y.
+
+    Bodies that are slow pay for it with their velocities instead, so that they come to rest, but
+    where driven supports lift them; what they cannot pay counts as made by contacts.  What paying
+    takes of momenta goes through the contacts that bear the bodies to the world, and is part of the
+    impulses of these: an impulse that is told is the change of a momentum.
+    """
+    n = tables.bodies.shape[0]
+    before, carried = workspace.before, np.zeros(n)
+    links, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    taken, reached, unpaid = np.zeros((n, 3)), -1, 0.0
     find_carried(tables, memory, workspace, carried)
-    for i in range(tables.bodies.shape[0]):
-        B, k = state_of(y, i), STATE * i
+    for i in range(n):
+        B, k, m = state_of(y, i), STATE * i, tables.bodies[i, MASS]
         lifted = 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
-        if not lifted > 0.0 or carried[i] == 1.0:
-            y[y.shape[0] - 1] += lifted
-            continue
-        spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
-        kinetic = 0.5 * (tables.bodies[i, MASS] * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
-        slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
-        unpaid += lifted - min(lifted, kinetic)
-        for j in range(7, STATE):
-            y[k + j] *= slower
-    y[y.shape[0] - 1] += unpaid
-    return unpaid
+        if lifted > 0.0 and carried[i] == 0.0 and is_slow(tables, B):
+            if reached < 0:
+                reached = find_supports(tables, memory, links, order)
+            if links[i] >= 0:
+                spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+                kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+                slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+                lifted -= min(lifted, kinetic)
+                for j in range(3):
+                    taken[i, j] = m * (slower - 1.0) * y[k + 7 + j]
+                for j in range(7, STATE):
+                    y[k + j] *= slower
+                unpaid += lifted
+        y[y.shape[0] - 1] += lifted
+    workspace.notes[MADE] += max(0.0, workspace.notes[GAINED]) + unpaid
+    for turn in range(reached - 1, -1, -1):  # from the last ones towards the world
+        i = order[turn]
+        c = links[i]
+        on_body = tables.owners[c, 0] == i
+        other = tables.owners[c, 1] if on_body else tables.owners[c, 0]
+        for j in range(3):
+            memory[c, IMPULSE + j] += taken[i, j] if on_body else -taken[i, j]
+            if other >= 0:
+                taken[other, j] += taken[i, j]
 
 
 # Parts of a step: where something fast meets what is round, the step is split there.
@@ -218,8 +258,6 @@ def pay_for_lift(tables, memory, workspace, y, before):
 
 TURN = 0.05
 """Part of its radius by which a body may pass a round surface in a step that is not split."""
-SHARP = 0.05
-"""Of the scene's length: radius that corners and edges count as."""
 LOOKS, HALVINGS = 64, 40
 """Places on the way at which a gap is looked at, at least; halvings of where it vanishes."""
 MOST_PARTS = 16
@@ -239,28 +277,6 @@ NEVER, PASSES = -1.0, 1e300
 
 
 @inline
-def radius_of(s, e, kind, length):
-    """Distance over which the normal of a round pair turns by 1 rad; 0 of what is hollow."""
-    if kind == BALL_SPHERE:
-        return s[e, 3] + s[e, 7] if s[e, 8] > 0.0 else 0.0
-    if kind == BALL_CYLINDER:
-        return s[e, 3] + s[e, 10] if s[e, 11] > 0.0 else 0.0
-    if kind == BALL_BOX or kind == BALL_SOLID_CYLINDER:
-        return max(s[e, 3], SHARP * length)
-    if kind == BOX_SPHERE:
-        return s[e, 9]
-    return s[e, 11] if kind == CYLINDER_SPHERE else s[e, 10]
-
-
-@inline
-def closing_speed(s, e, kind, length, B, A):
-    """Speed [m/s] that the two surfaces do not exceed towards each other."""
-    arm = norm(triple(s, e, 0)) if kind <= BALL_SOLID_CYLINDER else length
-    speed = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * arm
-    return speed + norm(A.w_WB_B) * norm(sub(B.p_WC, A.p_WC))
-
-
-@inline
 def later(B, t):
     """Where a body is after t, at its velocities."""
     p, q = add(B.p_WC, scale(t, B.v_WC)), after_turn(B.q_WB, B.w_WB_B, t)
@@ -268,28 +284,30 @@ def later(B, t):
 
 
 @inline
-def gap_at(s, e, kind, B, A, t):
-    gap, _, _ = on_round(kind, s, e, later(B, t), later(A, t))
-    return gap
+def gap_at(tables, scratch, e, B, A, t):
+    """Gap of entry e after t; scratch: as of the workspace."""
+    out = part(pointer(scratch), 2 * STATE)
+    spot_at(tables, scratch, e, 0.0, later(B, t), later(A, t), out)
+    return out[GAP]
 
 
 @inline
-def meeting(s, e, kind, B, A, h, speed, touches):
+def meeting(tables, scratch, e, B, A, h, speed, touches):
     """When within h the gap of the pair vanishes [s]; PASSES if it does not, NEVER if one bears the
     other, or leaves it.  speed: that the gap does not fall faster than."""
-    t, gap, soon = 0.0, gap_at(s, e, kind, B, A, 0.0), SOON * h
+    t, gap, soon = 0.0, gap_at(tables, scratch, e, B, A, 0.0), SOON * h
     if gap <= touches:
-        falls = gap - gap_at(s, e, kind, B, A, soon)
+        falls = gap - gap_at(tables, scratch, e, B, A, soon)
         return 0.0 if falls > BEARS * speed * soon else NEVER
     for _ in range(2 * LOOKS):
         before = t
         t = min(h, t + max(gap / speed, h / LOOKS))
-        gap = gap_at(s, e, kind, B, A, t)
+        gap = gap_at(tables, scratch, e, B, A, t)
         if gap <= 0.0:
             after = t
             for _ in range(HALVINGS):
                 t = 0.5 * (before + after)
-                if gap_at(s, e, kind, B, A, t) > 0.0:
+                if gap_at(tables, scratch, e, B, A, t) > 0.0:
                     before = t
                 else:
                     after = t
@@ -314,22 +332,23 @@ def find_meetings(tables, workspace, y, h, number):
     """Write the instants at which fast pairs meet into the workspace; returns the first, or NEVER.
 
     Where one of them has split the step already, all count as fast."""
-    s, entries, laws, length = tables.sizes, tables.entries, tables.laws, tables.scales[0]
+    sizes, entries, laws = tables.sizes, tables.entries, tables.laws
     first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
     for e in range(entries.shape[0]):
-        kind, c = entries[e, KIND], entries[e, FIRST]
+        c = entries[e, FIRST]
         workspace.meets[c] = NEVER
-        if far < workspace.spots[c, GAP] < FAR:
+        if far < workspace.spots[c, GAP] < FAR or entries[e, LAW] == BOXES:
             continue
-        if kind < BALL_SPHERE or kind >= BOX_BOX or entries[e, CARRIER] != RESTS:
+        if entries[e, RESTS] == 0 or not sizes[e, RADIUS] > 0.0:
             continue
         if laws[c, COMPLIANT] == 1.0 or laws[c, BILATERAL] == 1.0:
             continue
         B, A = ahead(tables, y, entries[e, BODY], h), ahead(tables, y, entries[e, PARENT], h)
-        speed = closing_speed(s, e, kind, length, B, A)
-        radius = radius_of(s, e, kind, length)
-        if radius > 0.0 and speed > 0.0 and (number > 0 or speed * h > TURN * radius):
-            workspace.meets[c] = meeting(s, e, kind, B, A, h, speed, TOUCHES * length)
+        speed = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * sizes[e, ARM]
+        speed += norm(A.w_WB_B) * norm(sub(B.p_WC, A.p_WC))
+        if speed > 0.0 and (number > 0 or speed * h > TURN * sizes[e, RADIUS]):
+            touches = TOUCHES * tables.scales[0]
+            workspace.meets[c] = meeting(tables, workspace.scratch, e, B, A, h, speed, touches)
             if workspace.meets[c] >= 0.0:
                 first = min(first, workspace.meets[c])
     return first if first < PASSES else NEVER
@@ -397,11 +416,7 @@ def add_up(memory, workspace, number, last, h):
         workspace.notes[LENGTH] = h
 
 
-# The kernels that Python calls: many steps at once, the parts of one step, the row of a sample.
-#
-# A scene whose contacts, joints and effects all are in the tables takes its steps in `run`; one
-# with others goes through the other tasks of it step by step, and Python adds what the tables do
-# not have between them.
+# The kernels that Python calls: steps, whether neighbours are to be looked for, a sample's row.
 
 
 REACH = 1e-6
@@ -506,14 +521,20 @@ def settle_joints(tables, workspace, t, y):
 
 
 @inline
+def find_all_spots(tables, memory, workspace, t, y, h, again):
+    """As `find_spots`, of what can touch within h."""
+    reach, spots, polygons = reach_of(tables, y, h), workspace.spots, workspace.polygons
+    find_spots(tables, memory, spots, polygons, workspace.scratch, t, y, reach, again)
+
+
+@inline
 def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
     add_loads(tables, t + 0.5 * h, y)
     write_joint_rows(tables, workspace, t + 0.5 * h, y)
-    reach = reach_of(tables, y, h)
-    find_spots(tables, memory, workspace.spots, workspace.polygons, t + 0.5 * h, y, reach, False)
+    find_all_spots(tables, memory, workspace, t + 0.5 * h, y, h, False)
     leave_out(workspace)
 
 
@@ -532,8 +553,7 @@ def to_end(tables, memory, workspace, y, h):
 def find_at_end(tables, memory, workspace, t, y, h):
     """Spots at the end of a step, where the joints hold."""
     settle_joints(tables, workspace, t, y)
-    reach = reach_of(tables, y, h)
-    find_spots(tables, memory, workspace.spots, workspace.polygons, t, y, reach, True)
+    find_all_spots(tables, memory, workspace, t, y, h, True)
 
 
 @inline
@@ -596,11 +616,11 @@ def one_part(tables, memory, workspace, t, y, h):
     note_aims(memory, workspace, t + h)
     note_open(workspace, t + h)
     note_anchors(memory, workspace)
-    workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
+    book_lift(tables, memory, workspace, y)
     note_ends(tables, memory, workspace, y)
 
 
-@inline
+@entry
 def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memory_before):
     """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
 
@@ -621,48 +641,10 @@ def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memor
     return count
 
 
-STEPS, BEGIN, FINISH, FIND, PUSH, SHIFT, PAY, NEXT_PART, ADD_UP, STRAYED = range(10)
-"""Tasks of `run`: whole steps; to the middle of a step, with loads, joints and spots there, to
-which the rest is added from Python; from there to its end, where bodies may still overlap; spots
-there; a round of moving bodies apart (1 once nothing overlaps), and of the deepest pair alone;
-places and velocities of the points, and the energy of what was lifted; length of the next part of a
-step; impulses of its parts so far, of the whole step after the last; 1 if neighbours have to be
-looked for before the step."""
-
-
 @entry
-def run(task, tables, memory, workspace, t, h, y, first, count, y_before, memory_before):
-    """Do a task at (t, y), with a step of length h; y and memory in place.  Of NEXT_PART h is what
-    is left of the step, and first the number of the part; of ADD_UP count is 1 after the last.
-
-    One kernel for all of them, so that what they share is compiled once.  first, count, y_before,
-    memory_before: of `steps`, where t is the origin; else of no use.
-    """
-    if task == STEPS:
-        return steps(tables, memory, workspace, t, first, count, h, y, y_before, memory_before)
-    if task == BEGIN:
-        to_middle(tables, memory, workspace, t, y, h)
-    elif task == FINISH:
-        to_end(tables, memory, workspace, y, h)
-    elif task == FIND:
-        find_at_end(tables, memory, workspace, t, y, h)
-    elif task == PUSH:
-        return 1 if push_apart(tables, workspace, y) else 0
-    elif task == STRAYED:
-        return 1 if has_strayed(tables, y, h) else 0
-    elif task == SHIFT:
-        return 1 if shift_deepest(tables, workspace, y) else 0
-    elif task == PAY:
-        note_aims(memory, workspace, t)
-        note_open(workspace, t)
-        note_anchors(memory, workspace)
-        workspace.notes[MADE] += pay_for_lift(tables, memory, workspace, y, workspace.before)
-        note_ends(tables, memory, workspace, y)
-    elif task == NEXT_PART:
-        workspace.notes[PART] = next_part(tables, workspace, y, h, first)
-    else:
-        add_up(memory, workspace, first, count == 1, h)
-    return 0
+def strayed(tables, y, h):
+    """Whether neighbours have to be looked for before a step of length h from y."""
+    return 1 if has_strayed(tables, y, h) else 0
 
 
 @inline

@@ -66,7 +66,7 @@ GYROSCOPIC_ROUNDS = 12
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
-    PART,
+    GAINED,
     MADE,
     ROUGH_SLIPS,
     OPEN_NOW,
@@ -84,7 +84,7 @@ and in which a contact has Painleve's paradox; the most that contacts of a movin
 natural map of the laws over the largest impulse; energy that went where a rigid contact bore
 already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
 the normal has left by the end of its step [m/s], when [s], and at which point;
-length of the next part of a step [s]; energy that rigid contacts have made [J];
+energy that rigid contacts have given in the step, and that they have made in the run [J];
 steps in which a perfectly rough contact slipped;
 change of velocities that shares of a load left open in the step, relative to what impulses gave,
 and at which point; the first of the run, when [s], and at which point."""
@@ -133,8 +133,8 @@ class Workspace(NamedTuple):
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
     """impulses of the joints in them."""
-    traction: np.ndarray
-    """slip of a point and what its law of traction gives, shape (9,)."""
+    scratch: np.ndarray
+    """what the law of a pair or of a traction gets and gives, shape (2 STATE + SPOT,)."""
     joint_out: np.ndarray
     """what a law of the joints gives."""
 
@@ -169,7 +169,7 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.full(points, -1.0),
         np.zeros((points, 6)),
         np.zeros(joints),
-        np.zeros(9),
+        np.zeros(2 * STATE + SPOT),
         np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
     )
 

@@ -7,6 +7,7 @@ forgotten again.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -14,21 +15,11 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import RATE, ROW_WIDTH
 from rb_sim.catalogue.effects.gravity import GravityRow
-from rb_sim.catalogue.geometry.carriers import carrier
-from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.geometry.solids import Box
 from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
-from rb_sim.contact.stepping import geometry, step_kernels
-from rb_sim.contact.stepping.neighbours import RESTING, Neighbours, resized
-from rb_sim.contact.stepping.scene_tables import (
-    BODY,
-    FIRST,
-    PARENT,
-    Tables,
-    Tractions,
-    addresses,
-    tables_of,
-)
+from rb_sim.contact.stepping import step_kernels
+from rb_sim.contact.stepping.neighbours import Neighbours, resized
+from rb_sim.contact.stepping.scene_tables import PointLaws, Tables, addresses, tables_of
 from rb_sim.contact.stepping.step_workspace import (
     ASTRAY,
     ASTRAY_AT,
@@ -40,11 +31,8 @@ from rb_sim.contact.stepping.step_workspace import (
     OPEN,
     OPEN_AT,
     OPEN_OF,
-    PART,
-    PUSH_ROUNDS,
     ROUGH_SLIPS,
     SEVERAL,
-    SHIFT_ROUNDS,
     STRUCK,
     TURNED,
     UNSOLVED,
@@ -172,8 +160,8 @@ class SteppedContacts(GridMotion):
     """Bodies in contact under time stepping: no events, tables of contacts of its own."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
-        tractions = Tractions()
-        tables, self._fixed_pairs = tables_of(compiled, tractions)
+        laws = PointLaws()
+        tables = tables_of(compiled, laws)
         system = compiled.system
         self._others = other_effects(system)
         alone = system._replace(effects=self._others)
@@ -189,21 +177,15 @@ class SteppedContacts(GridMotion):
         if self._joints is not None:
             tables = self._joints.into(tables)
         self._fixed = self._tables = tables
-        self._pairs = self._fixed_pairs
         between = compiled.between
         near = between is not None
-        self._near = Neighbours(compiled, between, tables, tractions) if near else None
+        self._near = Neighbours(compiled, between, tables, laws) if near else None
         self._sides = tuple(
             sides
             for sides in compiled.sides
             if not (isinstance(sides.own, Box) and isinstance(sides.support, Box))
         )  # two boxes touch with their edges as well
         super().__init__(compiled, method)
-
-    @property
-    def plain(self) -> bool:
-        """Whether all of the scene is in the tables."""
-        return not any(self._pairs)
 
     @property
     def unsolved_steps(self) -> int:
@@ -287,15 +269,14 @@ class SteppedContacts(GridMotion):
     def _look(self, y: Array) -> None:
         """Tables with the pairs of bodies that are near at y."""
         assert self._near is not None
-        self._tables, others = self._near.look(y, self.method.step)
-        self._pairs = (*self._fixed_pairs, *others)
+        self._tables = self._near.look(y, self.method.step)
 
     def _look_around(self, y: Array) -> None:
         """Look for neighbours if those that are known do not serve for the next step from y."""
         near = self._near
         if near is None or not np.isfinite(y).all():
             return
-        if not self._do(step_kernels.STRAYED, self._memory, 0.0, y, self.method.step):
+        if not step_kernels.strayed(self._tables, y, self.method.step):
             return
         self._name_points()
         before = near.first
@@ -346,24 +327,9 @@ class SteppedContacts(GridMotion):
     def warm(self) -> None:
         """Compile everything that `run_to` will call: a step, of which nothing is kept."""
         self.sample()
-        if self.plain:
-            grid, y = self._grid, self._grid.y1.copy()
-            kept = [a.copy() for a in self._workspace], self._memory.copy()
-            h, none = self.method.step, memory_of(len(self._memory))
-            step_kernels.run(
-                step_kernels.STEPS,
-                self._tables,
-                self._memory,
-                self._workspace,
-                grid.t1,
-                h,
-                y,
-                0,
-                1,
-                y.copy(),
-                none,
-            )
-            self._restore(*kept)
+        kept = self._kept()
+        self._one_step(self._memory.copy(), self._grid.t1, self._grid.y1.copy(), self.method.step)
+        self._restore(*kept)
 
     # the grid
 
@@ -380,29 +346,23 @@ class SteppedContacts(GridMotion):
         grid, step = self._grid, self.method.step
         y, before = grid.y1, np.array(grid.y1)
         self._look_around(y)
-        end = min(t, stop)
-        count = int(min(MOST_AT_ONCE, max(1.0, (end - grid.t1) / step - 1e-6)))
-        first, whole = grid.steps, grid.origin + (grid.steps + 1) * step <= stop * (1 - ULPS)
-        if self.plain and whole:
-            while grid.origin + (first + count) * step > stop * (1 - ULPS):
-                count -= 1
-            done = step_kernels.run(
-                step_kernels.STEPS, self._tables, self._memory, self._workspace, grid.origin, step,
-                y,
-                first, count, before, self._memory_before,
-            )  # fmt: skip
-            if np.isfinite(y).all():
-                count = done  # or fewer: neighbours have to be looked for
-            end = grid.origin + (first + done) * step
-            start = grid.origin + (first + done - 1) * step
-        else:
-            start, end = grid.t1, grid.origin + (first + 1) * step
-            if end > stop * (1 - ULPS):
-                end = stop
-            self._memory_before[:] = self._memory
-            self._one_step(self._memory, start, y, step if end < stop else end - start)
-            count = 1
-            done = 1 if np.isfinite(y).all() else 0
+        first, last = grid.steps, stop * (1 - ULPS)
+        count = int(min(MOST_AT_ONCE, max(1.0, (min(t, stop) - grid.t1) / step - 1e-6)))
+        while count > 0 and grid.origin + (first + count) * step > last:
+            count -= 1
+        if count > 0:
+            origin, h, number, end = grid.origin, step, first, math.inf
+        else:  # the last step before the stop is a shorter one
+            origin, h, number, end, count = grid.t1, stop - grid.t1, 0, stop, 1
+        done = step_kernels.steps(
+            self._tables, self._memory, self._workspace, origin, number, count, h, y, before,
+            self._memory_before,
+        )  # fmt: skip
+        if np.isfinite(y).all():
+            count = done  # or fewer: neighbours have to be looked for
+        start = origin + (number + done - 1) * h
+        if math.isinf(end):
+            end = origin + (number + done) * h
         self._grid = grid._replace(steps=first + done, t0=start, y0=before, t1=end, y1=y)
         if done < count:
             raise self._failure(NOT_FINITE)
@@ -425,7 +385,7 @@ class SteppedContacts(GridMotion):
 
     def _between(self, t: float, out: Array | None) -> Array:
         """A step from t0 to t that leaves no trace."""
-        grid, kept = self._grid, ([a.copy() for a in self._workspace], self._memory.copy())
+        grid, kept = self._grid, self._kept()
         y, memory = np.array(grid.y0), self._memory_before.copy()
         self._one_step(memory, grid.t0, y, t - grid.t0)
         if out is not None:
@@ -435,74 +395,26 @@ class SteppedContacts(GridMotion):
 
     def _tried(self, t: float, y: Array, out: Array) -> None:
         """A sample before the first step: forces of a step that is tried and forgotten."""
-        kept = [a.copy() for a in self._workspace], self._memory.copy()
+        kept = self._kept()
         moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
         self._one_step(memory, t, moved, h)
         self._sample(memory, t, y, h, out)
         self._restore(*kept)
 
+    def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
+        """One step of length h from (t, y); y and memory in place."""
+        before = np.empty_like(memory)
+        step_kernels.steps(
+            self._tables, memory, self._workspace, t, 0, 1, h, y, np.empty_like(y), before
+        )
+
+    def _kept(self) -> tuple[list[Array], Array]:
+        return [a.copy() for a in self._workspace], self._memory.copy()
+
     def _restore(self, workspace: list[Array], memory: Array) -> None:
         for a, b in zip(self._workspace, workspace, strict=True):
             a[...] = b
         self._memory[...] = memory
-
-    # one step with what the tables do not have
-
-    def _one_step(self, memory: Array, t: float, y: Array, h: float) -> None:
-        """A step of length h in its parts; y and memory in place."""
-        left, at, number = h, t, 0
-        self._workspace.joint_back[:] = 0.0
-        while left > 0.0:
-            self._do(step_kernels.NEXT_PART, memory, at, y, left, number)
-            part = float(self._workspace.notes[PART])
-            self._one_part(memory, at, y, part)
-            if number > 0 or part < left:
-                self._do(step_kernels.ADD_UP, memory, at, y, h, number, int(part == left))
-            left, at, number = left - part, at + part, number + 1
-
-    def _one_part(self, memory: Array, t: float, y: Array, h: float) -> None:
-        """A part of length h, task by task; y and memory in place."""
-        self._do(step_kernels.BEGIN, memory, t, y, h)
-        self._find_others(t + 0.5 * h, y)
-        self._do(step_kernels.FINISH, memory, t, y, h)
-        for n in range(PUSH_ROUNDS + SHIFT_ROUNDS):
-            self._do(step_kernels.FIND, memory, t + h, y, h)
-            self._find_others(t + h, y)
-            if self._do(
-                step_kernels.PUSH if n < PUSH_ROUNDS else step_kernels.SHIFT, memory, t + h, y, h
-            ):
-                break
-        self._do(step_kernels.PAY, memory, t + h, y, h)
-
-    def _do(
-        self, task: int, memory: Array, t: float, y: Array, h: float, first: int = 0, count: int = 0
-    ) -> int:
-        """A task of the kernel that is a part of a step."""
-        none = self._memory_before
-        return step_kernels.run(
-            task, self._tables, memory, self._workspace, t, h, y, first, count, y, none
-        )
-
-    def _find_others(self, t: float, y: Array) -> None:
-        """Spots of pairs that the kernels do not know."""
-        for e, pair in enumerate(self._pairs):
-            if pair is None:
-                continue
-            kind = self._tables.entries[e]
-            fixed = e < len(self._fixed.entries)
-            carries = self._rows[int(kind[FIRST])].row.carrier if fixed else RESTING
-            B = state_of(y, int(kind[BODY]))
-            A, _, _, driven = carrier(carries, t, state_of(y, int(kind[PARENT])))
-            try:
-                at, spots, c = touching(pair, B, A), self._workspace.spots, int(kind[FIRST])
-            except ArithmeticError:  # Python refuses what is no number; the step is refused then
-                y[:] = np.nan
-                return
-            geometry.put_spot(spots, c, A, driven, at.gap, at.normal, at.point)
-
-    @property
-    def _rows(self) -> list[Any]:
-        return [placed for group in self.system.contacts for placed in group]
 
     def _carrying(self) -> Any:
         """The system with the bodies of the tables, for effects to act on."""

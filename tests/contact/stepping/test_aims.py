@@ -138,17 +138,6 @@ def test_one_that_something_else_sends_at_a_post_does_not_end_in_it() -> None:
     assert np.linalg.norm(y[0:3] - place) > 0.03 + RADIUS - 1e-9
 
 
-def test_what_python_adds_to_does_the_same_steps() -> None:
-    """A scene with a pair that the kernels do not know goes through the tasks one by one."""
-    egg = {"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.2]}
-    for beside in (0.03, 0.0701):
-        alone, velocity, _ = sent_off(beside, 1e-2, True)
-        other, also, _ = sent_off(beside, 1e-2, True, far_away=egg)
-        assert alone._motion.plain and not other._motion.plain  # type: ignore[attr-defined]
-        np.testing.assert_allclose(velocity, also, rtol=0.0, atol=1e-8)
-        assert alone.steps == other.steps
-
-
 def test_impulses_of_a_step_are_those_of_all_its_parts() -> None:
     """For reports, and for the first guess of the next step."""
     workspace, memory = workspace_for(1, 2, 1), memory_of(2)

@@ -2,66 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation
-from rb_sim.catalogue.constraints.rows import ERROR, ROW_WIDTH
-from rb_sim.contact.stepping import step_kernels
-from rb_sim.contact.stepping.step_workspace import memory_of, workspace_for
-from rb_sim.contact.stepping.stepping_motion import Joints, joint_system
-from rb_sim.mechanics.systems.multipliers import settle_bodies, write_rows
-from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import scene, touch
-from tests.contact.stepping.tables_by_hand import Heap
 from tests.mechanics.test_redundant_steps import error, linkages, with_ball
-
-
-def driven() -> dict[str, Any]:
-    """A sledge that is pulled at a given speed, and a rod on it; no line depends on others."""
-    rod = {"mass": 0.7, "inertia": [0.04, 0.04, 0.01], "position": [0.1, 0.0, 0.5]}
-    joints = {
-        "knife": {"type": "velocity", "body": "sledge", "linear": [1, 0, 0], "rate": 0.3},
-        "level": {"type": "plane", "body": "sledge", "normal_A": [0, 0, 1]},
-        "pin": {"type": "fixed_point", "body": "rod", "parent": "sledge", "point_B": [0, 0, -0.4]},
-    }
-    sledge = {"mass": 2.0, "inertia": [0.2, 0.3, 0.4], "linear_velocity": [0.3, 0, 0]}
-    bodies = {"sledge": sledge, "rod": rod | {"linear_velocity": [0.3, 0, 0]}}
-    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
-    return {"bodies": bodies, "constraints": joints, "simulation": run}
-
-
-def settled(joints: Joints, t: float, y: np.ndarray) -> None:
-    """y as the kernels bring it back to the manifold, in place."""
-    bodies, rows = len(joints.system.bodies), len(joints.system.lines)
-    tables = joints.into(Heap(bodies, [], 1).tables)
-    tables = tables._replace(joint_rows=np.zeros((rows, ROW_WIDTH)))
-    memory = memory_of(0)
-    space = workspace_for(bodies, 0, rows)
-    step_kernels.run(step_kernels.FIND, tables, memory, space, t, 1e-3, y, 0, 0, y.copy(), memory)
-
-
-@pytest.mark.parametrize("scene", [linkages(1, method="time_stepping", step=0.01), driven()])
-def test_laws_of_the_joints_are_the_kernels(scene: dict[str, Any]) -> None:
-    """At a state off the manifold; of a loop, which settles on other lines, once it is back."""
-    compiled = compile_scene(scene_from_mapping(with_ball(scene)))
-    joints = Joints(compiled.system)
-    plain = joint_system(compiled.system, joints.system.lines.shape[0])
-    y = compiled.y + 1e-4 * np.random.default_rng(3).normal(size=len(compiled.y))
-    write_rows(plain, 0.2, y)
-    assert_allclose(joints.rows(0.2, y), plain.rows, atol=1e-14)
-    back, reference = y.copy(), y.copy()
-    settled(joints, 0.2, back)
-    if (joints.system.lines.shape[0]) < 10:
-        settle_bodies(plain, 0.2, reference)
-        assert_allclose(back, reference, atol=1e-13)
-    write_rows(plain, 0.2, back)
-    assert float(np.abs(plain.rows[:, ERROR]).max()) < 1e-14
-    assert np.abs(back - y).max() < 1e-2
 
 
 def test_a_linkage_moves_as_its_equation_says_to_second_order() -> None:

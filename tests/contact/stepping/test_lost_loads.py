@@ -10,7 +10,6 @@ import pytest
 from rb_sim import Simulation
 from rb_sim.base.errors import StepTooLargeError
 from tests.contact.scenes import ball, scene, touch
-from tests.contact.stepping.test_motion import motion_of
 
 
 def pulled(speed: float) -> dict[str, Any]:
@@ -32,19 +31,3 @@ def test_a_spring_that_has_lost_its_direction_ends_the_run() -> None:
     ):
         Simulation(pulled(10.0)).run()
     assert np.isfinite(Simulation(pulled(10.1)).run().energy).all()
-
-
-def test_an_egg_that_is_thrown_out_of_the_world_has_no_nearest_point() -> None:
-    """Its distance has no square, so that it lies in no direction, and Python divides by zero; the
-    step that led there has no numbers, which ends the run."""
-    egg = {"mass": 1.0, "shape": {"type": "ellipsoid", "semi_axes": [0.2, 0.3, 0.1]}}
-    ground = touch("egg", surface={"type": "sphere", "radius": 1.0})
-    mapping = scene({"egg": egg | {"position": [0, 0, 2]}}, {"ground": ground})
-    run = {"method": "time_stepping", "step": 0.01, "duration": 1.0}
-    motion = motion_of(mapping | {"simulation": run})
-    y = np.array(motion.coordinates)
-    motion._find_others(0.0, y)
-    assert np.isfinite(y).all()
-    y[0:3] = 1e200
-    motion._find_others(0.0, y)
-    assert np.isnan(y).all()

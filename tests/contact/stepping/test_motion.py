@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -211,7 +210,7 @@ def pushed(start: float, steps: int) -> float:
 
 def carried(shape: str, start: float, steps: int) -> tuple[float, float, float]:
     """(velocity of a ball of 0.2 m on a support that goes up and down, height of its centre over
-    that, overlap [m]) after so many steps of 10 ms; shape: whether the kernels know the pair."""
+    that, overlap [m]) after so many steps of 10 ms."""
     solids = {"ball": {"type": "sphere", "radius": 0.2}}
     solids["egg"] = {"type": "ellipsoid", "semi_axes": [0.2, 0.2, 0.2]}
     at, end = RATTLE * start, RATTLE * (start + 0.01 * steps)
@@ -225,7 +224,6 @@ def carried(shape: str, start: float, steps: int) -> tuple[float, float, float]:
     body_on_it = body(solids[shape], [0, 0, 0.2], linear_velocity=moves)
     mapping = scene(body_on_it, touch(surface=dome, motion=shaken)) | {"simulation": run}
     motion = motion_of(mapping)
-    assert motion.plain is (shape == "ball")
     y = np.array(motion.compiled.y)
     y[2] += SHAKE * math.sin(at)
     motion.reset(y, start)
@@ -429,24 +427,6 @@ def test_other_loads_are_taken_from_the_law_at_hand() -> None:
     assert motion._others == (stiffer,)
 
 
-@pytest.mark.parametrize(
-    ("mapping", "plain"),
-    [
-        (bouncing(), True),
-        (bouncing(spring=SPRING), True),
-        (mixed(), False),
-        (scene(ball([0, 0, 2]), {"floor": touch(), "pull": {
-            "type": "velocity", "body": "body", "linear": [1, 0, 0]}}), True),
-        (scene(body({"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.2]}, [0, 0, 2]), touch(
-            surface={"type": "sphere", "radius": 1.0})), False),
-    ],
-    ids=["ball", "spring", "all", "joint", "egg"],
-)  # fmt: skip
-def test_what_is_all_in_the_tables(mapping: dict[str, Any], plain: bool) -> None:
-    run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
-    assert motion_of(mapping | {"simulation": run}).plain is plain
-
-
 def test_edges_are_looked_at_but_of_two_boxes() -> None:
     """Whose edges touch as well."""
     drum = {"type": "cylinder", "radius": 0.5, "length": 0.6}
@@ -455,18 +435,3 @@ def test_edges_are_looked_at_but_of_two_boxes() -> None:
         mapping = scene(bodies, touch(parent="a", surface={"type": "shape"}))
         run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
         assert len(motion_of(mapping | {"simulation": run})._sides) == looked
-
-
-def test_what_steps_have_counted() -> None:
-    motion = motion_of(bouncing())
-    notes = motion._workspace.notes
-    notes[:] = np.arange(len(notes)) + 100.0
-    of = SimpleNamespace(**vars(step_workspace))
-    assert motion.unsolved_steps == notes[of.UNSOLVED]
-    assert motion.circling_steps == notes[of.TURNED]
-    assert motion.restruck_energy == notes[of.STRUCK]
-    assert motion.paradox_steps == notes[of.SEVERAL]
-    assert motion.slipping_steps == notes[of.ROUGH_SLIPS]
-    assert (motion.solver_residual, motion.solver_give) == (notes[of.WORST], notes[of.GAVE])
-    speed = notes[of.ASTRAY] / motion.system.speed
-    assert motion.astray == (speed, notes[of.ASTRAY_AT], int(notes[of.ASTRAY_OF]))
