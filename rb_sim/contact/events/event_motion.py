@@ -41,7 +41,7 @@ from rb_sim.contact.events.stepping import slow_slips
 from rb_sim.contact.events.steps import kind_of
 from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
 from rb_sim.contact.grid_motion import LeftOpen
-from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounces
+from rb_sim.contact.problem.bounces import GRIP, Chatter, forget_bounces
 from rb_sim.contact.problem.delassus import velocities
 from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal
 from rb_sim.contact.problem.modes import find_held
@@ -81,6 +81,10 @@ from rb_sim.scene.compiled import Compiled
 # more.  To open one alone lets the others open and it close in turns, by rounding, without end.
 
 
+AT_ONCE = 1e-12
+"""Share of the time, or of 1 s before, within which two changes are at one instant."""
+
+
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     """Rigid contacts whose push has fallen in the step and is over at t, but for rounding of t.
 
@@ -93,7 +97,7 @@ def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
     push = touch[:, NORMAL_FORCE] / unit
     fallen = touch[:, EVENT_FUNCTIONS_BEFORE] - push
-    left = push * (t - begun) <= fallen * at_one_instant(t)
+    left = push * (t - begun) <= fallen * AT_ONCE * max(1.0, abs(t))
     return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
 
 
@@ -262,19 +266,14 @@ class ContactMotion(StrikingMotion):
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
-        at_once = self._chatter.at_once(t)
-        self._hold_firmer(t, code[1])
-        if at_once or self._chatter.is_dense(t, code[1]):
+        if self._chatter.begins_to_grip(t, code[1]):
+            given = self.compiled.contact_laws
+            self.laws = tuple(law._replace(static=(1.0 + GRIP) * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
+        if self._chatter.is_endless(t):
             self._leap(code[0])
         else:
             self._happen(code)
-
-    def _hold_firmer(self, t: float, kind: int) -> None:
-        """Let friction at its very bound hold a little more where slips end as they begin."""
-        if self._chatter.holds_firmer(t, kind):
-            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
-            self.laws = tuple(law._replace(static=more * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
 
     def _leap(self, c: int) -> None:
         """Leap from the grid's last point, and go on there."""

@@ -52,7 +52,7 @@ and below that the estimate is rounding, which shorter steps only add up."""
 @inline
 def note_stiffness(system, y):
     """The rates at which friction turns slips that go on, where a step starts: on what gives way; a
-    slip on a rigid support that is as slow goes on as before (see note_slow_slips)."""
+    slip on a rigid support that is as slow goes on as before."""
     touch = system.touch
     for c in range(touch.shape[0]):
         touch[c, STIFF] = 0.0

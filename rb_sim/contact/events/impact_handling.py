@@ -17,7 +17,7 @@ from rb_sim.contact.events.limits import TOOL, refuse_rough
 from rb_sim.contact.events.shares import OF
 from rb_sim.contact.events.stepping import EventStepping
 from rb_sim.contact.events.tasks import SETTLE
-from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE, Chatter
+from rb_sim.contact.problem.bounces import AT_ONCE, Chatter
 from rb_sim.contact.problem.delassus import set_velocities, velocities
 from rb_sim.contact.problem.event_workspace import JAMS, LEAPS, Journal, turn_that_is_none, turning
 from rb_sim.contact.problem.forces import CANDIDATE, PRESSED, SOLVED
@@ -273,7 +273,7 @@ class StrikingMotion(EventStepping):
     def _strike(self, instant: Instant) -> None:
         """Impacts until nothing approaches; an endless series of bounces is closed."""
         single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
-        n, last, status = 0, single + EVENTS_AT_ONCE, GOES_ON
+        n, last, status = 0, single + AT_ONCE, GOES_ON
         while status != NOTHING:
             aim_where_it_turns(instant, self.rims)
             to = min(n + 1, last) if self.rims else last  # rims aim anew before each round

@@ -17,7 +17,7 @@ from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import told
 from rb_sim.contact.events.limits import TOOL
 from rb_sim.contact.events.next_event import KEPT
-from rb_sim.contact.events.shares import widest_kept
+from rb_sim.contact.events.shares import turned_by_rounding
 from rb_sim.contact.events.steps import EVENT, record_contacts
 from rb_sim.contact.events.tasks import BEGIN, Tasks
 from rb_sim.contact.grid_motion import GridMotion, LeftOpen
@@ -268,8 +268,8 @@ class EventStepping(GridMotion):
 
     @property
     def _doubted(self) -> LeftOpen:
-        """The widest of what was kept of slow slips and of rims that hardly missed flat."""
-        return widest_kept(self._kept, self.names)
+        """How far rounding has turned rims that hardly missed flat."""
+        return turned_by_rounding(self._kept, self.names)
 
     def _explain(self, status: int) -> str:
         """As Motion; also which slips an implicit method may not follow."""
@@ -309,7 +309,6 @@ class EventStepping(GridMotion):
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
                 bool(n) and out is not None, rows, self._work, self._due, self._kept,
-                self._arms,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])

@@ -14,7 +14,7 @@ import numpy as np
 
 from rb_sim.compiler.marshal import address_of
 from rb_sim.contact.events.next_event import begin_step
-from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE, time_of_flights
+from rb_sim.contact.problem.bounces import AT_ONCE, time_of_flights
 from rb_sim.contact.problem.delassus import read_velocities, write_lines
 from rb_sim.contact.problem.event_workspace import (
     CHANGES,
@@ -67,7 +67,7 @@ def pass_through(system, workspace, t, y, contact, fixed):
     flights that begin end)."""
     take_before(system, workspace)
     write_lines(system, t, y, workspace)
-    status, _ = strike_in_rounds(system, workspace, t, y, 0, EVENTS_AT_ONCE, 0)
+    status, _ = strike_in_rounds(system, workspace, t, y, 0, AT_ONCE, 0)
     if status != NOTHING:
         return AT_IMPACTS, math.inf
     if choose(system, workspace, t, y, (contact, TOUCH_DOWN)) != WHOLE or may_share(
