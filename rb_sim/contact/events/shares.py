@@ -16,10 +16,10 @@ from rb_sim.contact.events.instant import (
     require_finite,
     singular_values,
 )
-from rb_sim.contact.events.next_event import ROUNDED, ROUNDED_TIME
+from rb_sim.contact.events.search import ROUNDED, ROUNDED_TIME
 from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
-from rb_sim.contact.problem.delassus import inverse_mass, spread
+from rb_sim.contact.problem.assembly import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK

@@ -10,13 +10,14 @@ from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import (
     Grid,
     advance_grid,
+    before_stop,
     branch,
     copy,
     finite,
     is_implicit,
     state_at,
 )
-from rb_sim.contact.events.next_event import (
+from rb_sim.contact.events.search import (
     GRADE,
     begin_step,
     cut_grid,
@@ -24,7 +25,6 @@ from rb_sim.contact.events.next_event import (
     next_event,
     note_rounded_leans,
 )
-from rb_sim.contact.events.stick_transition import before_stop
 from rb_sim.integrate.layout import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving

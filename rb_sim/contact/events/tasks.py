@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler.marshal import address_of
-from rb_sim.contact.events.next_event import begin_step
+from rb_sim.contact.events.search import begin_step
+from rb_sim.contact.problem.assembly import answer_over, write_lines
 from rb_sim.contact.problem.bounces import AT_ONCE, time_of_flights
-from rb_sim.contact.problem.delassus import read_velocities, write_lines
 from rb_sim.contact.problem.event_workspace import (
     CHANGES,
     IMPACT,
@@ -27,7 +27,6 @@ from rb_sim.contact.problem.event_workspace import (
     workspace_for,
     workspace_left,
 )
-from rb_sim.contact.problem.forces import answer_over
 from rb_sim.contact.problem.impacts import NOTHING, STRUCK, apply_impulses, strike, strike_in_rounds
 from rb_sim.contact.problem.modes import WHOLE, choose, may_share
 from rb_sim.graph.machine import interpreted
@@ -127,9 +126,7 @@ def do_task(places):
     elif task == PASS:
         status, numbers[FOUND] = pass_through(system, workspace, t, y, first, second == 1)
     else:
-        u = np.empty_like(workspace.free_accelerations)
-        read_velocities(system, y, u)
-        status = answer_over(system, workspace, u, numbers[FOUND])
+        status = answer_over(system, workspace, y, numbers[FOUND])
     return status
 
 

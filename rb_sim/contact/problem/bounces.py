@@ -22,7 +22,7 @@ from rb_sim.numerics.kernels import inline
 # Changes of contacts that follow each other as if without end, and what is done about them.
 #
 # Where rounding chooses between rest and slip over and over, friction at its very bound is taken to
-# hold a little more; other changes are leapt over (see impact_handling).
+# hold a little more; other changes are leapt over (see `instant.leap`).
 
 
 GRIP = 1e-9
