@@ -56,7 +56,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/catalogue/geometry/test_rims_on_cylinders.py",
         "tests/contact/test_every_pair.py",
     ),
-    "rb_sim/mechanics/contact/near_flat_rims.py": ("tests/mechanics/contact/test_swings.py",),
+    "rb_sim/mechanics/contact/near_flat_rims.py": ("tests/contact/test_near_flat.py",),
     "rb_sim/catalogue/geometry/pairs.py": (
         "tests/catalogue/geometry/test_pairs.py",
         "tests/catalogue/geometry/test_solids.py",
@@ -75,13 +75,10 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/mechanics/contact/test_manifold.py",
         "tests/contact/test_every_pair.py",
     ),
-    "rb_sim/mechanics/contact/contact_bodies.py": (
-        *SYSTEM,
-        "tests/contact/events/test_delassus.py",
-    ),
+    "rb_sim/mechanics/contact/contact_bodies.py": SYSTEM,
     "rb_sim/mechanics/contact/constraint_tables.py": (*SYSTEM,),
     "rb_sim/mechanics/contact/event_functions.py": (
-        "tests/mechanics/contact/test_levels.py",
+        "tests/contact/events/test_event_times.py",
         "tests/contact/events/test_dips.py",
     ),
     "rb_sim/mechanics/contact/contact_projection.py": ("tests/mechanics/contact/test_manifold.py",),
@@ -89,10 +86,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/mechanics/contact/test_rates.py",
         *SYSTEM,
     ),
-    "rb_sim/mechanics/contact/contact_kinematics.py": (
-        *SYSTEM,
-        "tests/contact/events/test_delassus.py",
-    ),
+    "rb_sim/mechanics/contact/contact_kinematics.py": SYSTEM,
     "rb_sim/mechanics/contact/contact_table.py": ("tests/mechanics/contact/test_touch.py", *SYSTEM),
     "rb_sim/contact/stepping/after.py": ("tests/contact/stepping/test_after.py", *STEPPING),
     "rb_sim/contact/stepping/step_kernels.py": (

@@ -22,55 +22,17 @@ OF_WATCHES = {
 }
 """Test -> modules of rb_sim/checks."""
 OF_EVENTS = {
-    "delassus": ("delassus", "held"),
-    "decompositions": ("choice", "decompositions"),
-    "flights": ("flight", "pace"),
-    "forces": ("forces",),
-    "grid": ("grid",),
-    "impacts": ("both_orders",),
-    "impulses": ("impulses",),
-    "instant": ("instant", "jams", "rough"),
-    "leap": ("leap",),
+    "decompositions": ("instant",),
     "left_open": ("left_open",),
-    "methods": ("methods",),
-    "modes": ("modes",),
-    "notes": ("chatter", "journal", "lifting", "notes", "wrong_tool"),
     "redundant": ("redundant",),
-    "room": ("room",),
-    "rims_that_lie": ("lying",),
-    "routh": ("routh",),
-    "steps": ("next_event", "steps"),
-    "steps_to_stops": ("stops",),
-    "stiff": ("stiff",),
-    "striking": ("striking",),
+    "routh": ("instant",),
 }
 """Test -> modules of rb_sim/contact/events."""
-SOME_OF_EVENTS = {
-    "bracket": (
-        "the_zero_of_a_cubic_whose_rates_are_known",
-        "a_straight_line_where_no_rates_are_known",
-        "the_first_of_several_is_looked_for_just_behind_its_zero",
-        "what_a_bracket_takes_from_the_table_of_contacts",
-    ),
-    "slow_slips": (
-        "friction_that_is_missed_adds_up",
-        "what_friction_misses_is_told_above_a_tenth_and_errors_alone",
-        "what_is_not_slow_or_does_not_slip_begins_anew",
-    ),
-    "stopping": ("what_is_left_is_taken_away_where_bodies_hardly_move_for_it",),
-}
-"""Module of rb_sim/contact/events -> tests of its file, of which others run motions."""
 BY_HAND: dict[str, tuple[str, ...]] = {
     f"rb_sim/{package}/{module}.py": (f"tests/{package}/test_{test}.py",)
     for package, tests in (("watches", OF_WATCHES), ("contact/events", OF_EVENTS))
     for test, modules in tests.items()
     for module in modules
-}
-BY_HAND |= {
-    f"rb_sim/contact/events/{module}.py": tuple(
-        f"tests/contact/events/test_{module}.py::test_{law}" for law in laws
-    )
-    for module, laws in SOME_OF_EVENTS.items()
 }
 BY_HAND |= {
     f"rb_sim/contact/solvers/{module}.py": (f"tests/contact/solvers/test_solvers.py::test_{law}",)
@@ -81,29 +43,11 @@ BY_HAND |= {
     )
 }
 BY_HAND |= {
-    "rb_sim/contact/problem/delassus.py": (
-        "tests/contact/events/test_delassus.py",
-        "tests/contact/events/test_forces.py",
-    ),
-    **{
-        f"rb_sim/contact/events/{module}.py": (
-            "tests/contact/events/test_modes.py",
-            "tests/contact/events/test_impulses.py",
-        )
-        for module in ("laws", "touching")
-    },
-    "rb_sim/contact/problem/impacts.py": (
-        "tests/contact/events/test_rules_of_impact.py",
-        "tests/contact/events/test_impacts.py",
-    ),
-    "rb_sim/contact/events/next_event.py": ("tests/contact/events/test_notes.py",),
+    "rb_sim/contact/problem/impacts.py": ("tests/contact/events/test_impacts.py",),
     "rb_sim/contact/events/shares.py": (
         "tests/contact/events/test_shared_loads.py::test_the_bounds_of_contacts_by_hand",
     ),
-    "rb_sim/contact/grid_motion.py": (
-        "tests/contact/events/test_grid.py",
-        "tests/contact/test_grid_motion.py",
-    ),
+    "rb_sim/contact/grid_motion.py": ("tests/contact/test_grid_motion.py",),
     "rb_sim/scene/compile_contacts.py": ("tests/contact/test_grid_motion.py",),
     **{
         f"rb_sim/contact/solvers/{module}.py": (
@@ -127,10 +71,7 @@ BY_HAND |= {
         "tests/contact/test_depths_of_sides.py",
         "tests/contact/test_sides.py",
     ),
-    **{
-        f"rb_sim/mechanics/contact/{module}.py": (f"tests/mechanics/contact/test_{module}.py",)
-        for module in ("creep", "jacobian", "start_of_step")
-    },
+    "rb_sim/contact/events/stepping.py": ("tests/mechanics/contact/test_jacobian.py",),
     "rb_sim/contact/events/steps.py": tuple(
         f"tests/mechanics/contact/test_choice.py::test_{law}"
         for law in (
@@ -169,28 +110,17 @@ BY_HAND |= {
             tuple(
                 f"tests/contact/events/test_{test}.py"
                 for test in (
-                    "motion_by_hand",
                     "lifting",
                     "tasks",
                     "leap",
                     "painleve",
-                    "rims_that_lie",
                     "motion",
                 )
             )
         ),
         "tests/contact/events/test_over_edges.py",
     ),  # fmt: skip
-    "rb_sim/contact/events/stepping.py": (
-        "tests/contact/events/test_stepping.py",
-        "tests/contact/events/test_pauses.py",
-        "tests/contact/events/test_motion_by_hand.py",
-    ),
-    "rb_sim/contact/events/tasks.py": (
-        "tests/contact/events/test_task_by_task.py",
-        "tests/contact/events/test_tasks.py",
-    ),
-    "rb_sim/mechanics/contact/contact_laws.py": ("tests/mechanics/contact/test_compiled.py",),
+    "rb_sim/contact/events/tasks.py": ("tests/contact/events/test_tasks.py",),
     "rb_sim/contact/choose_motion.py": ("tests/contact/test_motion.py",),
     "rb_sim/numerics/kernels.py": ("tests/numerics/test_own_time.py",),
     "rb_sim/mechanics/lane_motions.py": ("tests/sweeps/test_lanes.py",),

@@ -353,11 +353,9 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
 
 
 def _of_choices(effort: Effort) -> Iterator[Finding]:
-    """Whether more than the setting tells apart was left open: by the laws of contact, of which a
-    second run makes the same choice, or by the setting, which a second run decides."""
+    """Whether the laws of contact left more open than the setting tells apart; a second run makes
+    the same choice."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
-        figure, t, contact, what, by_setting, advice = chosen
-        finer = below(effort.step) if by_setting and effort.step else None
-        advice = effort.advice(finer) if by_setting else advice
-        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)
+        figure, t, contact, what, advice = chosen
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice)

@@ -55,7 +55,7 @@ def contact_balance(
 ) -> tuple[Balance, float]:
     """The Balance of a contact in these modes, and its normal force."""
     from rb_sim import load_scene
-    from rb_sim.contact.events.next_event import begin_step
+    from rb_sim.contact.events.search import begin_step
     from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.scene.compile import compile_scene
 

@@ -141,7 +141,7 @@ class Found(NamedTuple):
 
 def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     from rb_sim import load_scene
-    from rb_sim.contact.events.next_event import begin_step
+    from rb_sim.contact.events.search import begin_step
     from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.mechanics.system import rate_into
     from rb_sim.scene.compile import compile_scene

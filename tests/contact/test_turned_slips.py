@@ -1,6 +1,6 @@
 """A block thrown across a slope sticks when and where the closed form says, by either kind of step.
 
-Without `stick_transition.longest_step` 34 of 40 such runs in steps of rk4 miss the stick."""
+Without `grid.longest_step` 34 of 40 such runs in steps of rk4 miss the stick."""
 
 from __future__ import annotations
 

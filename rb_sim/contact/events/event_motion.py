@@ -1,6 +1,6 @@
 """Motion of bodies in contact, event by event.
 
-The kernel carries the state to the next event at the method's full order; here the event is read,
+The loop carries the state to the next event at the method's full order; here the event is read,
 impacts are solved, the modes that follow are chosen, and a new grid of steps begins.
 """
 
@@ -14,12 +14,27 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.base.errors import SimulationError
+from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.catalogue.contacts.touching import ContactLaw
 from rb_sim.contact.events import tasks
-from rb_sim.contact.events.flat_rims import aim_under_the_load, letting_go, refuse_to_lie
-from rb_sim.contact.events.impact_handling import StrikingMotion
-from rb_sim.contact.events.instant import Instant, singular_values, told
+from rb_sim.contact.events.flat_rims import (
+    aim_under_the_load,
+    aim_where_it_turns,
+    letting_go,
+    refuse_to_lie,
+    rims_of,
+)
+from rb_sim.contact.events.grid import Stepping
+from rb_sim.contact.events.instant import (
+    Instant,
+    bring_back,
+    impulses_of_jam,
+    leap,
+    least_lifted,
+    not_finite,
+    singular_values,
+    told,
+)
 from rb_sim.contact.events.limits import (
     TOOL,
     Progress,
@@ -30,25 +45,45 @@ from rb_sim.contact.events.limits import (
     refuse_to_be_dragged_off,
     slipping_rough,
 )
+from rb_sim.contact.events.search import KEPT
 from rb_sim.contact.events.shares import (
+    OF,
     PARTED,
     JammedError,
     choose_modes,
     share_load,
+    turned_by_rounding,
     widest_of,
 )
-from rb_sim.contact.events.stepping import slow_slips
-from rb_sim.contact.events.steps import kind_of
-from rb_sim.contact.events.tasks import ACCELERATE, LINES, SETTLE, Tasks
-from rb_sim.contact.grid_motion import LeftOpen
-from rb_sim.contact.problem.bounces import Chatter, at_one_instant, forget_bounces
-from rb_sim.contact.problem.delassus import velocities
-from rb_sim.contact.problem.event_workspace import AMBIGUOUS, Journal
+from rb_sim.contact.events.stepping import paced, slow_slips, stepping_of
+from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
+from rb_sim.contact.events.tasks import ACCELERATE, BEGIN, LINES, SETTLE, Tasks
+from rb_sim.contact.grid_motion import GridMotion, LeftOpen
+from rb_sim.contact.problem.assembly import velocities
+from rb_sim.contact.problem.bounces import AT_ONCE, GRIP, Chatter, forget_bounces
+from rb_sim.contact.problem.event_workspace import (
+    AMBIGUOUS,
+    LEAPS,
+    Journal,
+)
+from rb_sim.contact.problem.event_workspace import JAMS as JAMMED_NOTE
+from rb_sim.contact.problem.impacts import ENDLESS, GOES_ON, NO_IMPULSES, NOTHING, OVERFLOWN
 from rb_sim.contact.problem.modes import find_held
+from rb_sim.contact.tunnelling import refuse_sunk, run_looking
+from rb_sim.graph.machine import interpreted
+from rb_sim.integrate.layout import (
+    FLOOR,
+    IS_VELOCITY,
+    NOT_FINITE,
+    SHARE_OF_WAY,
+    UNFINISHED,
+    WORK_ROWS,
+)
 from rb_sim.mechanics.contact.contact_bodies import (
     JAMS,
     LIES_FLAT,
     LIFT_OFF,
+    NEAR_JAM,
     ROLL_BEGINS,
     ROLL_ENDS,
     SLIP_BEGINS,
@@ -56,7 +91,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPIN_BEGINS,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_kinematics import STUCK
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
     CLOSED,
@@ -71,7 +107,9 @@ from rb_sim.mechanics.contact.contact_table import (
     STATIC,
 )
 from rb_sim.mechanics.contact.creep import SLOWER
+from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
+from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_lines
 from rb_sim.scene.compiled import Compiled
 
@@ -79,6 +117,10 @@ from rb_sim.scene.compiled import Compiled
 #
 # Where one of several points opens, as of a box that its floor leaves, the others bear nothing any
 # more.  To open one alone lets the others open and it close in turns, by rounding, without end.
+
+
+SAME_INSTANT = 1e-12
+"""Share of the time, or of 1 s before, within which two changes are at one instant."""
 
 
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
@@ -93,7 +135,7 @@ def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
     push = touch[:, NORMAL_FORCE] / unit
     fallen = touch[:, EVENT_FUNCTIONS_BEFORE] - push
-    left = push * (t - begun) <= fallen * at_one_instant(t)
+    left = push * (t - begun) <= fallen * SAME_INSTANT * max(1.0, abs(t))
     return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
 
 
@@ -184,26 +226,59 @@ AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
 """Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
-GOES_ON = {SLIP_ENDS: SLIP_BEGINS, ROLL_ENDS: ROLL_BEGINS}
+BEGINS_ANEW = {SLIP_ENDS: SLIP_BEGINS, ROLL_ENDS: ROLL_BEGINS}
 """What they are where nothing has come to rest."""
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
-class ContactMotion(StrikingMotion):
-    """As Motion; `events` tells what happened.
+MOST_CUT, CUT_AHEAD = 4096, 256
+"""Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
+on, times the way ahead that may be cut as well."""
+
+STALLED_STEPS, STALLED_SPAN = 100_000, 1e-4
+"""So many steps within so short a time (natural units) are no motion any more: a whole unit of it
+would take a milliard."""
+
+ROUNDING = 1e-13
+"""Of the work of contacts, relative to the energy of a scene."""
+IMPACTS_AT_ONCE = 20
+"""Impacts one by one at an instant, for each contact, that are taken to have no end."""
+
+
+class ContactMotion(GridMotion):
+    """As GridMotion, stopped at each event; `events` tells what happened.
 
     Raises SimulationError where the laws of contact have no solution.
     """
 
+    laws: Sequence[ContactLaw]
     event_driven = True
     _lifted: frozenset[int] = frozenset()
     """contacts that lift off at the event at hand."""
     _warm = False  # whether what `run_to` calls is compiled
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
+        self.names: tuple[str, ...] = compiled.layout.contacts
+        """of the points of contact."""
+        self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
-        super().__init__(compiled, method)
+        self._laws = ContactLaws(compiled.system)
+        self._taken: tuple[Any, Stepping] | None = None
+        self._work = np.zeros((WORK_ROWS + 3 * len(compiled.y) + 1, len(compiled.y)))
+        bodies = len(compiled.system.bodies)
+        self._work[FLOOR] = self._work[SHARE_OF_WAY] = 1.0
+        self._work[IS_VELOCITY, : WIDTH * bodies] = ([0.0] * 7 + [1.0] * 6) * bodies
+        self._work[FLOOR, WIDTH * bodies :] = self._work_of_rounding(compiled, method)
+        super().__init__(compiled, paced(compiled, method))
+
+    @staticmethod
+    def _work_of_rounding(compiled: Compiled, method: Any) -> float:
+        """What errors of the contacts' work are relative to at least [J]: a step that asks for less
+        than the rounding of what is exchanged would never be short enough."""
+        tolerance = getattr(method, "tolerance", 0.0)
+        energy = float(compiled.system.mass * compiled.system.speed**2)
+        return max(1.0, ROUNDING * energy / tolerance) if tolerance > 0.0 else 1.0
 
     @cached_property
     def _by_laws_alone(self) -> bool:
@@ -216,6 +291,24 @@ class ContactMotion(StrikingMotion):
         self.laws = self.compiled.contact_laws
         self._journal = Journal(self.names, self.laws)
         super().reset(y, time)
+        system = self.compiled.system
+        # tables that outlast an evaluation: another motion of the scene has its own
+        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "lines")}
+        self.system = system._replace(**own, **slow_slips(system, self.method))
+        self._packed: Any = None
+        self._made: tuple[Any, Tasks] | None = None
+        self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
+        self._places = np.array(self._laws.inputs.kept(self.system), dtype=int)
+        """of the inputs that laws keep from step to step."""
+        self._due = -1
+        self._pause = math.inf
+        self._begun = time
+        self._mark = 0, time
+        self._kept = np.zeros((len(self.names), KEPT))
+        moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
+        self._arms = np.ascontiguousarray(
+            spin_lengths(moments, system.bodies[:, MASS]).reshape(-1, 9)
+        )
         forget_bounces(self._call.workspace)
         self._call.workspace.undetermined[:] = 0.0
         self._lifted_off = LeftOpen()
@@ -241,7 +334,7 @@ class ContactMotion(StrikingMotion):
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
         widest = widest_of(self._call.workspace, self.names)
-        return max(widest, self._lifted_off, self._doubted)
+        return max(widest, self._lifted_off, turned_by_rounding(self._kept, self.names))
 
     def warm(self) -> None:
         super().warm()
@@ -256,46 +349,82 @@ class ContactMotion(StrikingMotion):
         with told(self._laws_now):
             self._happen(None)
 
+    def _laws_now(self) -> str:
+        """What linear algebra is done for, and when."""
+        return f"the laws of contact at t = {self.time:.9g} s"
+
+    @property
+    def _fixed(self) -> bool:
+        """True of a method whose steps have a fixed length."""
+        return getattr(self.method, "tolerance", 0.0) == 0.0
+
+    def _explain(self, status: int) -> str:
+        """As Motion; also which slips an implicit method may not follow."""
+        touch, text = self.system.touch, super()._explain(status)
+        rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+        if status != NOT_FINITE or not self._stepping.setting[4] or not rubs.any():
+            return text
+        names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
+        return f"{text}: its iteration may fail at slow slips with friction ({names})"
+
+    def _record(self, times: Array, stop: float, out: Array | None) -> None:
+        with told(self._laws_now):
+            self._advance(times, stop, out)
+
+    def run_to(self, times: Any, out: Array | None = None) -> int:
+        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        return run_looking(self, self._carry, self.compiled.sides, times, out)
+
+    def _carry(self, times: Array, out: Array | None) -> int:
+        """As run_to, without looks at sides on the way; where it cannot go on, one may be why."""
+        try:
+            return super().run_to(times, out)
+        except SimulationError:
+            if np.isfinite(self._grid.y1).all():
+                last = [self._grid.t1], self._grid.y1[None, :]
+                refuse_sunk(self.compiled.sides, *last, self.system.length)
+            raise
+
+    def _advance(self, times: Array, stop: float, out: Array | None) -> None:
+        """One call of the kernel after the other, an event between each two."""
+        done = 0
+        while done < len(times):
+            upto = min(stop, self._pause)
+            n = int(np.searchsorted(times[done:], upto, side="right"))
+            asked = times[done : done + n] if n else np.array([upto])
+            rows = np.zeros((0, self.width)) if out is None else out[done : done + n]
+            self._grid, status, reached, self._due = record_contacts(
+                self._stepping, self._held(), self._grid, asked, upto,
+                bool(n) and out is not None, rows, self._work, self._due, self._kept,
+            )  # fmt: skip
+            if reached and n:
+                self.time = float(times[done + reached - 1])
+                done += reached
+            if status == EVENT:
+                self._event()
+            elif status == UNFINISHED:
+                self.watch()
+                self._refuse_to_stall()
+                self._refuse_to_creep()
+            elif status:
+                raise self._failure(status)
+            elif not n:
+                self._pass_pause()
+
     def _event(self) -> None:
         self.watch()
         code = kind_of(self._due)
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
-        at_once = self._chatter.at_once(t)
-        self._hold_firmer(t, code[1])
-        if at_once or self._chatter.is_dense(t, code[1]):
+        if self._chatter.begins_to_grip(t, code[1]):
+            given = self.compiled.contact_laws
+            self.laws = tuple(law._replace(static=(1.0 + GRIP) * law.static) for law in given)
+            self.system.touch[:, STATIC] = [law.static for law in self.laws]
+        if self._chatter.is_endless(t):
             self._leap(code[0])
         else:
             self._happen(code)
-
-    def _hold_firmer(self, t: float, kind: int) -> None:
-        """Let friction at its very bound hold a little more where slips end as they begin."""
-        if self._chatter.holds_firmer(t, kind):
-            given, more = self.compiled.contact_laws, 1.0 + self._chatter.grip
-            self.laws = tuple(law._replace(static=more * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
-
-    def _leap(self, c: int) -> None:
-        """Leap from the grid's last point, and go on there."""
-        self._lifted = frozenset()
-        t, y = self._grid.t1, np.array(self._grid.y1)
-        instant = self._instant(t, y)
-        if not self._leapt_over(instant, c):
-            raise SimulationError(
-                f"no consistent contact state found at t = {t:.9g} s (contact "
-                f"{self.names[c]}): {TOOL}"
-            )
-        self._go_on(instant, None)
-
-    def _begin(self) -> None:
-        """The first modes; interpreted, so that making a Motion compiles nothing."""
-        call, plain = self._call, Tasks(self.system, None, self._call.workspace)
-        self._made = self.system, plain
-        try:
-            self._happen(None)
-        finally:
-            self._made = self.system, call
 
     def _happen(self, code: tuple[int, int] | None) -> None:
         """Impacts and new modes at the grid's last point; a new grid begins there."""
@@ -303,7 +432,15 @@ class ContactMotion(StrikingMotion):
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         if code is not None and code[1] == TOUCH_DOWN and self._by_laws_alone:
-            self._touch_down(t, y, code)
+            done = self._call(tasks.PASS, t, y, (code[0], int(self._fixed), 0))
+            if done == tasks.DONE:
+                self._begin_flights(t, y)
+                return
+            instant = Instant(self.laws, self._call, t, y)
+            self._journal.take(instant.workspace)
+            if done == tasks.AT_IMPACTS:
+                self._strike(instant)
+            self._go_on(instant, code)
             return
         instant = self._instant(t, y)
         refuse_to_lie(instant, self.rims, self.names, code)
@@ -323,17 +460,26 @@ class ContactMotion(StrikingMotion):
             code = self._stopped(instant, code)
         self._go_on(instant, code)
 
-    def _touch_down(self, t: float, y: Array, code: tuple[int, int]) -> None:
-        """As `_happen`, of what the laws decide alone, in one call as far as they do."""
-        done = self._call(tasks.PASS, t, y, (code[0], int(self._fixed), 0))
-        if done == tasks.DONE:
-            self._begin_flights(t, y)
-            return
-        instant = Instant(self.laws, self._call, t, y)
-        self._journal.take(instant.workspace)
-        if done == tasks.AT_IMPACTS:
-            self._strike(instant)
-        self._go_on(instant, code)
+    def _begin(self) -> None:
+        """The first modes; interpreted, so that making a Motion compiles nothing."""
+        call, plain = self._call, Tasks(self.system, None, self._call.workspace)
+        self._made = self.system, plain
+        try:
+            self._happen(None)
+        finally:
+            self._made = self.system, call
+
+    def _leap(self, c: int) -> None:
+        """Leap from the grid's last point, and go on there."""
+        self._lifted = frozenset()
+        t, y = self._grid.t1, np.array(self._grid.y1)
+        instant = self._instant(t, y)
+        if not self._leapt_over(instant, c):
+            raise SimulationError(
+                f"no consistent contact state found at t = {t:.9g} s (contact "
+                f"{self.names[c]}): {TOOL}"
+            )
+        self._go_on(instant, None)
 
     def _go_on(self, instant: Instant, code: tuple[int, int] | None) -> None:
         """Choose the modes that follow and begin a new grid."""
@@ -401,7 +547,7 @@ class ContactMotion(StrikingMotion):
         ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
         if stop(instant, ends, STOPS[code[1]], arms):
             return code
-        return code[0], GOES_ON[code[1]]
+        return code[0], BEGINS_ANEW[code[1]]
 
     def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event, which may be the end of several pushes; where friction reaches its bound as
@@ -415,3 +561,167 @@ class ContactMotion(StrikingMotion):
         if code[1] == LIFT_OFF:
             self._lifted = lifted
         return code
+
+    def _instant(self, t: float, y: Array) -> Instant:
+        return Instant(self.laws, self._call, t, y, tasks.ARRIVE)
+
+    def _strike(self, instant: Instant) -> None:
+        """Impacts until nothing approaches; an endless series of bounces is closed."""
+        single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
+        n, last, status = 0, single + AT_ONCE, GOES_ON
+        while status != NOTHING:
+            aim_where_it_turns(instant, self.rims)
+            to = min(n + 1, last) if self.rims else last  # rims aim anew before each round
+            status = self._call(tasks.IMPACTS, instant.t, instant.y, (n, to, single))
+            n = int(self._call.found)
+            self._journal.take(instant.workspace)
+            self._refuse_impacts(instant, status, n >= last)
+
+    def _refuse_impacts(self, instant: Instant, status: int, over: bool) -> None:
+        """Raise SimulationError where impacts have no impulses, or no end."""
+        if status == OVERFLOWN:
+            raise not_finite(OF)
+        if status == NO_IMPULSES:
+            raise SimulationError(
+                f"no impulses satisfy the laws of impact and friction at t = {instant.t:.9g} s"
+            )
+        if status == ENDLESS and over:
+            text = f"endless impacts at t = {instant.t:.9g} s"
+            if self._fixed:  # bodies may be where only a step too long can have taken them
+                raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
+            raise SimulationError(text)
+
+    def _stop_at_once(self, instant: Instant) -> None:
+        """One impact without rebound."""
+        instant.workspace.plastic[:], instant.workspace.together[:] = 1, 0
+        status = self._call(tasks.STRIKE, instant.t, instant.y)
+        self._journal.take(instant.workspace)
+        self._refuse_impacts(instant, status, False)
+
+    def _jam(self, instant: Instant, c: int | None) -> None:
+        """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
+        for i in range(len(self.laws)) if c is None else (c,):
+            touch = self.system.touch
+            if touch[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
+                x = impulses_of_jam(instant, i)
+                if x is None:
+                    break
+                instant.apply(x)
+                self._call(tasks.NOTE, instant.t, instant.y, (JAMMED_NOTE, 0, 0))
+                self._journal.take(instant.workspace)
+                return
+        rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
+        if c is None and rough:
+            refuse_rough(instant, rough[0], self.names)
+        hardly = c is not None and instant.slip_speed(c) <= self.system.still
+        # compliant contacts that stick may find no forces either, and touch nothing rigidly
+        near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
+        if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
+            return
+        if c is None and near and not instant.touching():
+            raise SimulationError(
+                f"no friction forces found for compliant contacts ({self.names[near[0]]} and "
+                "others) "
+                f"that hardly slip at t = {instant.t:.9g} s: {TOOL}"
+            )
+        c = least_lifted(instant) if c is None else c
+        name = "" if c is None else f" of {self.names[c]}"
+        raise SimulationError(
+            f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} satisfies the friction "
+            "law, and no impact stops the slip"
+        )
+
+    def _leapt_over(self, instant: Instant, c: int) -> bool:
+        """Move the instant on by a time too short to matter, over which impulses answer the loads;
+        longer if it has just been done.  False if the laws have no impulses either."""
+        t, length = instant.t, self._chatter.length_of_leap(instant.t)
+        if leap(instant, length) is None:
+            return False
+        bring_back(instant)
+        self._journal.note(t, c, LEAPS)
+        self._chatter.leapt(t + length, length)
+        return True
+
+    def _refuse_to_creep(self) -> None:
+        """Raise SimulationError where steps of fixed length have no solution over and over, and are
+        cut each time, though nothing rubs: they come near no end of a slip, which has none beyond,
+        but creep through loads that they are too long for."""
+        cut = self._begun - self._grid.origin  # each step that is cut moves the origin back
+        ahead = self._grid.t1 - self._begun
+        if not self._fixed or cut <= CUT_AHEAD * ahead + MOST_CUT * self.method.step:
+            return
+        touch = self.system.touch
+        if not ((touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] != NONE)).any():
+            raise self._failure(NOT_FINITE)
+
+    def _refuse_to_stall(self) -> None:
+        """Raise SimulationError where time hardly goes on, as where friction turns slips to and fro
+        that are slower than steps can follow."""
+        (before, since), steps, t = self._mark, self.steps, self._grid.t1
+        if steps - before < STALLED_STEPS:
+            return
+        self._mark, span = (steps, t), t - since
+        if span * self.system.speed >= STALLED_SPAN * self.system.length:
+            return
+        text = f"{steps - before} steps in the last {span:.2g} s at t = {t:.9g} s"
+        if self._fixed:
+            raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
+        raise SimulationError(f"{text}: {TOOL}")
+
+    def _begin_grid(self, t: float, y: Any, h: float) -> None:
+        super()._begin_grid(t, y, h)
+        self._begun = t
+
+    @property
+    def _stepping(self) -> Stepping:
+        """The method, as the loop takes it; made anew where `method` is another one."""
+        if self._taken is None or self._taken[0] is not self.method:
+            touch = self.system.touch
+            rubs = bool(((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any())
+            taken = stepping_of(self.compiled, self.method, rubs)
+            self._taken = self.method, taken
+        return self._taken[1]
+
+    def _take_inputs(self, onwards: bool = True) -> None:
+        """Commands and tables from now on, or at this instant alone."""
+        kept = self.kept
+        self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
+        self.kept = kept
+
+    @property
+    def kept(self) -> Array:
+        return self._inputs[self._places]
+
+    @kept.setter
+    def kept(self, values: Array) -> None:
+        self._inputs[self._places] = values
+
+    def _restart_grid(self) -> None:
+        super()._restart_grid()
+        self._take_inputs()
+
+    def _held(self) -> Any:
+        """The system, as the loop takes it."""
+        if self._packed is None or self._packed[0] is not self.system:
+            if interpreted():
+                return self.system
+            self._packed = self.system, *self._laws.packed(self.system, self._inputs)
+        return self._packed[1]
+
+    @property
+    def _call(self) -> Tasks:
+        """What is done between the calls of the loop, compiled."""
+        if self._made is None or self._made[0] is not self.system:
+            workspace = None if self._made is None else self._made[1].workspace
+            self._made = self.system, Tasks(self.system, self._held(), workspace)
+        return self._made[1]
+
+    def _pass_pause(self) -> None:
+        self._pause = math.inf
+        if self._due < 0:
+            self._continue_from(self._grid.t1, self._grid.y1)
+
+    def _continue_from(self, t: float, y: Array, h: float | None = None) -> None:
+        """Begin a new grid of steps at (t, y)."""
+        self._begin_grid(t, y, self._grid.h if h is None else h)
+        self._call(BEGIN, t, y, c=self._grid.c1)

@@ -10,13 +10,14 @@ from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import (
     Grid,
     advance_grid,
+    before_stop,
     branch,
     copy,
     finite,
     is_implicit,
     state_at,
 )
-from rb_sim.contact.events.next_event import (
+from rb_sim.contact.events.search import (
     GRADE,
     begin_step,
     cut_grid,
@@ -24,7 +25,6 @@ from rb_sim.contact.events.next_event import (
     next_event,
     note_rounded_leans,
 )
-from rb_sim.contact.events.stick_transition import before_stop
 from rb_sim.integrate.layout import FINE, NOT_FINITE, PIECE_STEPS, STEP_UNDERFLOW, ULPS, UNFINISHED
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving
@@ -218,11 +218,11 @@ def _system_of(f, packed):
 
 
 @entry
-def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept, arms):
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
     packed: the system as its layout has it. code: the event at t1 that is due, or -1.
-    kept, arms: as `next_event` takes them.
+    kept: (contacts, KEPT), see `next_event`.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
@@ -263,7 +263,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 break
             if code < 0:
                 note_rounded_leans(system.touch, kept, grid.t0)
-                code, grid = next_event(method, system, grid, work, kept, arms)
+                code, grid = next_event(method, system, grid, work)
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break

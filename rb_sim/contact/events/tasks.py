@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler.marshal import address_of
-from rb_sim.contact.events.next_event import begin_step
-from rb_sim.contact.problem.bounces import EVENTS_AT_ONCE, time_of_flights
-from rb_sim.contact.problem.delassus import read_velocities, write_lines
+from rb_sim.contact.events.search import begin_step
+from rb_sim.contact.problem.assembly import answer_over, write_lines
+from rb_sim.contact.problem.bounces import AT_ONCE, time_of_flights
 from rb_sim.contact.problem.event_workspace import (
     CHANGES,
     IMPACT,
@@ -27,7 +27,6 @@ from rb_sim.contact.problem.event_workspace import (
     workspace_for,
     workspace_left,
 )
-from rb_sim.contact.problem.forces import answer_over
 from rb_sim.contact.problem.impacts import NOTHING, STRUCK, apply_impulses, strike, strike_in_rounds
 from rb_sim.contact.problem.modes import WHOLE, choose, may_share
 from rb_sim.graph.machine import interpreted
@@ -67,7 +66,7 @@ def pass_through(system, workspace, t, y, contact, fixed):
     flights that begin end)."""
     take_before(system, workspace)
     write_lines(system, t, y, workspace)
-    status, _ = strike_in_rounds(system, workspace, t, y, 0, EVENTS_AT_ONCE, 0)
+    status, _ = strike_in_rounds(system, workspace, t, y, 0, AT_ONCE, 0)
     if status != NOTHING:
         return AT_IMPACTS, math.inf
     if choose(system, workspace, t, y, (contact, TOUCH_DOWN)) != WHOLE or may_share(
@@ -127,9 +126,7 @@ def do_task(places):
     elif task == PASS:
         status, numbers[FOUND] = pass_through(system, workspace, t, y, first, second == 1)
     else:
-        u = np.empty_like(workspace.free_accelerations)
-        read_velocities(system, y, u)
-        status = answer_over(system, workspace, u, numbers[FOUND])
+        status = answer_over(system, workspace, y, numbers[FOUND])
     return status
 
 

@@ -14,7 +14,7 @@ from rb_sim.contact.problem.event_workspace import (
     touches,
 )
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, TOUCH_DOWN, line_of
+from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, line_of
 from rb_sim.mechanics.contact.contact_table import CLOSED, DRAGS, GAP, GAP_RATE, RESTITUTION
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, PUSH
 from rb_sim.numerics.kernels import inline
@@ -22,30 +22,18 @@ from rb_sim.numerics.kernels import inline
 # Changes of contacts that follow each other as if without end, and what is done about them.
 #
 # Where rounding chooses between rest and slip over and over, friction at its very bound is taken to
-# hold a little more; other changes without impacts are leapt over (see impact_handling).
+# hold a little more; other changes are leapt over (see `instant.leap`).
 
 
-SHORT_SLIPS = 6
-"""Slips over before they have moved anything, with none between that outlasts a leap, after
-which friction is taken to be at its very bound."""
-GRIP, FIRMER = 1e-9, 4.0
-"""Part by which friction at its very bound is then taken to hold more, and what that grows by where
-it is not enough: rounding must not choose between rest and slip over and over."""
-FIRMEST = 1e-6
-"""Part beyond which friction is never taken to hold more: up to it rounding has been in the way,
-beyond it slips end at once for another reason, and a firmer hold would be another law."""
-EVENTS_AT_ONCE = 50
-"""Changes at one instant, or within DENSE, that are taken to have no end."""
+GRIP = 1e-9
+"""Part by which friction holds more at rest once a slip was over within DENSE: rounding must not
+choose between rest and slip over and over."""
+AT_ONCE = 50
+"""Rounds of impacts at one instant that are taken to have no end."""
+CHANGES_IN_LEAP = 10
+"""Changes within DENSE that are taken to have no end."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """A time too short to matter, and the longest that is leapt over; natural units."""
-
-AT_ONCE = 1e-12
-"""Share of the time, or of 1 s before, within which two changes are at one instant."""
-
-
-def at_one_instant(t: float) -> float:
-    """Two changes near t are at one instant where no more than this lies between them [s]."""
-    return AT_ONCE * max(1.0, abs(t))
 
 
 class Chatter:
@@ -55,48 +43,27 @@ class Chatter:
     """
 
     def __init__(self, unit: float) -> None:
-        self.grip = 0.0
-        """part by which friction holds more at rest than it is given."""
+        self.grips = False
+        """whether friction holds more at rest than it is given."""
         self._short = DENSE * unit
         self._longest = LONGEST_LEAP * unit
-        self._count, self._last = 0, -math.inf
-        self._slipped, self._short_slips = -math.inf, 0
-        self._changes: deque[float] = deque(maxlen=EVENTS_AT_ONCE)
+        self._slipped = -math.inf
+        self._changes: deque[float] = deque(maxlen=CHANGES_IN_LEAP)
         self._leapt = (-math.inf, 0.0)
 
-    def at_once(self, t: float) -> bool:
-        """Count a change at t; True where too many are at one instant."""
-        near = t - self._last <= at_one_instant(t)
-        self._count = self._count + 1 if near else 0
-        self._last = t
-        return self._count > EVENTS_AT_ONCE
-
-    def holds_firmer(self, t: float, kind: int) -> bool:
-        """True where slips begin and end without a motion, and `grip` has grown for it."""
+    def begins_to_grip(self, t: float, kind: int) -> bool:
+        """True once: at the first slip that is over before it has moved anything."""
         if kind == SLIP_BEGINS:
             self._slipped = t
-        if kind != SLIP_ENDS:
+        if self.grips or kind != SLIP_ENDS or t - self._slipped >= self._short:
             return False
-        lasted = t - self._slipped
-        if lasted < self._short:
-            self._short_slips += 1
-        elif lasted > self._longest:  # between the two rounding may have let it slip as well
-            self._short_slips = 0
-        if self._short_slips < SHORT_SLIPS:
-            return False
-        self._short_slips = 0
-        firmer = FIRMER * self.grip if self.grip else GRIP
-        if firmer > FIRMEST:
-            return False
-        self.grip = firmer
+        self.grips = True
         return True
 
-    def is_dense(self, t: float, kind: int) -> bool:
-        """True where changes without impact follow each other as fast as if without end."""
-        if kind == TOUCH_DOWN:
-            return False
+    def is_endless(self, t: float) -> bool:
+        """Count a change at t; True where changes follow each other as if without end."""
         self._changes.append(t)
-        full = len(self._changes) == self._changes.maxlen
+        full = len(self._changes) == CHANGES_IN_LEAP
         return full and t - self._changes[0] < self._short
 
     def length_of_leap(self, t: float) -> float:
@@ -108,7 +75,6 @@ class Chatter:
         """A time of this length, to its end, has been leapt over [s]."""
         self._leapt = (end, length)
         self._changes.clear()
-        self._count = 0
 
 
 # Bounces that have no end: which contacts strike and are at rest at once instead, and when the

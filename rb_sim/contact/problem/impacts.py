@@ -13,16 +13,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.contact.problem.bounces import close_endless, close_rocking, count_bounces
-from rb_sim.contact.problem.delassus import (
-    fill_delassus,
+from rb_sim.contact.problem.assembly import (
+    NOT_FINITE,
+    SOLVED,
+    UNSOLVED,
+    VELOCITY,
+    Velocities,
+    add_bound,
+    add_line,
+    along_lines,
+    assemble,
     inverse_mass_times,
     line_times,
     momentum_of,
     read_velocities,
-    size_of_terms,
+    solve_in,
+    velocity_after,
     write_lines,
 )
+from rb_sim.contact.problem.bounces import close_endless, close_rocking, count_bounces
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     IMPACT,
@@ -33,14 +42,6 @@ from rb_sim.contact.problem.event_workspace import (
     slip_speed,
     speed_that_is_none,
     workspace_left,
-)
-from rb_sim.contact.problem.forces import (
-    NOT_FINITE,
-    SOLVED,
-    UNSOLVED,
-    add_bound,
-    add_line,
-    solve_in,
 )
 from rb_sim.mechanics.contact.constraint_tables import traction_over_push
 from rb_sim.mechanics.contact.contact_bodies import line_of
@@ -75,15 +76,6 @@ ENERGY_SLACK = 1e-12
 """Relative gain of kinetic energy in an impact that is round-off."""
 
 
-class Velocities(NamedTuple):
-    """Before an impact."""
-
-    u: Any
-    """of the bodies, (6 N,)."""
-    v: Any
-    """along all lines, J u - b, (n,)."""
-
-
 class Rule(NamedTuple):
     """What is asked of an impact."""
 
@@ -96,13 +88,6 @@ class Rule(NamedTuple):
     stop: bool
     """what is perfectly rough stops slipping, also where no push would be needed; as it does where
     there are no other impulses."""
-
-
-@inline
-def along_lines(system, workspace, u, v):
-    """v = J u - b, of all lines."""
-    for k in range(v.shape[0]):
-        v[k] = line_times(system, workspace.J, k, u) - workspace.line_rate[k]
 
 
 @inline
@@ -151,15 +136,6 @@ def lay_out_impact(system, workspace, v, together, loose):
             n = add_line(workspace, n, k + 5, RUBS)
             m = add_bound(workspace, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
     return n, m
-
-
-@inline
-def velocity_after(A, b, i, x):
-    """w = A x + b of the i-th line."""
-    w = b[i]
-    for j in range(x.shape[0]):
-        w += A[i, j] * x[j]
-    return w
 
 
 @inline
@@ -247,11 +223,7 @@ def try_impulses(system, workspace, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
     n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
-    fill_delassus(system, workspace.J, workspace.J, workspace.used, n, A)
-    for i in range(n):
-        k = workspace.used[i]
-        b[i] = before.v[k]
-        terms[i] = size_of_terms(system, workspace.J, k, before.u) + abs(workspace.line_rate[k])
+    assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
     for c in range(system.touch.shape[0]):
         if workspace.taking_part[c] == 1:
             i = workspace.place_of[line_of(system, c)]
@@ -296,13 +268,6 @@ def gains_energy(system, workspace, u, x):
     for k in range(x.shape[0]):
         work -= x[k] * workspace.line_rate[k]
     return work > ENERGY_SLACK * size
-
-
-@inline
-def newton_impulses(system, workspace, before, rebound, x):
-    """Into x the impulses of Newton's rule, with e of each contact."""
-    none = np.zeros_like(rebound)
-    return impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
 
 
 @inline
@@ -379,13 +344,13 @@ def impulses_of_strike(system, workspace, before, fastest, x):
     if status == UNSOLVED and not touch[fastest, GAP_RATE] < -speed_that_is_none(system):
         status = impulses_with(system, workspace, before, Rule(none, none, False, True), x)
     if status == UNSOLVED:
-        status = newton_impulses(system, workspace, before, rebound, x)
+        status = impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
     if status == UNSOLVED or (status == SOLVED and gains_energy(system, workspace, before.u, x)):
         status = poisson_impulses(system, workspace, before, rebound, x)
         if status == UNSOLVED or (
             status == SOLVED and gains_energy(system, workspace, before.u, x)
         ):
-            status = newton_impulses(system, workspace, before, none, x)
+            status = impulses_with(system, workspace, before, Rule(none, none, False, False), x)
     return status
 
 

@@ -11,22 +11,26 @@ import math
 import numpy as np
 
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
-from rb_sim.contact.problem.delassus import fill_delassus, write_lines
+from rb_sim.contact.problem.assembly import (
+    ACCELERATION,
+    CANDIDATE,
+    NOT_FINITE,
+    PRESSED,
+    SOLVED,
+    Velocities,
+    assemble,
+    fill_delassus,
+    lay_out_forces,
+    solve_in,
+    velocity_after,
+    write_lines,
+)
 from rb_sim.contact.problem.event_workspace import (
     slip_speed,
     speed_that_is_none,
     touches,
     turn_that_is_none,
     turning,
-)
-from rb_sim.contact.problem.forces import (
-    CANDIDATE,
-    NOT_FINITE,
-    PRESSED,
-    SOLVED,
-    fill_forces,
-    lay_out_forces,
-    solve_forces,
 )
 from rb_sim.mechanics.contact.contact_bodies import (
     LIFT_OFF,
@@ -262,15 +266,18 @@ def moving(workspace):
 def find_forces(system, workspace, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
+    unread = Velocities(workspace.free_accelerations, workspace.line_rate)
     for _ in range(MODE_ROUNDS):
         write_lines(system, t, y, workspace)
         n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
-        fill_forces(system, workspace, n, A, b, terms)
-        status = solve_forces(workspace, n, m, A, b, terms, x, w)
+        assemble(system, workspace, ACCELERATION, n, unread, 1.0, A, b, terms)
+        status = solve_in(workspace, n, m, A, b, terms, x)
         if status != SOLVED:
             return status
+        for i in range(n):
+            w[i] = velocity_after(A, b, i, x)
         before = moving(workspace)
         read_modes(system, workspace, n, m, x, w)
         if moving(workspace) == before:

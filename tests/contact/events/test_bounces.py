@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,7 @@ from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.events.shares import choose_modes
 from rb_sim.contact.events.tasks import Tasks
 from rb_sim.contact.problem.bounces import (
-    BEST,
-    CHANGE,
-    LAST,
-    count_bounces,
-    forget_bounces,
     free_normal_acceleration,
-    see_rest,
 )
 from tests.contact.scenes import G, ball, box, scene, touch
 
@@ -58,21 +51,3 @@ def test_events_are_told_in_the_order_of_their_times() -> None:
     fall = (2.0 * 0.1 / G) ** 0.5
     assert times[kinds.index("rests")] == pytest.approx(fall * (1.0 + 0.5) / (1.0 - 0.5), rel=1e-9)
     assert kinds.count("rests") == 1 and kinds.count("impact") > 10
-
-
-def test_the_end_of_a_series_is_taken_from_the_bounces_that_agree_best() -> None:
-    """Of two that follow each other; until there are two, nothing is known."""
-    workspace: Any = SimpleNamespace(rests=np.full((2, 3), np.inf), bounces=np.zeros(3, dtype=int))
-    for t in (5.0, 4.2, 4.0, 4.0625, 3.0):
-        see_rest(workspace, 1, t)
-    assert workspace.rests[1, BEST] == 4.0625 and workspace.rests[1, LAST] == 3.0
-    assert workspace.rests[1, CHANGE] == 0.0625
-    assert np.isinf(workspace.rests[0]).all()
-    workspace.rebounding = np.array([1, 0])
-    workspace.bounces[:] = 4
-    workspace.rests[0] = 1.0
-    count_bounces(workspace)
-    assert workspace.bounces.tolist() == [5, 0, 4]
-    assert np.isinf(workspace.rests[1]).all() and (workspace.rests[0] == 1.0).all()
-    forget_bounces(workspace)
-    assert not workspace.bounces.any() and np.isinf(workspace.rests).all()

@@ -104,7 +104,7 @@ def run_with_a_failing(module: str, name: str) -> str:
     ("module", "name"),
     [
         ("numpy.linalg", "svd"),
-        ("rb_sim.contact.events.stepping", "record_contacts"),
+        ("rb_sim.contact.events.event_motion", "record_contacts"),
     ],
 )
 def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:

@@ -94,37 +94,6 @@ def test_residual_sees_the_gap_of_an_open_contact() -> None:
     assert_allclose(overlap_seen(), 1e-3 / 0.5, rtol=1e-9)
 
 
-def firmer(length: float, count: int = 8) -> list[float]:
-    """The coefficient at rest after each of `count` slips that last so long, over that at first."""
-    from rb_sim import Simulation, load_scene
-    from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS
-    from rb_sim.mechanics.contact.contact_table import STATIC
-
-    block = body({"type": "box", "size": [0.2, 0.2, 0.2]}, [0.0, 0.0, 0.1])
-    motion: Any = Simulation(load_scene(scene(block, touch(mu=0.5))))._motion
-    found = []
-    for n in range(count):
-        motion._hold_firmer(float(n), SLIP_BEGINS)
-        motion._hold_firmer(n + length, SLIP_ENDS)
-        found.append(float(motion.system.touch[0, STATIC]) / 0.5)
-    return found
-
-
-def test_friction_at_its_very_bound_holds_a_little_more() -> None:
-    """A box on an incline of atan mu, whose rest and slip differ by rounding only, slipped and
-    stuck 7,164 times at one instant; slips that move something change nothing."""
-    assert firmer(1e-3) == [1.0] * 8
-    held = firmer(1e-8)
-    assert held[:5] == [1.0] * 5
-    assert_allclose(np.array(held[5:]) - 1.0, 1e-9, rtol=1e-5)
-
-
-def test_friction_never_holds_more_than_rounding_asks_for() -> None:
-    """gauss6, which cannot follow some slow slips, once held a million times more from there on."""
-    held = firmer(1e-8, 300)
-    assert 1e-7 < held[-1] - 1.0 <= 1e-6
-
-
 def past_corner(depth: float, speed: float, spin: float) -> tuple[dict[str, Any], float]:
     """(A rod whose lower end goes in by the top of a fixed cube and out by its side, the time at
     which it is at the top).

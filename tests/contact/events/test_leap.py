@@ -10,8 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.impact_handling import bring_back, leap
-from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.instant import Instant, bring_back, leap
 from rb_sim.mechanics.contact.contact_table import GAP, GAP_RATE
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.contact.scenes import G, ball, scene, touch

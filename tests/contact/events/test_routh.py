@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rb_sim.contact.events.impact_handling import impulse_process
+from rb_sim.contact.events.instant import impulse_process
 
 NORMAL, COUPLED, ALONG = 1.0, 0.9, 1.0
 SLIP, FRICTION = 2.0, 1.5

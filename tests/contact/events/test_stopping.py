@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rb_sim.contact.events.event_motion import stop
-from rb_sim.contact.events.tasks import SETTLE
-from rb_sim.mechanics.contact.contact_kinematics import STUCK
-from rb_sim.mechanics.contact.contact_table import (
-    CREEPS,
-    RELATIVE_SPIN,
-    ROLL,
-    SLIDE,
-    SLIP,
-    TOUCH_WIDTH,
-)
 from tests.contact.scenes import box, scene, touch
 from tests.runs import trajectory
 
@@ -68,42 +56,3 @@ def test_corners_that_creep_let_a_box_rock(name: str) -> None:
     for field in ("angular_velocity", "linear_velocity"):
         error = getattr(found, field) - getattr(rounded, field)
         np.testing.assert_allclose(error, 0.0, atol=1e-4, err_msg=field)
-
-
-def stopped(mode: int, dv: list[float], dw: list[float], still: float = 1e-6) -> bool:
-    """Whether contact 1, which slips by 3e-3 m/s and turns by 3e-3 rad/s about its scene's 2 m, has
-    stopped where settling without it changes the second of two bodies by so much; `A` is 4 m about
-    z. What is not taken away stays as it was."""
-    touch, y = np.full((2, TOUCH_WIDTH), 0.7), np.arange(26.0)
-    touch[:, CREEPS] = 0.0
-    touch[1, SLIP : SLIP + 3] = touch[1, RELATIVE_SPIN : RELATIVE_SPIN + 3] = 1e-3, 2e-3, 2e-3
-    system = SimpleNamespace(touch=touch, length=2.0, still=still, bodies=np.zeros((2, 1)))
-    at: Any = SimpleNamespace(system=system, t=4.0, y=y, refreshed=0)
-    before, table = y.copy(), touch.copy()
-
-    def settle(task: int, t: float, where: np.ndarray) -> None:
-        assert task == SETTLE and t == 4.0 and touch[1, mode] == STUCK
-        where[20:23] += dv
-        where[23:26] += dw
-        touch[0, SLIDE] = STUCK
-
-    def refresh() -> None:
-        at.refreshed += 1
-
-    at.call, at.refresh = settle, refresh
-    stops = stop(at, [1], mode, np.stack([np.eye(3), np.diag([1.0, 1.0, 4.0])]))
-    assert at.refreshed == (1 if stops else 2)
-    assert stops == bool((y != before).any() or (touch != table).any())
-    assert touch[1, mode] == (STUCK if stops else 0.7)
-    return stops
-
-
-@pytest.mark.parametrize(("mode", "most"), [(SLIDE, 3e-2), (ROLL, 6e-2)])
-def test_what_is_left_is_taken_away_where_bodies_hardly_move_for_it(mode: int, most: float) -> None:
-    """By ten times what is left of the slip, or of the rolling over the scene's length; turns count
-    by their A."""
-    for part in (0.99, 1.01):
-        assert stopped(mode, [0.0, -0.6 * part * most, 0.8 * part * most], [0.0] * 3) is (part < 1)
-        assert stopped(mode, [0.0] * 3, [0.0, 0.0, -0.25 * part * most]) is (part < 1)
-        assert stopped(mode, [0.0] * 3, [part * most, 0.0, 0.0]) is (part < 1)
-    assert stopped(mode, [0.0, 0.0, 1.01 * most], [0.0] * 3, still=2.0 * most)

@@ -10,7 +10,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.tasks import ARRIVE, AT_MODES, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Tasks
+from rb_sim.contact.events.tasks import ARRIVE, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Tasks
 from rb_sim.contact.problem.event_workspace import KINDS, Journal
 from tests.contact.scenes import ball, box, scene, touch
 
@@ -89,26 +89,6 @@ def test_what_more_than_the_laws_decide_is_left_to_the_parts() -> None:
     motion = Simulation(load_scene(scene(thrown, touch(mu=0.4, restitution=0.5))))._motion
     y = np.array(motion.compiled.y)
     assert motion._call(PASS, 0.0, y, (0, 0, 0)) == DONE
-
-
-def test_whether_the_laws_alone_decide_how_a_load_is_shared() -> None:
-    """Of four corners of a box at rest they do not, of one point of a ball they do."""
-    for solid, open_ in ((box([0.2, 0.4, 0.1], [0, 0, 0.05]), True), (ball([0, 0, 0.1]), False)):
-        motion: Any = Simulation(load_scene(scene(solid, touch(mu=0.4))))._motion
-        y = np.array(motion.compiled.y)
-        Instant(motion.laws, motion._call, 0.0, y, ARRIVE)
-        assert motion._call(CHOOSE, 0.0, y, (-1, -1, 0)) == 0
-        assert motion._call.undecided is open_
-
-
-def test_a_room_that_is_all_but_full_is_emptied_before_more_is_noted() -> None:
-    """Rounds of impacts may leave less room than the changes after them take."""
-    thrown = ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0])
-    motion: Any = Simulation(load_scene(scene(thrown, touch(mu=0.4, restitution=0.5))))._motion
-    workspace, y = motion._call.workspace, np.array(motion.compiled.y)
-    workspace.written[0] = len(workspace.notes) - 5
-    assert motion._call(PASS, 0.0, y, (0, 0, 0)) == AT_MODES
-    assert workspace.written[0] == len(workspace.notes) - 4
 
 
 def test_a_journal_says_what_closes_and_opens_as_its_law_has_it() -> None:
