@@ -420,10 +420,11 @@ def beyond(singular: Finding, finding: Finding) -> Finding:
     configuration: short steps near it make round-off grow."""
     if finding.watch not in OF_TOLERANCE or finding.finer_step or finding.t < singular.t:
         return finding
-    return finding._replace(
-        advice=f"the singular configuration at t = {singular.t:.4g} s enlarges round-off: a tighter "
-        "tolerance does not help, a larger one (1e-9) may"
+    advice = (
+        f"the singular configuration at t = {singular.t:.4g} s enlarges round-off: "
+        "a tighter tolerance does not help, a larger one (1e-9) may"
     )
+    return finding._replace(advice=advice)
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

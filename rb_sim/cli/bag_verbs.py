@@ -234,7 +234,7 @@ def fit(
     match: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="BODY=NAME", help="Body of the scene and its pose in the bag; repeatable."
+            metavar="NAME=BODY", help="Pose in the bag and its body of the scene; repeatable."
         ),
     ] = None,
     wrench: Wrench = None,
