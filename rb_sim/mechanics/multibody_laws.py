@@ -11,7 +11,7 @@ from rb_sim.graph.jacobian_columns import compile_columns
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.taylor_code import SeriesLaws
-from rb_sim.mechanics.independent import INDEPENDENT, Dependent
+from rb_sim.mechanics.independent import INDEPENDENT, Dependent, lines_in_loops
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law
 from rb_sim.mechanics.systems.elimination import (
@@ -139,9 +139,9 @@ def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
 # The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
 
 
-ROUNDED = 4e-15
-"""Error of a line relative to the scene's length, or of its rate relative to the speed, that is
-round-off: twice that at which Newton's iteration ends."""
+LEFT_NEAR_SINGULAR = 1e-10
+"""Error of a line, relative to the scene's length, and of its rate to the speed, that is left near
+a singular configuration: a tenth of the violation that is reported."""
 
 
 class SolvedLines(GuidedLaws):
@@ -225,11 +225,15 @@ class SolvedLines(GuidedLaws):
         return factors.rank - self.inputs.chosen.count(0.0)
 
     def rounding(self, scale: float) -> dict[int, float]:
-        """Of each line the error that is round-off. scale: the scene's length [m] or speed [m/s]; 0
-        where each error counts."""
-        if not scale:
-            return {}
-        return {k: ROUNDED * scale / arm_of(self.system, k) for k in range(self.lines)}
+        """Of each line in a loop the error that stays where its pivot is small (see `solve` of
+        Factors). scale: the scene's length [m] or speed [m/s]; 0 where each error counts."""
+        lines = self.in_loops if scale else ()
+        return {k: LEFT_NEAR_SINGULAR * scale / arm_of(self.system, k) for k in lines}
+
+    @cached_property
+    def in_loops(self) -> list[int]:
+        """Lines that may come to depend on others: those in loops of three bodies and more."""
+        return lines_in_loops(self.system)
 
     def _chosen(self, system: MultiBody, right: dict[int, Any]) -> dict[int, Any]:
         """The right sides, zero for lines that are not chosen."""

@@ -26,8 +26,9 @@ from rb_sim.numerics.rank import RANK_TOLERANCE
 
 
 NEARLY_DEPENDENT = 1e-4
-"""Pivot relative to its diagonal element up to which round-off of a line is not corrected: it would
-move bodies by a hundred times as much and more, and velocities by the square of that."""
+"""Pivot relative to its diagonal element up to which small errors of a line are not corrected: what
+rounds off of them would move bodies by a hundred times as much and more, and velocities by the
+square of that."""
 
 
 Matrix = dict[int, dict[int, Any]]
@@ -118,7 +119,8 @@ class Factors:
         """x with A x = b; of `sure`, b may be left out where it is zero.
 
         rounding: of lines, up to which b counts as zero once the lines before are solved, if the
-        pivot is small. Near a singular configuration such a pivot would make a jump of round-off.
+        pivot is small. Near a singular configuration such a pivot would make a jump of round-off;
+        what is left of b goes out beyond it.
         """
         z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
         for k in self.order:
