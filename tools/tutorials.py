@@ -1,12 +1,14 @@
 """Makes the pictures of the tutorials: python -m tools.tutorials [PAGE ...]
 
 Each page of docs/tutorials is run as the tests run it; pictures that its blocks save and that it
-shows go to docs/tutorials/pictures/PAGE, with as few colours as they need.
+shows go to docs/tutorials/pictures/PAGE, with as few colours as they need, and what their curves
+are to curves.json, with which tests compare what the page draws.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 import tempfile
@@ -44,9 +46,14 @@ def draw(page: Path) -> None:
     """Run the page in an empty folder and keep its pictures."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         with matplotlib.rc_context(STYLE):
-            run_page(page)
+            curves = run_page(page)
+        kept = FOLDER / "pictures" / page.stem
         for name in pictures(page):
-            small(Path(name), FOLDER / "pictures" / page.stem / name)
+            small(Path(name), kept / name)
+        rows = [f"{json.dumps(name)}: {json.dumps(curves[name])}"
+                for name in pictures(page) if name in curves]  # fmt: skip
+        if rows:
+            (kept / "curves.json").write_text("{\n" + ",\n".join(rows) + "\n}\n")
 
 
 def small(source: Path, target: Path) -> None:

@@ -150,7 +150,12 @@ class WatchList:
 
         Before `catch_up` the last blocks may only have been passed with a glance.
         """
-        return tuple(sorted(self._found.values(), key=lambda finding: finding.t))
+        singular = self._found.get("singular configuration")
+        found = (
+            finding if singular is None else beyond(singular, finding)
+            for finding in self._found.values()
+        )
+        return tuple(sorted(found, key=lambda finding: finding.t))
 
     def check(self, error: GlobalError, simulation: Any) -> None:
         """Report what a second run of the simulation shows, if it is beyond its bound.
@@ -404,6 +409,22 @@ class WatchList:
         found = self._chatter.found(self._samples)
         if found is not None:
             self._say(found)
+
+
+OF_TOLERANCE = frozenset({"energy", "momentum", "angular momentum", "global error"})
+"""Checks that advise a tighter tolerance."""
+
+
+def beyond(singular: Finding, finding: Finding) -> Finding:
+    """The finding without the advice of a tighter tolerance, if it comes after a singular
+    configuration: short steps near it make round-off grow."""
+    if finding.watch not in OF_TOLERANCE or finding.finer_step or finding.t < singular.t:
+        return finding
+    advice = (
+        f"the singular configuration at t = {singular.t:.4g} s enlarges round-off: "
+        "a tighter tolerance does not help, a larger one (1e-9) may"
+    )
+    return finding._replace(advice=advice)
 
 
 def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:

@@ -41,6 +41,13 @@ def replay(
         Path | None,
         typer.Option(metavar="FILE.mp4", help="Save a film of the motion (needs ffmpeg)."),
     ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCENE",
+            help="Scene whose bodies the joint states of a bag not recorded by rb_sim place.",
+        ),
+    ] = None,
     publish: Annotated[
         bool,
         typer.Option(
@@ -67,9 +74,9 @@ def replay(
 
     options = PlayOptions(rate, loop, start)
     if publish:
-        return play(bag, options, alone=save is screenshot is video is None)
+        return play(bag, options, alone=save is screenshot is video is scene is None)
     options.refuse()
-    show(bag, save, screenshot, video)
+    show(bag, save, screenshot, video, scene)
     return 0
 
 
@@ -234,7 +241,7 @@ def fit(
     match: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="BODY=NAME", help="Body of the scene and its pose in the bag; repeatable."
+            metavar="NAME=BODY", help="Pose in the bag and its body of the scene; repeatable."
         ),
     ] = None,
     wrench: Wrench = None,

@@ -94,7 +94,7 @@ def fit(
     from rb_sim.fit.fit import fit as solve
 
     keys = [free] if isinstance(free, str) else list(free)
-    pairs = tuple(f"{body}={name}" for body, name in (match or {}).items())
+    pairs = tuple(f"{name}={body}" for body, name in (match or {}).items())
     named = None if scene is None else str(scene)
     options = verb.FitOptions(
         Path(bag), ",".join(keys), named, match=pairs, wrench=tuple(wrenches), noise=noise

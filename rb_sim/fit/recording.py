@@ -79,19 +79,25 @@ def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
 
 
 def pairs_of(
-    tracks: Tracks, bodies: Sequence[str], given: dict[str, str], option: str
+    tracks: Tracks, bodies: Sequence[str], match: Sequence[str]
 ) -> tuple[dict[str, str], list[str]]:
-    """The poses of each body, as given or by their names, and lines on bodies left out.
+    """The poses of each body, as matched or by their names, and lines on bodies left out.
 
-    option: how to say which is which. Raises RbSimError where no body is found.
+    match: texts NAME=BODY, poses and body; the other way round is read where it is no such pair.
+    Raises RbSimError where no body is found.
     """
-    names = ", ".join(tracks.bodies)
-    for body, name in given.items():
-        if body not in bodies or name not in tracks.bodies:
+    names, option = ", ".join(tracks.bodies), "--match NAME=BODY"
+    given = {}
+    for text in match:
+        name, _, body = text.partition("=")
+        if not (name in tracks.bodies and body in bodies):
+            body, name = name, body
+        if name not in tracks.bodies or body not in bodies:
             raise RbSimError(
-                f"--match: got the body {body} and the poses {name}; must be one of "
-                f"{', '.join(bodies)}, and one of {names}"
+                f"--match: got {text}; must be NAME=BODY, one of the poses {names}, and one of "
+                f"the bodies {', '.join(bodies)}"
             )
+        given[body] = name
     if given:
         return given, []
     pairs, several = tracks.pairs_for(bodies)

@@ -57,6 +57,15 @@ def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool
     as of a drive, are kept, whichever of the others are.  Where they depend on the others positions
     and velocities have choices of their own: none is made anew.
     """
+    found = lines_in_loops(system)
+    placed = [k for k in found if holonomic[k]]
+    some, among = dependent.lines & set(found), dependent.positions & set(placed)
+    alike = some <= set(placed) and len(some) == len(among)
+    return placed if some and alike and len(placed) <= MOST_CHANGING else []
+
+
+def lines_in_loops(system: MultiBody) -> list[int]:
+    """The lines in loops of three bodies and more, the world one of them."""
     pairs = [frozenset((c.body, c.parent)) for c in system.constraints]
     loops, first = set(pairs), system.first_row
     while True:
@@ -65,16 +74,12 @@ def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool
         if inner == loops:
             break
         loops = inner
-    found = [
+    return [
         k
         for part, pair in enumerate(pairs)
         if pair in loops
         for k in range(int(first[part]), int(first[part + 1]))
     ]
-    placed = [k for k in found if holonomic[k]]
-    some, among = dependent.lines & set(found), dependent.positions & set(placed)
-    alike = some <= set(placed) and len(some) == len(among)
-    return placed if some and alike and len(placed) <= MOST_CHANGING else []
 
 
 def factored(system: MultiBody, order: list[int]) -> Factors:

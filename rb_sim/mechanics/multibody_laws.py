@@ -11,7 +11,7 @@ from rb_sim.graph.jacobian_columns import compile_columns
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.taylor_code import SeriesLaws
-from rb_sim.mechanics.independent import INDEPENDENT, Dependent
+from rb_sim.mechanics.independent import INDEPENDENT, Dependent, lines_in_loops
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law
 from rb_sim.mechanics.systems.elimination import (
@@ -36,6 +36,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     WIDTH,
     MultiBody,
     apply_effects,
+    arm_of,
     fill_all,
     six,
     state_of,
@@ -138,6 +139,11 @@ def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
 # The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
 
 
+LEFT_NEAR_SINGULAR = 1e-10
+"""Error of a line, relative to the scene's length, and of its rate to the speed, that is left near
+a singular configuration: a tenth of the violation that is reported."""
+
+
 class SolvedLines(GuidedLaws):
     """How kernels are traced, and the multipliers of constraint lines found in them.
 
@@ -207,11 +213,27 @@ class SolvedLines(GuidedLaws):
         left_out = self.dependent.positions - set(self.changing)
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
-    def multipliers(self, system: MultiBody, right: dict[int, Any], order: Sequence[int]) -> Any:
-        """Multipliers of the lines in `order`, the others zero; the rank of those lines."""
+    def multipliers(
+        self, system: MultiBody, right: dict[int, Any], order: Sequence[int], scale: float = 0.0
+    ) -> Any:
+        """Multipliers of the lines in `order`, the others zero; the rank of those lines.
+
+        scale: as of `rounding`.
+        """
         factors = factors_of(system, order, self.plan)
-        self._put(system, factors.solve(self._chosen(system, right)))
+        self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
         return factors.rank - self.inputs.chosen.count(0.0)
+
+    def rounding(self, scale: float) -> dict[int, float]:
+        """Of each line in a loop the error that stays where its pivot is small (see `solve` of
+        Factors). scale: the scene's length [m] or speed [m/s]; 0 where each error counts."""
+        lines = self.in_loops if scale else ()
+        return {k: LEFT_NEAR_SINGULAR * scale / arm_of(self.system, k) for k in lines}
+
+    @cached_property
+    def in_loops(self) -> list[int]:
+        """Lines that may come to depend on others: those in loops of three bodies and more."""
+        return lines_in_loops(self.system)
 
     def _chosen(self, system: MultiBody, right: dict[int, Any]) -> dict[int, Any]:
         """The right sides, zero for lines that are not chosen."""
@@ -342,7 +364,7 @@ class MultiBodyLaws(SolvedLines):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
             errors = {k: -system.rows[k, ERROR] for k in self.position_order}
-            self.multipliers(system, errors, self.position_order)
+            self.multipliers(system, errors, self.position_order, self.system.length)
             clear_push(system)
             add_multipliers(system)
             move_by_push(system, y)
@@ -359,7 +381,7 @@ class MultiBodyLaws(SolvedLines):
         """As `velocity`; the multipliers are the impulses that give the velocities [N s]."""
         write_rows(system, t, y)
         slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
-        self.multipliers(system, slips, self.order)
+        self.multipliers(system, slips, self.order, self.system.speed)
         clear_push(system)
         add_multipliers(system)
         hasten(system, y)
@@ -382,21 +404,25 @@ class MultiBodyLaws(SolvedLines):
             write_rows(system, t, y)
             worst = worst_gap(system, self.holonomic)
             factors = factors_of(system, self.order, self.plan)
-            self._push(system, factors, {k: -system.rows[k, ERROR] for k in self.order})
+            errors = {k: -system.rows[k, ERROR] for k in self.order}
+            self._push(system, factors, errors, self.system.length)
             move_by_push(system, y)
             before = system.rows.copy()
             write_rows(system, t, y)
             slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
             system.rows[:] = before
-            self._push(system, factors, slips)
+            self._push(system, factors, slips, self.system.speed)
             hasten(system, y)
             return [*y, worst]
 
         return self.traced(kernel)
 
-    def _push(self, system: MultiBody, factors: Factors, right: dict[int, Any]) -> None:
-        """push = M^-1 G^T lambda for the multipliers of these right sides."""
-        self._put(system, factors.solve(self._chosen(system, right)))
+    def _push(
+        self, system: MultiBody, factors: Factors, right: dict[int, Any], scale: float
+    ) -> None:
+        """push = M^-1 G^T lambda for the multipliers of these right sides. scale: as of
+        `rounding`."""
+        self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
         clear_push(system)
         add_multipliers(system)
 

@@ -13,6 +13,7 @@ import rb_sim
 from rb_sim.bags.compare import summary
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import SinkError
+from rb_sim.cli.verbs.replay import replay
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation
@@ -101,3 +102,15 @@ def test_one_line_says_that_none_is_of_the_scene(bags, tmp_path):
 def test_without_a_scene_they_are_no_poses(bags):
     with pytest.raises(SinkError, match="no pose in it"):
         tracks_of_bag(bags[2])
+
+
+def test_replay_draws_them_with_a_scene(bags, tmp_path):
+    """A recording of poses, which the joint states alone do not give; ours has its own scene."""
+    path, ours, theirs = bags
+    file = tmp_path / "theirs.rrd"
+    replay(theirs, save=file, scene=str(path))
+    assert b"tip" in file.read_bytes()
+    with pytest.raises(SinkError, match="no pose in it"):
+        replay(theirs, save=file)
+    with pytest.raises(SinkError, match="--scene: .* has its own scene"):
+        replay(ours, save=file, scene=str(path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,8 +83,6 @@ def followed(
 
 
 def cut(block: SampleBlock, part: np.ndarray) -> SampleBlock:
-    from dataclasses import replace
-
     from rb_sim.mechanics.samples import ARRAYS
 
     return replace(block, **{name: getattr(block, name)[part] for name in ARRAYS})
@@ -250,3 +249,64 @@ def test_a_change_point_beside_lines_too_many_is_told_as_one():
     found = followed(scene)
     assert found is not None
     assert not found.too_many
+
+
+def parallelograms(count: int = 2) -> dict[str, Any]:
+    """Links of 1 m and 1 kg, one more than `count` upright ones, bars of 1 m from each to the next,
+    which falls under gravity: joints of this kind hold each bar more often than needed."""
+    bodies: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
+
+    def hinge(name: str, body: str, x: float, parent: dict[str, str]) -> None:
+        end = {"point_B": [x, 0, 0], "axis_B": [0, 0, 1]}
+        joints[name] = {"type": "fixed_axis", "body": body, **end, **parent}
+
+    for k in range(count + 1):
+        upright = {"position": [k, 0.5, 0], "orientation": [0, 0, 0.5**0.5, 0.5**0.5]}
+        moving = {"linear_velocity": [0.5, 0, 0], "angular_velocity": [0, 0, -1.0]}
+        bodies[f"link{k}"] = {"mass": 1.0, "inertia": [1 / 12] * 3, **upright, **moving}
+        hinge(f"ground{k}", f"link{k}", -0.5, {})
+    for k in range(count):
+        across = {"position": [k + 0.5, 1.0, 0], "linear_velocity": [1.0, 0, 0]}
+        bodies[f"bar{k}"] = {"mass": 1.0, "inertia": [1 / 12] * 3, **across}
+        hinge(f"left{k}", f"bar{k}", -0.5, {"parent": f"link{k}"})
+        hinge(f"right{k}", f"bar{k}", 0.5, {"parent": f"link{k + 1}"})
+    gravity = {"type": "gravity", "acceleration": [0, -9.81, 0]}
+    options = {"duration": 5.0, "rate": 20.0, "method": "dopri853", "tolerance": 1e-11}
+    return {
+        "bodies": bodies,
+        "constraints": joints,
+        "effects": {"gravity": gravity},
+        "simulation": options,
+    }
+
+
+def test_steps_near_a_singular_configuration_are_not_moved_by_round_off() -> None:
+    """Tight tolerances make short steps there: what rounds off of the joints was put right by jumps
+    of 1e-3 of the energy."""
+    for tolerance in (1e-9, 1e-10, 3e-11, 1e-11):
+        links = parallelograms()
+        links["simulation"]["tolerance"] = tolerance
+        run = Simulation(scene_from_mapping(links)).run(check=False)
+        assert np.abs(run.energy - run.energy[0]).max() < 1e-5
+    bars = four_bar(1.0)
+    bars["simulation"] = {"duration": 4.0, "rate": 20.0, "method": "dopri853", "tolerance": 1e-12}
+    run = Simulation(scene_from_mapping(bars)).run(check=False)
+    angle = ANGLE + SPEED * run.t
+    exact = np.stack([1.0 + 0.5 * np.cos(angle), 0.0 * angle, 0.5 * np.sin(angle)], axis=1)
+    assert np.abs(run.position["rocker"] - exact).max() < 5e-8
+
+
+def test_beyond_a_singular_configuration_no_tighter_tolerance_is_advised() -> None:
+    mapping = parallelograms()
+    mapping["simulation"]["duration"] = 1.5
+    scene = scene_from_mapping(mapping)
+    simulation = Simulation(scene)
+    block = simulation.run(check=False).block
+    energies = np.where(block.t > 1.2, 1e-3 * abs(block.kinetic_energy).max(), 0.0)
+    watches = WatchList(scene, simulation.layout)
+    jumped = replace(block, kinetic_energy=block.kinetic_energy + energies)
+    watches.add(jumped, Effort("dopri853", None, 1e-11, simulation.steps))
+    advice = {finding.watch: finding.advice for finding in watches.findings}
+    assert "singular configuration" in advice
+    assert "a tighter tolerance does not help" in advice["energy"]

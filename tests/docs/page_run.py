@@ -3,6 +3,9 @@
 Python runs in one namespace, shell lines are commands of rb_sim, a block of YAML is a scene. YAML
 whose first line is a comment that names a file (`# door.yaml`) is written there. A block `output`
 shows lines that the block before it prints.
+
+Of each picture that is saved the curves are kept, so that a picture in the documentation can be
+told from one of another program: not by its pixels, which every machine draws otherwise.
 """
 
 from __future__ import annotations
@@ -11,10 +14,14 @@ import contextlib
 import io
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+import numpy as np
 import yaml
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from rb_sim import load_scene
@@ -27,8 +34,57 @@ SKETCH = "..."
 _FILE = re.compile(r"# (\S+\.yaml)\b")
 
 
-def run_page(page: Path) -> None:
-    """Run the blocks of the page in the present folder. Raises AssertionError where one fails."""
+Curves = dict[str, list[list[float]]]
+"""Of each picture, by its name: of each curve its least and largest y, and y at POINTS of it."""
+POINTS = 9
+
+
+@contextlib.contextmanager
+def curves_drawn() -> Iterator[Curves]:
+    """Collects the curves of all pictures that are saved."""
+    found: Curves = {}
+    save = Figure.savefig
+
+    def savefig(self: Figure, to: Any, **options: Any) -> None:
+        name = Path(getattr(to, "name", to)).name.removeprefix(".")
+        found[name] = [
+            [float(f"{value:.5g}") for value in (y.min(), y.max(), *y[_places(len(y))])]
+            for axes in self.axes
+            for line in axes.lines
+            if np.isfinite(y := np.asarray(line.get_ydata(), dtype=float)).all() and len(y) > 1
+        ]
+        save(self, to, **options)
+
+    Figure.savefig = savefig  # type: ignore[method-assign]
+    try:
+        yield found
+    finally:
+        Figure.savefig = save  # type: ignore[method-assign]
+
+
+def _places(count: int) -> list[int]:
+    return [round(k * (count - 1) / (POINTS - 1)) for k in range(POINTS)]
+
+
+def same_curves(a: list[list[float]], b: list[list[float]]) -> bool:
+    """Whether they are to 1 % of the height of each curve, or all but zero."""
+    if len(a) != len(b):
+        return False
+    return all(
+        np.allclose(one, two, rtol=0.0, atol=0.01 * (one[1] - one[0]) + 1e-6)
+        for one, two in zip(a, b, strict=True)
+    )
+
+
+def run_page(page: Path) -> Curves:
+    """Run the blocks of the page in the present folder; the curves of the pictures that they save.
+    Raises AssertionError where one fails."""
+    with curves_drawn() as found:
+        _run_blocks(page)
+    return found
+
+
+def _run_blocks(page: Path) -> None:
     Path("config").symlink_to(ROOT / "config")  # as in the source tree
     space: dict[str, object] = {"__name__": "page"}
     printed = ""

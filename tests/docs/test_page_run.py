@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.page_run import pictures, run_page
+from tests.docs.page_run import pictures, run_page, same_curves
 
 PAGE = """# A page
 
@@ -64,3 +64,25 @@ def test_a_page_runs_and_names_its_pictures(page):
 def test_a_page_that_is_wrong_fails(page, right, wrong, message):
     with pytest.raises(AssertionError, match=message):
         run_page(page(PAGE.replace(right, wrong)))
+
+
+def test_pictures_of_other_curves_are_told_apart(page):
+    """To a hundredth of a curve's height: another machine draws the same ones."""
+    text = """```python
+import matplotlib.pyplot as plt
+import numpy as np
+
+x = np.linspace(0, 1, 50)
+figure, axes = plt.subplots()
+axes.plot(x, FACTOR * np.sin(6 * x))
+figure.savefig("a.png")
+plt.close(figure)
+```
+"""
+    one, near, other = (
+        run_page(page(text.replace("FACTOR", factor)))["a.png"]
+        for factor in ("1.0", "1.001", "1.1")
+        if not Path("config").unlink(missing_ok=True)
+    )
+    assert same_curves(one, near) and not same_curves(one, other)
+    assert not same_curves(one, [])

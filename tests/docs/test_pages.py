@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from typer.main import get_command
 
 from rb_sim.cli.main import app
 from tests.docs.blocks import PAGES, blocks, name_of
-from tests.docs.page_run import pictures, run_page
+from tests.docs.page_run import pictures, run_page, same_curves
 
 RUN = [page for page in PAGES if any(b.language in ("python", "sh", "yaml") for b in blocks(page))]
 
@@ -18,12 +19,16 @@ RUN = [page for page in PAGES if any(b.language in ("python", "sh", "yaml") for 
 @pytest.mark.parametrize("page", RUN, ids=name_of)
 def test_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run_page(page)
+    curves = run_page(page)
     if page.parent.name == "tutorials":
         for name in pictures(page):
             assert Path(name).stat().st_size > 3000, f"{name} is shown, but no block makes it"
             kept = page.parent / "pictures" / page.stem / name
             assert kept.exists(), f"{kept}: run python -m tools.tutorials {page.stem}"
+            if name in curves:
+                shown = json.loads((kept.parent / "curves.json").read_text())[name]
+                again = f"{kept} shows other curves: run python -m tools.tutorials {page.stem}"
+                assert same_curves(shown, curves[name]), again
     if page.name == "hour.md":
         assert page.read_text(encoding="utf-8").count("\n## ") == 10
         for block in blocks(page):

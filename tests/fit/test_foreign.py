@@ -214,7 +214,7 @@ def test_where_nothing_tells_one_line_names_the_option(tmp_path):
         f"{bag}: its poses are of /one, /two; the scene's bodies are cart; say which is which with "
         "--match NAME=BODY"
     )
-    with pytest.raises(RbSimError, match="say which is which with --match BODY=NAME"):
+    with pytest.raises(RbSimError, match="say which is which with --match NAME=BODY"):
         fit(bag, "bodies.cart.mass", scene=scene(tmp_path))
     assert largest(compare(bag, scene(tmp_path), match={"/two": "cart"})) < STAMP
 

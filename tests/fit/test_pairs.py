@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,7 @@ def test_two_that_say_the_same_are_one(tmp_path):
 
 def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
     chosen = options(tmp_path, ("/a/pose", "/a/odom", "/b/pose", "/b/odom"))
-    with pytest.raises(RbSimError, match="say which is which with --match BODY=NAME"):
+    with pytest.raises(RbSimError, match="say which is which with --match NAME=BODY"):
         fit(chosen)
 
 
@@ -59,3 +60,17 @@ def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
     set_up(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
     told = "its wrenches (/body/push) are not applied: the scene has no commanded_wrench that takes"
     assert f"note: {told} them\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["/a/odom=a", "a=/a/odom"])
+def test_a_match_is_read_in_both_orders(tmp_path, text):
+    """As `compare` has it, the recorded name first; and as `fit` had it."""
+    chosen = options(tmp_path, ("/a/pose", "/a/odom", "/b/pose"))
+    _, _, found = set_up(replace(chosen, match=(text,)))
+    assert found.pairs == {"a": "/a/odom"}
+
+
+def test_a_match_of_other_names_is_refused(tmp_path):
+    chosen = options(tmp_path, ("/a/pose", "/b/pose"))
+    with pytest.raises(RbSimError, match=r"--match: got a=b; must be NAME=BODY, .* /a/pose"):
+        set_up(replace(chosen, match=("a=b",)))

@@ -189,6 +189,23 @@ def test_many_bodies_have_pages_and_none_is_left_out(tmp_path, drawn):
     assert all(f"{name}: position of the centre of mass, world" in drawn for name in names)
 
 
+def test_a_heap_has_pages_of_its_first_bodies_and_says_so(tmp_path, monkeypatch):
+    names = tuple(f"b{k}" for k in range(plots.MOST_PAGES + 5))
+    scene = load_scene({"bodies": {name: {"mass": 1, "inertia": [1, 1, 1]} for name in names}})
+    seen: dict[str, list[str]] = {}
+    monkeypatch.setattr(plots, "page", lambda title, _, notes, __: seen.update({title: notes}))
+    monkeypatch.setattr(plots, "save", lambda pages, _: seen.update(pages=list(pages)))
+    block = empty_block(5, SampleLayout(names, (), (), ()))
+    block.t[:] = np.arange(5.0)
+    block.position[:] = 1.0 + np.arange(5.0).reshape(5, 1, 1)
+    sink = PlotSink(tmp_path / "plots.png")
+    sink.open(scene, SampleLayout(names, (), (), ()))
+    sink.write(block)
+    sink.close()
+    assert seen["pages"] == ["", *names[: plots.MOST_PAGES]]
+    assert f"pages of the first 24 of {len(names)} bodies" in seen[scene.name][-1]
+
+
 def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, samples, drawn):
     """A torque of 1e-13 of force times length, a residual of round-off, a speed that rounds."""
     notes = []

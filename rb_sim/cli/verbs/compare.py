@@ -141,8 +141,7 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.simulation.simulation import Simulation
 
-    given = {body: name for name, body in _pairs(options.match).items()}
-    pairs, left_out = pairs_of(a, list(scene.bodies), given, "--match NAME=BODY")
+    pairs, left_out = pairs_of(a, list(scene.bodies), options.match)
     recording = recorded_by_others(a, scene, pairs, options.wrench)
     warn(left_out)
     note(recording.notes)

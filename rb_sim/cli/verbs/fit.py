@@ -108,8 +108,7 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
     tracks = tracks_of_bag(options.bag, scene)
     warn(tracks.notes)
-    given = {body: name for body, _, name in (text.partition("=") for text in options.match)}
-    pairs, left_out = pairs_of(tracks, list(scene.bodies), given, "--match BODY=NAME")
+    pairs, left_out = pairs_of(tracks, list(scene.bodies), options.match)
     warn(left_out)
     if reader is None:
         recording = recorded_by_others(tracks, scene, pairs, options.wrench)

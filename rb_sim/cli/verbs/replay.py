@@ -31,12 +31,14 @@ def replay(
     save: Path | None = None,
     screenshot: Path | None = None,
     video: Path | None = None,
+    scene: str | None = None,
 ) -> None:
     """Show a recorded bag in the Rerun viewer, or save it as .rrd, as a picture, as a film.
 
     bag: directory or file that rb_sim recorded, or anybody's with poses in it, of which frames and
-    trails are drawn.
-    Raises SinkError: no such bag, unfinished, no pose in it, wrong ending, nothing to draw with;
+    trails are drawn. scene: whose bodies the joint states of somebody else's bag place.
+    Raises SinkError: no such bag, unfinished, no pose in it, wrong ending, nothing to draw with,
+    a scene beside that of the bag;
     MissingExtraError without rerun-sdk.
     """
     from rb_sim.io.bag.reader import reader_of
@@ -50,8 +52,10 @@ def replay(
 
         find_ffmpeg()  # said before the work begins
     reader = reader_of(bag)
+    if reader is not None and scene is not None:
+        raise SinkError(f"--scene: {bag} was recorded by rb_sim and has its own scene")
     name = bag.stem if reader is None else reader.scene.name
-    draw = _others(bag) if reader is None else partial(convert, reader)
+    draw = _others(bag, scene) if reader is None else partial(convert, reader)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         recording = save or Path(folder) / f"{name}.rrd"
         with _whole_or_none(recording):
@@ -90,12 +94,14 @@ def _changed(path: Path) -> int | None:
         return None
 
 
-def _others(bag: Path) -> Callable[..., float]:
+def _others(bag: Path, scene: str | None) -> Callable[..., float]:
     """What writes the motion in a bag of somebody else as a recording, as `convert` does."""
     from rb_sim.bags.comparison_views import drawn, motion_of
     from rb_sim.bags.tracks import tracks_of_bag
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import load_scene
 
-    tracks = tracks_of_bag(bag)
+    tracks = tracks_of_bag(bag, None if scene is None else load_scene(find_scene(scene)))
     warn(tracks.notes)
     frames = dict.fromkeys(f for name in drawn(tracks) if (f := tracks.bodies[name].frame))
     if len(frames) > 1:
@@ -137,7 +143,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
     Raises RbSimError: bad options, no rclpy, no such bag, not of rb_sim, nothing to play.
     """
     if not alone:
-        raise RbSimError("--publish: not with --save, --screenshot or --video")
+        raise RbSimError("--publish: not with --save, --screenshot, --video or --scene")
     rate = 1.0 if options.rate is None else options.rate
     start = 0.0 if options.start is None else options.start
     if not 0.0 <= rate <= MOST_RATE:

@@ -21,6 +21,7 @@ from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.assembly import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
+from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_table import (
@@ -33,7 +34,7 @@ from rb_sim.mechanics.contact.contact_table import (
     STATIC,
 )
 from rb_sim.mechanics.samples import Array
-from rb_sim.numerics.rank import JUDGED_BY_CONTACT, split
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
 from rb_sim.scene.compiled import Compiled
 
 if TYPE_CHECKING:
@@ -185,9 +186,11 @@ def reactions_of(at: Instant) -> Reactions | None:
     found = split(u, s, vt, JUDGED_BY_CONTACT)
     if found.rank == len(held):
         return None
-    x = -found.least(b)
+    x, null = -found.least(b), found.null
+    counts = np.where(np.array(held) < at.first[0], OF_JOINTS, 1.0)
+    x -= null @ solved(counts[:, None] * null, counts * x)  # the least as `least_reactions` has it
     unit = float(np.abs(x).max()) or 1.0
-    return Reactions(held, x / unit, found.null, unit)
+    return Reactions(held, x / unit, null, unit)
 
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]

@@ -248,6 +248,9 @@ BUCKETS = 1500
 MOST_PANELS = 24
 """On one page; a scene with more gets a page for each body."""
 
+MOST_PAGES = 24
+"""Pages of bodies, those of the first ones; each takes half a second."""
+
 MOST_MARKS = 400
 """Instants of events that are marked, the first ones."""
 
@@ -299,8 +302,14 @@ class Plots:
             contacts = Contacts(*self._states.curves(), self._layout.contacts, self._events)
         if len(drawn) <= MOST_PANELS:
             return {"": page(self._title(), drawn, told(zero), contacts)}
-        pages = {"": page(self._title(), _of(drawn, None), told(_of(zero, None)), contacts)}
-        for body in self._layout.bodies:
+        notes, bodies = told(_of(zero, None)), self._layout.bodies
+        if len(bodies) > MOST_PAGES:
+            notes.append(
+                f"pages of the first {MOST_PAGES} of {len(bodies)} bodies; the others are in the "
+                "bag, and in FILE.npz of --npz"
+            )
+        pages = {"": page(self._title(), _of(drawn, None), notes, contacts)}
+        for body in bodies[:MOST_PAGES]:
             title = f"{self._scene.name}: {body}"
             pages[body] = page(title, _of(drawn, body), told(_of(zero, body)), contacts)
         return pages

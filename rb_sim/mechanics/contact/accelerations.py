@@ -242,16 +242,27 @@ def unconstrained_in(system, t, y, everywhere):
     free_accelerations(system, y)
 
 
+OF_JOINTS = 1.0 / 1024.0
+"""By how much reactions of joints count beside those of contacts where least ones are sought: a
+power of 2, small since joints carry what they must. Else a pad on a guide would press at one
+edge to spare the guide a torque."""
+
+
 @inline
 def least_reactions(system, rank, holding):
-    """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep."""
+    """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep; joints
+    count by OF_JOINTS."""
     A, right, shares = system.square[0], system.vectors[RIGHT], system.vectors[SHARES]
-    x, lines = system.vectors[MULTIPLIERS], system.lines
+    x, lines, first = system.vectors[MULTIPLIERS], system.lines, line_of(system, 0)
     for m in range(holding):
         for n in range(holding):
             right[m] -= A[m, n] * shares[lines[n, HOLDS]]
+            if lines[n, HOLDS] < first:
+                A[m, n] /= OF_JOINTS
     least_norm(A, right, x, rank, holding)
     for m in range(holding):
+        if lines[m, HOLDS] < first:
+            x[m] /= OF_JOINTS
         x[m] += shares[lines[m, HOLDS]]
 
 

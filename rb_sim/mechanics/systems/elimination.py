@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler.lapack import WORK, eigenvectors
-from rb_sim.graph.functions import call, divide, rarely
+from rb_sim.graph.functions import call, divide, rarely, where
 from rb_sim.graph.symbols import External
 from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
 from rb_sim.mechanics.systems.multipliers import coupling, inverse_mass_times
@@ -23,6 +23,12 @@ from rb_sim.numerics.rank import RANK_TOLERANCE
 # L D L^T without pivoting, in an order that fills little in.  A pivot that is round-off of its
 # diagonal element belongs to a line that depends on those before it: it gets no multiplier, which
 # for a consistent right side leaves G^T lambda what it is.
+
+
+NEARLY_DEPENDENT = 1e-4
+"""Pivot relative to its diagonal element up to which small errors of a line are not corrected: what
+rounds off of them would move bodies by a hundred times as much and more, and velocities by the
+square of that."""
 
 
 Matrix = dict[int, dict[int, Any]]
@@ -107,10 +113,20 @@ class Factors:
         """The shares of the pivots that are kept, which are numbers, by line."""
         return {k: share for k, share in self.shares.items() if share > self.smallest}
 
-    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """x with A x = b; of `sure`, b may be left out where it is zero."""
+    def solve(
+        self, right: Mapping[int, Any], rounding: Mapping[int, float] = MappingProxyType({})
+    ) -> dict[int, Any]:
+        """x with A x = b; of `sure`, b may be left out where it is zero.
+
+        rounding: of lines, up to which b counts as zero once the lines before are solved, if the
+        pivot is small. Near a singular configuration such a pivot would make a jump of round-off;
+        what is left of b goes out beyond it.
+        """
         z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
         for k in self.order:
+            if k in rounding and k in self.shares:
+                rounded = where(z[k] * z[k] <= rounding[k] ** 2, 0.0, z[k])
+                z[k] = where(self.shares[k] <= NEARLY_DEPENDENT, rounded, z[k])
             for i, factor in self.rows[k].items():
                 z[i] = z[i] - factor * z[k]
         for k in reversed(self.order):

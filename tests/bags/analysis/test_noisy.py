@@ -24,9 +24,15 @@ def thrown(n: int = 600, rate: float = 100.0):
     return t, position, q, np.c_[np.full(n, 2.0), np.zeros(n), 3.0 - G * t]
 
 
-def odometry(folder, seed: int, twists: float = TWISTS, factor: float = 1.0):
+def driven(n: int = 600, rate: float = 100.0):
+    """As `thrown`, at a steady 2 m/s along x."""
+    t, position, q, velocity = thrown(n, rate)
+    return t, position * [1.0, 0.0, 0.0], q, velocity * [1.0, 0.0, 0.0]
+
+
+def odometry(folder, seed: int, twists: float = TWISTS, factor: float = 1.0, motion=thrown):
     """The throw as noisy Odometry, its twist in the body's axes times `factor`."""
-    t, p, q, v = thrown()
+    t, p, q, v = motion()
     random = np.random.default_rng(seed)
     p = p + POSES * random.standard_normal(p.shape)
     turned = q + np.hstack([0.5 * TURNS * random.standard_normal((len(t), 3)), 0.0 * t[:, None]])
@@ -86,6 +92,23 @@ def test_the_noise_of_a_balance_bounds_it(tmp_path, factor, capsys):
     told = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
     _print_balance(told)
     assert capsys.readouterr().out.count("noise of the recording up to") == 3
+
+
+def test_the_noise_of_what_supplies_a_balance_bounds_it(tmp_path):
+    """A drag of 100 N s/m that a force of 200 N makes up for: noise of the velocity changes the
+    energy by 0.02 J, and the work of the drag, summed over 6 s, by twenty times as much."""
+    effects = {
+        "drag": {"type": "linear_drag", "body": "body", "coefficient": 100.0},
+        "drive": {"type": "wrench", "body": "body", "force": [200.0, 0.0, 0.0]},
+    }
+    made = scene_from_mapping({"bodies": {"body": BODY}, "effects": effects}, name="made")
+    ratios = []
+    for seed in range(12):
+        bag, _ = odometry(tmp_path / f"bag{seed}", seed, motion=driven)
+        (balance,) = analyze(bag, scene=made).balances.values()
+        ratios.append(abs(balance["energy"]["error"]) / balance["energy"]["noise"])
+    assert np.mean(np.array(ratios) < 1.0) > 0.85
+    assert np.max(ratios) > 0.2
 
 
 def test_without_the_reactions_there_is_no_balance_of_momentum(tmp_path, capsys):

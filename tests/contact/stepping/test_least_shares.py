@@ -113,6 +113,27 @@ def test_a_block_slips_out_of_two_pads_without_a_turn(hand: bool, step: float) -
         assert_allclose(found.reaction[f"on_{finger}"].force[1:, 0], -side * squeeze, rtol=1e-6)
 
 
+@pytest.mark.parametrize("torque", [0.05, 0.12])
+@pytest.mark.parametrize(
+    "method", [{"method": "dopri853", "tolerance": 1e-9}, {"method": "time_stepping", "step": STEP}]
+)
+def test_corners_share_alike_where_the_block_turns_as_well(
+    torque: float, method: dict[str, Any]
+) -> None:
+    """Corners that slip are equal in least shares; a pad at its edge would spare its guide."""
+    scene = clamped(3.2, COULOMB, False)
+    scene["effects"]["twist"] = {"type": "wrench", "body": "block", "torque": [torque, 0.0, 0.0]}
+    scene["simulation"] = method | {"duration": 0.03, "rate": 100.0}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = Simulation(load_scene(scene)).run(check=False)
+    for finger in FINGERS:
+        corners = [np.abs(found.reaction[f"on_{finger}/{i}"].force[1:, 0]) for i in range(1, 9)]
+        pushing = [c for c in corners if c.max() > 0.0]
+        assert len(pushing) == 4
+        assert_allclose(pushing, 0.8, rtol=1e-3)
+
+
 def test_a_plate_slips_out_of_three_fingers_without_a_turn() -> None:
     found, _ = run(plate(1.4))
     falls(found, 4.0 * MU * 1.4)
