@@ -72,6 +72,14 @@ PIECE = 32
 TIGHTEST = 1e-14
 """Tolerance below which rounding makes the error: then a run is compared with a looser one."""
 
+DOUBTFUL = 0.1
+"""Share of BOUND above which an error within it is found once more, by a third run finer still: in
+contact half of the steps may change little of an error that a quarter of them changes by more."""
+
+SLOWEST = 16.0
+"""Times the difference of two runs that their error is taken to be at most, where the next
+difference is hardly smaller."""
+
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
 
@@ -198,7 +206,40 @@ class SecondRun:
         else:
             second = second[at]
         found = apart(times, poses, second, simulation)
-        return found._replace(relative=found.relative / abs(share), by=by, upto=upto)
+        stated = found._replace(relative=found.relative / abs(share), by=by, upto=upto)
+        if share < 0.0 or upto is not None or not DOUBTFUL * BOUND < stated.relative <= BOUND:
+            return stated
+        return self._by_third(stated, found.relative, finer + 1, times, second, limit, look)
+
+    def _by_third(
+        self,
+        stated: GlobalError,
+        first: float,
+        finer: int,
+        times: Array,
+        second: Array,
+        limit: float,
+        look: Callable[[], None] | None,
+    ) -> GlobalError:
+        """The error stated, or that by the differences of three runs if it is larger: differences
+        that fall by r with each add up to first / (1 - r).
+
+        first: difference of the run from the second one, whose poses are given at the times.
+        finer: how many times the third one is made finer than the run.
+        """
+        simulation = self._simulation
+        trial, by, _ = _finer(simulation, finer)
+        try:
+            rows, upto = self._carried(trial, times, limit, look)
+        except SimulationError:
+            return stated
+        if upto is not None:
+            return stated
+        third = _poses(rows, len(trial.layout.bodies))
+        next_ = apart(times, second, third, simulation)
+        falls = max(1.0 - next_.relative / first, 1.0 / SLOWEST)
+        relative = max(first, next_.relative) / falls
+        return stated if relative <= stated.relative else stated._replace(relative=relative, by=by)
 
     def _carried(
         self, trial: Motion, grid: Array, limit: float, look: Callable[[], None] | None
