@@ -351,9 +351,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 def is_decided(finding: Finding) -> bool:
     """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
-    motion.  Not a choice in contact: of what the laws leave open both runs choose alike, and of a
-    slow slip both lag alike."""
-    return finding.watch == "step"
+    motion, or leaps over turns, of which half of the step shows others.  Not a choice in contact:
+    of what the laws leave open both runs choose alike, and of a slow slip both lag alike."""
+    return finding.watch in ("step", "turn")
 
 
 def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
