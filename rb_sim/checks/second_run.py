@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.accuracy.choice import counted_time
-from rb_sim.accuracy.differences import pose_gaps
+from rb_sim.accuracy.differences import motion_size, motions_apart
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
 from rb_sim.checks.effort import finer_step, round_down, try_step
@@ -82,9 +82,6 @@ difference is hardly smaller."""
 
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
-
-ROUNDING = 1e-12
-"""Share of the distance from the origin, and of a body's size, that rounding may move a body by."""
 
 SOLVED = 1e-6
 """Share of a body's size that is the smallest motion counted in contact: below it are the
@@ -166,7 +163,7 @@ class SecondRun:
             return None
         second, radius = _poses(rows, len(trial.layout.bodies)), _radii(self._simulation)
         at = np.searchsorted(grid, times)
-        if upto is not None or _size(second, radius) > 2.0 * _size(second[at], radius):
+        if upto is not None or motion_size(second, radius) > 2.0 * motion_size(second[at], radius):
             return None
         found = apart(times, poses, second[at], self._simulation)
         return found._replace(by=by) if found.relative <= BOUND else None
@@ -197,7 +194,7 @@ class SecondRun:
                 raise WatchEndedError
         second = _poses(rows, len(run.layout.bodies))
         at, radius = np.searchsorted(grid, times), _radii(simulation)
-        hidden = _size(second, radius) > 2.0 * _size(second[at], radius)
+        hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
             again, *_ = _finer(simulation, 0)
@@ -281,23 +278,11 @@ class SecondRun:
 
 
 def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
-    """The largest difference of two runs, poses (n, bodies, 7), over the smaller motion."""
-    names, radius = simulation.layout.bodies, _radii(simulation)
-    with np.errstate(all="ignore"):
-        shift, turn = pose_gaps(one, two)
-        scale = min(_size(one, radius), _size(two, radius))
-        if simulation.layout.contacts:
-            scale = max(scale, SOLVED * float(radius.max()))
-        far = np.linalg.norm(two[..., :3], axis=2).max(axis=0) + radius
-        shift = np.nan_to_num(shift, nan=math.inf, posinf=math.inf)
-        shift = np.where((shift > ROUNDING * far) | np.isinf(shift), shift, 0.0)
-        turn = np.where(turn > ROUNDING, turn, 0.0)
-        share = np.maximum(shift / scale, np.maximum(radius * turn / scale, turn))
-        share = np.where((shift > 0.0) | (turn > 0.0), share, 0.0)
-    share = np.nan_to_num(share, nan=math.inf, posinf=math.inf)
-    i, body = np.unravel_index(int(np.argmax(share)), share.shape)
-    pose = float(np.nan_to_num(np.maximum(shift, turn), nan=math.inf).max())
-    return GlobalError(float(share[i, body]), float(times[i]), names[int(body)], pose)
+    """The largest difference of two runs of the simulation's scene, poses (n, bodies, 7)."""
+    layout, radius = simulation.layout, _radii(simulation)
+    least = SOLVED * float(radius.max()) if layout.contacts else 0.0
+    share, pose, i, body = motions_apart(one, two, radius, least)
+    return GlobalError(share, float(times[i]), layout.bodies[body], pose)
 
 
 def _poses(rows: Array, bodies: int) -> Array:
@@ -309,12 +294,6 @@ def _radii(simulation: Any) -> Array:
     """The largest radius of gyration of each body [m]."""
     bodies = [simulation.scene.bodies[name] for name in simulation.layout.bodies]
     return np.array([math.sqrt(np.linalg.norm(b.inertia, 2) / b.mass) for b in bodies])
-
-
-def _size(poses: Array, radius: Array) -> float:
-    """The largest way of a body from its start [m], or its largest turn as an arc of its size."""
-    way, turn = pose_gaps(poses, poses[:1])
-    return float(np.nan_to_num(np.maximum(way, radius * turn), nan=0.0, posinf=math.inf).max())
 
 
 def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
