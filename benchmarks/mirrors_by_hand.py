@@ -134,7 +134,6 @@ BY_HAND |= {
     "rb_sim/checks/singular_configuration.py": ("tests/checks/test_dead_point.py",),
     "rb_sim/checks/check_list.py": (
         "tests/checks/test_watch_list.py",
-        "tests/checks/test_pace.py",
         "tests/checks/test_corrupted.py",
     ),
 }

@@ -100,9 +100,6 @@ def watched(simulation: Simulation, duration: float) -> tuple[float, float]:
             entered = clock()
             watches.add(block, effort)
             inside += clock() - entered
-        entered = clock()
-        watches.finish()
-        inside += clock() - entered
     return time.process_time() - start, inside / (clock() - began - inside)
 
 

@@ -158,7 +158,6 @@ def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) 
         watches.add(block, partial(effort_of, simulation))
         columns = (block.position, block.linear_velocity, block.reaction_force, block.energy)
         finite &= all(bool(np.isfinite(column).all()) for column in columns)
-    watches.finish()
     if forecast.given_up:
         return "too long", ""
     if watches.findings:

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.certify import differences
 from rb_sim.accuracy.checked import (
     TIGHTEST,
     CheckedRun,
@@ -27,7 +26,7 @@ from rb_sim.accuracy.checked import (
 )
 from rb_sim.accuracy.choice import Choice, Setting, evaluations
 from rb_sim.accuracy.counted import CountedRunner, affordable_times
-from rb_sim.accuracy.differences import pose_difference
+from rb_sim.accuracy.differences import distances, pose_difference
 from rb_sim.accuracy.runs import dividing, ulp_growth
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
@@ -200,8 +199,8 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
     """Largest errors of pose, twist and reactions, the doubt of the checked run added."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
-    doubt = differences(true.other, true.rows, layout)
-    errors = differences(rows, true.rows, layout) + doubt
+    doubt = distances(true.other, true.rows, layout)
+    errors = distances(rows, true.rows, layout) + doubt
     return tuple(errors.max(axis=0).tolist())
 
 

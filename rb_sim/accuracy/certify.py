@@ -8,68 +8,20 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
 from rb_sim.accuracy.choice import Setting, listed
 from rb_sim.accuracy.counted import CountedRunner
-from rb_sim.accuracy.differences import BALANCE, JUMPS
+from rb_sim.accuracy.differences import FORCE, POSITION, ROTATION, distances, parts
 from rb_sim.accuracy.runs import EPS, dividing, one_ulp_apart, sample_times, sizes_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing
-from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
-# Six quantities whose errors a certificate states, and how two runs differ in them.
-
-
-Indices = NDArray[np.intp]
-
-POSITION, ROTATION, VELOCITY, SPIN, FORCE, TORQUE = range(6)
-
-
-def differences(rows: Array, others: Array, layout: SampleLayout) -> Array:
-    """How far two runs are apart at each instant, shape (n, 6), the worst of bodies and reactions.
-
-    rows, others: as the kernel writes them. What is not finite is infinitely far apart. Where the
-    two are on different sides of an event, which is no error but one of its time, the quantities
-    that jump count as 0; unless there are many such instants, for then they do not move alike.
-    """
-    a, b = parts(rows, layout), parts(others, layout)
-    apart = np.zeros((len(rows), len(NAMES)))
-    for k in range(len(NAMES)):
-        if k == ROTATION:
-            size = angle_between(a[k], b[k])
-        else:
-            size = np.linalg.norm(a[k] - b[k], axis=2)
-        apart[:, k] = np.nan_to_num(size, nan=np.inf, posinf=np.inf).max(axis=1, initial=0.0)
-    for i in across_an_event(rows, others, layout):
-        apart[i, VELOCITY:] = 0.0
-    return apart
-
-
-def parts(rows: Array, layout: SampleLayout) -> list[Array]:
-    """The six quantities, each (n, bodies or reactions, components)."""
-    bodies, reactions = len(layout.bodies), len(layout.reactions)
-    body = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)
-    reaction = rows[:, 13 * bodies : 13 * bodies + 9 * reactions]
-    reaction = reaction.reshape(len(rows), reactions, 9)
-    columns = [slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)]
-    held = [reaction[:, :, 0:3], reaction[:, :, 3:6]]
-    return [body[:, :, part] for part in columns] + held
-
-
-def across_an_event(rows: Array, others: Array, layout: SampleLayout) -> Indices:
-    """Indices of the instants that lie between the times that two runs give one event."""
-    if not layout.contacts:
-        return np.zeros(0, dtype=np.intp)
-    states = 13 * len(layout.bodies) + 9 * len(layout.reactions) + BALANCE + 1
-    finite = np.isfinite(rows).all(axis=1) & np.isfinite(others).all(axis=1)
-    apart = np.flatnonzero((rows[:, states:] != others[:, states:]).any(axis=1) & finite)
-    return apart if len(apart) <= JUMPS * len(rows) else apart[:0]
+# How much of each of the six quantities there is, and what the roundings of impacts add up to.
 
 
 def sizes(rows: Array, layout: SampleLayout) -> Array:
@@ -82,9 +34,6 @@ def sizes(rows: Array, layout: SampleLayout) -> Array:
         if k != ROTATION:
             found[k] = np.linalg.norm(values, axis=2).max(initial=0.0)
     return found
-
-
-# What the roundings of impacts add up to, beside that of the start.
 
 
 def rounded_at_impacts(times: Array, ulp: Array, impacts: Array) -> Array:
@@ -240,14 +189,14 @@ def agreement_enough(run: CheckedRun, rows: Array, layout: SampleLayout) -> Arra
     Velocities count for themselves: of what dies out within a microsecond they are wrong by a
     million times the error of the pose.
     """
-    error = differences(rows, run.rows, layout).max(axis=0)
+    error = distances(rows, run.rows, layout).max(axis=0)
     values = [np.abs(part).max(initial=0.0) for part in parts(run.rows, layout)]
     return np.maximum(SHARPER * error, LAST_BITS * np.array(values))[:FORCE]
 
 
 def apart(run: CheckedRun, layout: SampleLayout) -> Array:
     """How far the two are apart in pose and velocities, (4,)."""
-    return differences(run.other, run.rows, layout).max(axis=0)[:FORCE]
+    return distances(run.other, run.rows, layout).max(axis=0)[:FORCE]
 
 
 def most_of(apart: Array, enough: Array) -> float:
@@ -266,7 +215,7 @@ def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> Chec
     rows, steps = runner.sampled(sharp)
     for _ in range(HALVINGS):
         other, _ = runner.sampled(checker)
-        gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+        gaps = distances(other, rows, layout)[:, :2].max(axis=1)
         if reach(gaps) > longest:
             longest = reach(gaps)
             mean = runner.duration / max(1, steps)
@@ -293,7 +242,7 @@ def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
         finer = [setting.with_knob(dividing(setting.knob / k, runner.duration)) for k in (2.0, 4.0)]
     (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
     layout = runner.compiled.layout
-    gaps = differences(other, rows, layout)[:, :2].max(axis=1)
+    gaps = distances(other, rows, layout)[:, :2].max(axis=1)
     mean = runner.duration / max(1, steps)
     return CheckedRun(rows, other, finer[1], finer[0], gaps, mean)
 
@@ -314,7 +263,7 @@ def as_far_as_events_go(
     if np.count_nonzero(told) < 2:
         return own
     true, other = np.where(told, rows, own.rows), np.where(told, own.rows, own.other)
-    gaps = differences(other, true, runner.compiled.layout)[:, :2].max(axis=1)
+    gaps = distances(other, true, runner.compiled.layout)[:, :2].max(axis=1)
     if gaps.max() <= own.agreement:  # reactions stay those of one method: shares may be open
         return own
     return own._replace(rows=true, other=other, checker=sharp, gaps=gaps)
@@ -476,7 +425,7 @@ def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
     for _ in range(TRIALS):
         y = one_ulp_apart(runner.compiled.y, random, sizes)
         moved, _ = runner.sampled(true.setting, y=y)
-        worst = np.maximum(worst, differences(moved, rows, runner.compiled.layout))
+        worst = np.maximum(worst, distances(moved, rows, runner.compiled.layout))
     return worst
 
 
@@ -492,8 +441,8 @@ def stated(
     layout, times = runner.compiled.layout, runner.times
     size = sizes(true.rows, layout)
     rounded = ulp + rounded_at_impacts(times, ulp, runner.impacts(true.setting))
-    doubt = differences(true.other, true.rows, layout) + rounded
-    error = MARGIN * (differences(rows, true.rows, layout) + doubt)
+    doubt = distances(true.other, true.rows, layout) + rounded
+    error = MARGIN * (distances(rows, true.rows, layout) + doubt)
     known, by_ulp = (
         reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * rounded)
     )

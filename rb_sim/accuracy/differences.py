@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.mechanics.samples import Array, SampleLayout
+from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.mechanics.samples import Array, Indices, SampleLayout
 from rb_sim.numerics.rotations import angle_between
 
 BALANCE = 10
@@ -40,45 +41,102 @@ def pose_gaps(poses: Array, others: Array) -> tuple[Array, Array]:
     return shift, angle_between(poses[..., 3:], others[..., 3:])
 
 
+def motion_size(poses: Array, radius: Array) -> float:
+    """The largest way of a body from its start [m], or its largest turn as an arc of its radius of
+    gyration; poses (n, bodies, 7), radius (bodies,) [m]."""
+    way, turn = pose_gaps(poses, poses[:1])
+    return float(np.nan_to_num(np.maximum(way, radius * turn), nan=0.0, posinf=np.inf).max())
+
+
+def motions_apart(
+    one: Array, two: Array, radius: Array, least: float
+) -> tuple[float, float, int, int]:
+    """How far two runs are apart at most, as a share of the smaller motion and as it is [m, rad],
+    and the instant and the body of the share; poses (n, bodies, 7).
+
+    radius: of gyration of the bodies, (bodies,) [m]. least: the smallest motion that counts [m].
+    """
+    with np.errstate(all="ignore"):
+        shift, turn = pose_gaps(one, two)
+        scale = max(min(motion_size(one, radius), motion_size(two, radius)), least)
+        far = np.linalg.norm(two[..., :3], axis=2).max(axis=0) + radius
+        shift = np.nan_to_num(shift, nan=np.inf, posinf=np.inf)
+        shift = np.where((shift > COMPUTED_ROUNDING * far) | np.isinf(shift), shift, 0.0)
+        turn = np.where(turn > COMPUTED_ROUNDING, turn, 0.0)
+        share = np.maximum(shift / scale, np.maximum(radius * turn / scale, turn))
+        share = np.where((shift > 0.0) | (turn > 0.0), share, 0.0)
+    share = np.nan_to_num(share, nan=np.inf, posinf=np.inf)
+    i, body = np.unravel_index(int(np.argmax(share)), share.shape)
+    pose = float(np.nan_to_num(np.maximum(shift, turn), nan=np.inf).max())
+    return float(share[i, body]), pose, int(i), int(body)
+
+
+POSITION, ROTATION, VELOCITY, SPIN, FORCE, TORQUE = range(6)
+"""Columns of `distances`."""
+
+
+def distances(rows: Array, others: Array, layout: SampleLayout) -> Array:
+    """How far two runs are apart at each instant, shape (n, 6), the worst of bodies and reactions.
+
+    What is not finite is infinitely far apart. Where the two are on different sides of an event,
+    which is no error but one of its time, the quantities that jump count as 0; unless there are
+    many such instants, for then they do not move alike.
+    """
+    a, b = parts(rows, layout), parts(others, layout)
+    each = [np.linalg.norm(x - y, axis=2) for x, y in zip(a, b, strict=True)]
+    each[ROTATION] = angle_between(a[ROTATION], b[ROTATION])
+    worst = [size.max(axis=1, initial=0.0) for size in each]
+    apart = np.nan_to_num(np.stack(worst, axis=1), nan=np.inf, posinf=np.inf)
+    apart[across_an_event(rows, others, layout), VELOCITY:] = 0.0
+    return apart
+
+
+def parts(rows: Array, layout: SampleLayout) -> list[Array]:
+    """The six quantities, each (n, bodies or reactions, components)."""
+    bodies, reactions = len(layout.bodies), len(layout.reactions)
+    body = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)
+    reaction = rows[:, 13 * bodies : 13 * bodies + 9 * reactions]
+    reaction = reaction.reshape(len(rows), reactions, 9)
+    columns = [slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)]
+    held = [reaction[:, :, 0:3], reaction[:, :, 3:6]]
+    return [body[:, :, part] for part in columns] + held
+
+
+def across_an_event(rows: Array, others: Array, layout: SampleLayout) -> Indices:
+    """Indices of the instants that lie between the times that two runs give one event."""
+    if not layout.contacts:
+        return np.zeros(0, dtype=np.intp)
+    states = 13 * len(layout.bodies) + 9 * len(layout.reactions) + BALANCE + 1
+    finite = np.isfinite(rows).all(axis=1) & np.isfinite(others).all(axis=1)
+    apart = np.flatnonzero((rows[:, states:] != others[:, states:]).any(axis=1) & finite)
+    return apart if len(apart) <= JUMPS * len(rows) else apart[:0]
+
+
 def pose_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:
     """max(rotation [rad], centre of mass [m]) over the bodies, shape (n,); NaN counts as inf."""
-    count = len(layout.bodies)
-    shift, turn = pose_gaps(
-        *(run[:, : 13 * count].reshape(len(rows), count, 13)[..., :7] for run in (rows, reference))
-    )
-    return np.nan_to_num(np.maximum(shift, turn).max(axis=1), nan=np.inf, posinf=np.inf)
+    return distances(rows, reference, layout)[:, :VELOCITY].max(axis=1)
 
 
 def reaction_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:
-    """Largest error of a reaction force or torque, relative to the largest of the reference.
-
-    Forces jump where a contact changes its mode; an instant at which the two runs are on different
-    sides of such a jump says nothing about them and counts as 0, unless there are many: then they
-    do not move alike.
-    """
-    count, at = len(layout.reactions), 13 * len(layout.bodies)
-    if count == 0:
-        return np.zeros(len(rows))
-    a = rows[:, at : at + 9 * count].reshape(len(rows), count, 9)
-    b = reference[:, at : at + 9 * count].reshape(len(rows), count, 9)
-    force = np.linalg.norm(b[:, :, 0:3], axis=2).max()
-    torque = max(np.linalg.norm(b[:, :, 3:6], axis=2).max(), force * _arm(reference, b, layout))
+    """Largest error of a reaction force or torque, relative to the largest of the reference."""
     worst = np.zeros(len(rows))
-    for part, scale in ((slice(0, 3), force), (slice(3, 6), torque)):
+    if not layout.reactions:
+        return worst
+    apart, (*_, forces, torques) = distances(rows, reference, layout), parts(reference, layout)
+    force = float(np.linalg.norm(forces, axis=2).max())
+    torque = max(float(np.linalg.norm(torques, axis=2).max()), force * _arm(reference, layout))
+    for column, scale in ((FORCE, force), (TORQUE, torque)):
         if scale > 0.0:
-            size = np.linalg.norm(a[:, :, part] - b[:, :, part], axis=2).max(axis=1)
-            worst = np.maximum(worst, size / scale)
-    states = at + 9 * count + BALANCE + 1
-    apart = (rows[:, states:] != reference[:, states:]).any(axis=1) & np.isfinite(worst)
-    if np.mean(apart) <= JUMPS:
-        worst[apart] = 0.0
-    return np.nan_to_num(worst, nan=np.inf, posinf=np.inf)
+            worst = np.maximum(worst, apart[:, column] / scale)
+    return worst
 
 
-def _arm(reference: Array, reactions: Array, layout: SampleLayout) -> float:
+def _arm(reference: Array, layout: SampleLayout) -> float:
     """Largest distance from an anchor to its body's centre of mass [m]."""
     body = [layout.bodies.index(name) for name in layout.reaction_bodies]
-    centres = reference[:, : 13 * len(layout.bodies)].reshape(len(reference), -1, 13)[:, body, 0:3]
+    at = 13 * len(layout.bodies)
+    centres = reference[:, :at].reshape(len(reference), -1, 13)[:, body, 0:3]
+    reactions = reference[:, at : at + 9 * len(body)].reshape(len(reference), -1, 9)
     return float(np.linalg.norm(reactions[:, :, 6:9] - centres, axis=2).max())
 
 

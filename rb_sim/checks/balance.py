@@ -5,9 +5,6 @@ over the samples, which is stated with them.
 
 The work of contacts, impacts included, is among the samples; only the other powers are integrated.
 Momentum is not balanced with contacts: their forces jump and strike between samples.
-
-A block of samples may also be passed with a glance: work is summed up all the same, momentum is
-then balanced over the stretches before and after it.
 """
 
 from __future__ import annotations
@@ -144,16 +141,11 @@ class Exchanged:
         self._loads = 0.0
         """weights and reactions times lengths, at the start [J]."""
         self._potential: float | None = None
-        self._struck = 0.0
-        """contact work before the first sample."""
-        self._signed = 0.0
-        """the works with their signs."""
 
     def add(self, block: SampleBlock) -> None:
         if self._potential is None:
             self._potential = float(block.potential_energy[0])
             self._kinetic = float(block.kinetic_energy[0])
-            self._struck = float(block.contact_work[0])
             self._noise = self._roundings(block)
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
         self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
@@ -163,21 +155,9 @@ class Exchanged:
         if self._potential is not None:
             self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
 
-    def glance(self, block: SampleBlock) -> float:
-        """The next samples by the last of them; its energy less that of the start and the work."""
-        kinetic, potential = float(block.kinetic_energy[-1]), float(block.potential_energy[-1])
-        if self._potential is None:
-            self.add(block)
-        assert self._potential is not None
-        struck = float(block.contact_work[-1])
-        self._fall = max(self._fall, self._potential - potential)
-        self._contacts = max(self._contacts, abs(struck))
-        given = self._kinetic + self._potential + self._signed + struck - self._struck
-        return kinetic + potential - given
-
-    def work(self, size: float, signed: float) -> None:
-        """The size of the work of forces without potential so far, and the work itself, about."""
-        self._works, self._signed = size, signed
+    def work(self, size: float) -> None:
+        """The size of the work of forces without potential so far."""
+        self._works = size
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""
@@ -209,25 +189,19 @@ def farthest(points: Array) -> float:
     return float(max(points.max(), -points.min()))
 
 
-# Momentum against impulse over the stretches of a run that are looked at closely.
+# Momentum against impulse.
 
 
 class Impulses:
-    """Change of [momentum, angular momentum about the world origin] less the impulse from outside.
-
-    A stretch of samples that is left out parts the run: what its momentum does not account for is
-    added up over the stretches before and after it.
-    """
+    """Change of [momentum, angular momentum about the world origin] less the impulse from
+    outside."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
         self._isolated = not scene.effects and not scene.constraints
-        """whether nothing acts from outside: no stretch is left out, then."""
-        self.samples = 0
-        """in the stretches that are balanced."""
+        """whether nothing acts from outside."""
         self.largest = np.zeros(2)
         """norms of momentum and angular momentum."""
-        self._missed, self._given, self._doubt = np.zeros(6), np.zeros(6), np.zeros(6)
         self._first: Array | None = None
         self._last = np.zeros(6)
         self._impulse = CheckedQuadrature(6)
@@ -241,22 +215,15 @@ class Impulses:
         if self._first is None:
             self._first = np.append(block.momentum[0], block.angular_momentum[0])
         self._last = np.append(block.momentum[-1], block.angular_momentum[-1])
-        self.samples += len(block)
-
-    def leave_out(self) -> None:
-        """Samples follow that do not come to `add`."""
-        if self._first is None or self._isolated:
-            return
-        self._missed, self._given, self._doubt = self.finish()
-        self._first, self._impulse = None, CheckedQuadrature(6)
 
     def finish(self) -> tuple[Array, Array, Array]:
-        """(change less impulse, impulse, how uncertain it is) of all stretches, each (6,)."""
-        if self._first is None:
-            return self._missed, self._given, self._doubt
-        impulse, doubt = self._impulse.finish()
-        missed = self._last - self._first - impulse
-        return self._missed + missed, self._given + impulse, self._doubt + doubt
+        """(change less impulse, impulse, how uncertain it is), each (6,)."""
+        if self._first is None or self._isolated:
+            impulse = doubt = np.zeros(6)
+        else:
+            impulse, doubt = self._impulse.finish()
+        first = self._last if self._first is None else self._first
+        return self._last - first - impulse, impulse, doubt
 
 
 def largest(vectors: Array) -> float:
@@ -317,10 +284,6 @@ def _point(
     i = layout.bodies.index(body)
     arm = point_B - np.array(scene.bodies[body].center_of_mass)
     return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))
-
-
-SPARSE = 16
-"""Of so many samples a glance takes in one for the spin of bodies."""
 
 
 class Balance(NamedTuple):
@@ -398,44 +361,22 @@ class Ledger:
         """The next samples. breaks: increasing, where commands change; a sample there is after."""
         if not len(block):
             return
-        self._pass(block, len(block), block.worst_residual)
+        if self._first is None:
+            self._first = block
+        self._last = block
+        self.samples += len(block)
+        self.worst_residual = max(self.worst_residual, block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
         if self._may_work or block.power.any():
             self._integrate(block, smooth_power(block, self._scene, self._layout), breaks)
-        self.look_back(block, breaks)
-
-    def glance(self, block: SampleBlock, count: int, residual: float) -> float:
-        """The next samples, without events: only what cannot be made up for later, `leave_out`
-        before samples that are looked at again.
-
-        count: of them; residual: the worst. Returns the energy balance at the end, about [J].
-        """
-        self._pass(block, count, residual)
-        if self._may_work_smoothly:
-            self._integrate(block, smooth_power(block, self._scene, self._layout))
-        return self._energies.glance(block)
-
-    def leave_out(self) -> None:
-        """The momentum over the samples that follow is not balanced."""
-        self._impulses.leave_out()
-
-    def saw(self, block: SampleBlock) -> None:
-        """Samples beside those of the run, of the same motion: how much energy it exchanges."""
-        self._energies.saw(block)
-
-    def look_back(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
-        """Balance the momentum over the last block as well, at which a glance was taken."""
         if not self.unknown_force:
             self._impulses.add(block, breaks)
             self._momentum_noise = self._roundings(block)
 
-    def _pass(self, block: SampleBlock, count: int, residual: float) -> None:
-        if self._first is None:
-            self._first = block
-        self._last = block
-        self.samples += count
-        self.worst_residual = max(self.worst_residual, residual)
+    def saw(self, block: SampleBlock) -> None:
+        """Samples beside those of the run, of the same motion: how much energy it exchanges."""
+        self._energies.saw(block)
 
     def _integrate(self, block: SampleBlock, power: Array, commands: Sequence[float] = ()) -> None:
         """Add the work of the block, piece by piece."""
@@ -453,7 +394,7 @@ class Ledger:
             kept[-1] = True
             t, f = t[kept], f[kept]
         self._work.add(t, f[:, None], sorted(breaks))
-        self._energies.work(*self._work.by_trapezoids()[0].tolist())
+        self._energies.work(float(self._work.by_trapezoids()[0, 0]))
 
     def _jumps_until(self, begin: float, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""
@@ -548,14 +489,10 @@ class Ledger:
         return float(self._last.contact_work[-1] - self._first.contact_work[0])
 
     def momentum(self) -> dict[str, Any] | None:
-        """Balances of linear and angular momentum (about the world origin), or None.
-
-        share: of the samples over whose stretches they are drawn; 1 where none was left out.
-        """
+        """Balances of linear and angular momentum (about the world origin), or None."""
         if self._first is None or self._last is None or self.unknown_force:
             return None
         missed, impulse, doubt = self._impulses.finish()
-        share = self._impulses.samples / self.samples
         balances = {}
         for k, name in enumerate(("linear", "angular")):
             part = slice(3 * k, 3 * k + 3)
@@ -565,5 +502,5 @@ class Ledger:
             scale = max(scale, float(self._impulses.largest[k]))
             scale = scale if scale > self._momentum_noise[k] else 0.0
             balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
-            balances[name] = balance.as_dict() | {"share": share}
+            balances[name] = balance.as_dict()
         return balances

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.checks.step_doubling import LocalError
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.numerics.rotations import norms
@@ -217,13 +219,17 @@ ENOUGH = 1e-6
 
 MOST_TURN = np.pi
 """Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
-SAFE_TURN = MOST_TURN / 3.0**0.5
-"""A body turns by less than MOST_TURN if it does by less than this about each of its axes [rad]."""
 
 ADVISED_TURN = 0.5
 """Angle in one step that methods of order 4 and above resolve [rad]."""
 
 EPS = float(np.finfo(float).eps)
+
+
+def steps(run: Run) -> Look:
+    """What the steps of the run show."""
+    rate = run.scene.simulation.rate
+    return lambda seen: found_in(seen.block, seen.effort, rate, seen.ledger.exchanged)
 
 
 def found_in(
@@ -250,10 +256,13 @@ def _of_time(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Findin
         yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
 
 
-def turns(
-    block: SampleBlock, effort: Effort, bodies: tuple[str, ...], stride: int = 1
-) -> Iterator[Finding]:
-    """Whether a fixed step leaps over turns; balances are silent then, for samples do as well.
+def turns(run: Run) -> Look:
+    """Whether a fixed step leaps over turns; balances are silent then, for samples do as well."""
+    return lambda seen: turned(seen.block, seen.effort, run.layout.bodies)
+
+
+def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Iterator[Finding]:
+    """The first turn of more than MOST_TURN in one fixed step.
 
     An adaptive method compares two formulas in every step, and may take a constant spin in one; a
     step that `auto` chose has been measured beside such a method.
@@ -263,7 +272,7 @@ def turns(
     step = effort.step
     if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
         step = min(step, float(block.t[-1]) / (effort.steps - 1))
-    spin = norms(block.angular_velocity[::stride])
+    spin = norms(block.angular_velocity)
     beyond = np.argwhere(spin * step > MOST_TURN)
     if not len(beyond):
         return
@@ -272,7 +281,7 @@ def turns(
     what = f"rotation in one step of {step:.3g} s [rad]"
     # a spin that blows up may be no number, and says nothing of a step that resolves it
     finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
-    t = float(block.t[i * stride])
+    t = float(block.t[i])
     yield Finding("turn", t, fastest * step, MOST_TURN, what, bodies[body], try_step(finer), finer)
 
 
@@ -357,5 +366,31 @@ def _of_choices(effort: Effort) -> Iterator[Finding]:
     the same choice."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
-        figure, t, contact, what, advice = chosen
-        yield Finding("ambiguous", t, figure, bound, what, contact, advice)
+        figure, t, contact, what, by_setting, advice = chosen
+        finer = below(effort.step) if by_setting and effort.step else None
+        advice = effort.advice(finer) if by_setting else advice
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)
+
+
+# Whether a contact chatters: opens and closes so often that its events say nothing any more.
+
+
+MOST_EVENTS_PER_SAMPLE = 50.0
+CHATTER = 1000
+"""Events, all in all and on average between two samples, that say: a contact chatters."""
+
+
+def chatter(run: Run) -> Look:
+    """Whether a contact has more events than samples can show."""
+    events: Counter[str] = Counter()
+
+    def look(seen: Seen) -> Iterator[Finding]:
+        events.update(event.contact for event in seen.block.events)
+        for name, count in events.most_common(1):
+            mean = count / seen.samples
+            if count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE:
+                advice = "the contact chatters; try method time_stepping"
+                what, t = "number of contact events between two samples", float(seen.block.t[-1])
+                yield Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
+
+    return look

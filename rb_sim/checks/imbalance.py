@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.balance import bodies_at_work
+from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.numerics.rotations import cross, norms, turn_between
 
 if TYPE_CHECKING:
@@ -70,11 +71,6 @@ class Resolutions:
             self._at_work = [layout.bodies.index(name) for name in names]
             self.at_work = Resolution()
 
-    def leave_out(self) -> None:
-        """Samples follow that do not come to `add`."""
-        self.of_all.leave_out()
-        self.at_work.leave_out()
-
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         self.of_all.add(block)
@@ -112,10 +108,6 @@ class Resolution:
             return True
         missed, way = self._all
         return bool((missed <= PART_OF_ALL * way).all())
-
-    def leave_out(self) -> None:
-        """Samples follow that do not come to `add`."""
-        self._last = None
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
@@ -179,10 +171,51 @@ def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray
     return miss, size, np.any(~(miss <= PART * size), axis=1)
 
 
-def energy_found(
-    ledger: Ledger, resolution: Resolution, block: SampleBlock, layout: SampleLayout, effort: Effort
-) -> Finding | None:
+# What a motion does between two samples: some taken closer, on the way ahead.
+#
+# Of an oscillation sampled once a period all samples are alike: it seems to exchange no energy, so
+# that a rounding of its balance is all there is.  Nothing among them tells that; so where the check
+# is about to speak, the motion is followed for some intervals by another one beside it.
+
+
+INTERVALS = 6
+"""Between samples, that are looked at."""
+
+CLOSER = 64
+"""Samples in place of one."""
+
+
+def closer_samples(block: SampleBlock, effort: Effort) -> SampleBlock | None:
+    """Samples CLOSER times as close as those of the block, from its end on; None where there are
+    none to be had.  effort: of the run, which stands at the end of the block."""
+    if effort.ahead is None or len(block) < 2:
+        return None
+    interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
+    return effort.ahead(INTERVALS * interval, INTERVALS * CLOSER)
+
+
+def energy(run: Run) -> Look:
+    """Energy that came from nowhere or is gone."""
+    looked: Ledger | None = None
+
+    def look(seen: Seen) -> Iterator[Finding]:
+        nonlocal looked
+        found = energy_found(seen, run.layout)
+        if found is not None and looked is not seen.ledger:
+            looked = seen.ledger
+            fine = closer_samples(seen.block, seen.effort)
+            if fine is not None:
+                seen.ledger.saw(fine)
+                found = energy_found(seen, run.layout)
+        if found is not None:
+            yield found
+
+    return look
+
+
+def energy_found(seen: Seen, layout: SampleLayout) -> Finding | None:
     """Energy that came from nowhere or is gone, as it shows at the end of the block."""
+    block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
     energy = ledger.energy()
     error = 0.0 if energy is None else abs(energy["error"])
     if energy is None or (energy["relative"] is None and np.isfinite(error)):
@@ -192,7 +225,7 @@ def energy_found(
         bound = effort.balance * scale + ledger.rounding + ledger.at_rest
         if error <= bound + DOUBTS * doubt:
             return None
-        if ledger.has_work and not resolution.resolved:  # loads act between samples
+        if ledger.has_work and not resolution.at_work.resolved:  # loads act between samples
             return None
     lost = np.flatnonzero(~np.isfinite(block.energy))
     i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
@@ -210,11 +243,15 @@ def energy_found(
     )
 
 
-def momentum_found(
-    ledger: Ledger, resolution: Resolution, block: SampleBlock, layout: SampleLayout, effort: Effort
-) -> Iterator[Finding]:
+def momentum(run: Run) -> Look:
+    """Momentum, linear or angular, that no impulse explains."""
+    return lambda seen: momentum_found(seen, run.layout)
+
+
+def momentum_found(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
     """Momentum, linear or angular, that no impulse explains at the end of the block."""
-    balances = ledger.momentum()
+    block, effort, resolution = seen.block, seen.effort, seen.resolution.of_all
+    balances = seen.ledger.momentum()
     if balances is None or not resolution.resolved:
         return
     bound = 10.0 * effort.balance

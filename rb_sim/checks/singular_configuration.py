@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import RbSimError
+from rb_sim.checks.check import Look, Run, Seen
+from rb_sim.checks.violation import coordinates
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.mechanics.independent import Dependent
 from rb_sim.mechanics.initial_projection import lines_left, lines_matrix
@@ -65,13 +67,6 @@ RESOLVED = 0.8
 show a V by themselves."""
 FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
-STRIDE = 8
-"""Samples of which one is looked at in a glance."""
-KEPT = 4
-"""Looks of a glance that are taken again with the next samples: a V has as many."""
-HALF = 0.5
-"""Share of a place beside it below which a minimum of a glance may be that of a V, whose lowest
-place is a third of the higher one beside it, or less; around it a glance looks closely."""
 FALLS = 0.8
 """Share of a minimum to which the next look has to find it lower; above, it is a smooth one."""
 NEAR = 0.2
@@ -113,15 +108,6 @@ def suspected(s: Array) -> np.ndarray:
     return found
 
 
-def falls(s: Array) -> np.ndarray:
-    """Whether each place is zero, or a minimum that may be that of a V; shape (n,)."""
-    found = s <= VANISHED
-    if len(s) > 2:
-        a, b, c = s[:-2], s[1:-1], s[2:]
-        found[1:-1] |= (b <= a) & (b <= c) & (b <= HALF * np.maximum(a, c))
-    return found
-
-
 class Follower:
     """Follows s along the samples of a motion."""
 
@@ -131,34 +117,18 @@ class Follower:
         """the last places that were looked at closely ..."""
         self._way = np.zeros(0)
         """... and the ways between them."""
-        self._samples = np.zeros(0), np.zeros((0, 0))
-        """the last samples."""
+        self._sample = np.zeros(0), np.zeros((0, 0))
+        """the last one."""
 
-    def add(self, t: Array, y: Array, stride: int = 1) -> Vanishing | None:
-        """The next samples: looked at closely, or with a stride above 1 at a glance, and closely
-        around what it shows.
+    def add(self, t: Array, y: Array) -> Vanishing | None:
+        """The next samples, and states between them, after what was looked at before.
 
         Returns the first place where s passes through zero, if there is one.
         """
-        last = -1 if stride == 1 else -KEPT * stride
-        if len(self._samples[0]):
-            before, states = self._samples
-            t, y = np.append(before[last:], t), np.append(states[last:], y, 0)
-        self._samples = t[-KEPT * STRIDE :], y[-KEPT * STRIDE :]
-        if stride == 1:
-            return self._closely(t, y)
-        s, _ = self._look(t[::stride], y[::stride])
-        for k in np.flatnonzero(falls(s)).tolist():
-            around = slice(max(0, (k - 2) * stride), (k + 2) * stride + 1)
-            self._t = self._t[:0]
-            found = self._closely(t[around], y[around])
-            if found is not None:
-                return found
-        self._t = self._t[:0]
-        return None
-
-    def _closely(self, t: Array, y: Array) -> Vanishing | None:
-        """All samples, and states between them; goes on from what was looked at closely before."""
+        before, states = self._sample
+        if len(before):
+            t, y = np.append(before, t), np.append(states, y, 0)
+        self._sample = t[-1:], y[-1:]
         times, states, ways = self._filled(t, y)
         s, _ = self._look(times, states)
         if len(self._t):
@@ -284,13 +254,11 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
 # of A over all lines.
 #
 # States between samples are looked at, too (see above), where bodies turn by much from one to
-# the next.  Once a run is long only every few samples are, and closely what they show.
+# the next.
 
 
 MOST_LINES = 120
 """Lines up to which a scene is watched: the law that tells s is traced as a whole."""
-
-ALL = slice(None)
 
 UNDECIDED = (
     "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
@@ -326,6 +294,21 @@ class DeadPoint(NamedTuple):
             f"singular configuration at t = {self.t:.4g} s: constraint {self.constraint!r} loses "
             f"rank, and {UNDECIDED}"
         )
+
+
+def rank(run: Run) -> Look:
+    """The first singular configuration."""
+    followed: Conditioning | None = None
+
+    def look(seen: Seen) -> Iterator[Finding]:
+        nonlocal followed
+        if followed is None:  # its laws are made where samples come
+            followed = Conditioning(*run)
+        followed.add(seen.block)
+        if followed.found is not None:
+            yield followed.found.finding
+
+    return look
 
 
 class Conditioning:
@@ -375,11 +358,11 @@ class Conditioning:
         """Whether there is something to look at, and nothing has been found."""
         return bool(self._laws) and self.found is None
 
-    def add(self, block: SampleBlock, stride: int = 1) -> None:
-        """The next samples; of them every stride-th is looked at."""
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
         if not self.watching or not len(block):
             return
-        place = self._follower.add(block.t, coordinates(block, ALL), stride)
+        place = self._follower.add(block.t, coordinates(block, slice(None)))
         if place is not None:
             owner = self._owner(self._watched[place.line])
             self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
@@ -427,13 +410,6 @@ def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
     if not np.isfinite(scaled).all():
         return float("nan")
     return float(np.sqrt(max(0.0, np.linalg.eigvalsh(scaled)[-rank])))
-
-
-def coordinates(block: SampleBlock, which: slice) -> Array:
-    """The coordinates of all bodies in turn at these samples, shape (n, 13 N)."""
-    columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
-    found = np.concatenate([column[which] for column in columns], axis=2)
-    return found.reshape(len(found), -1)
 
 
 def has_loops(scene: Scene) -> bool:

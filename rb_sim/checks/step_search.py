@@ -231,7 +231,6 @@ class _Trials:
                     return False
         finally:
             may_go_on(trial.motion.time)
-        watches.finish()
         if not self._beyond(watches):
             watches.check(second.result(), trial)
         return not self._beyond(watches)

@@ -9,6 +9,7 @@ import numpy as np
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion
@@ -50,12 +51,7 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
         system = compile_motion(projected, "maximal").system
     except RbSimError:
         return ""
-    y = np.concatenate(
-        [
-            np.concatenate([column[i, b] for column in columns_of(block)])
-            for b in range(len(layout.bodies))
-        ]
-    )
+    y = coordinates(block, slice(i, i + 1))[0]
     with np.errstate(all="ignore"):
         violations, _ = Manifold(system).violations(float(block.t[i]), y.tolist())
     worst = relative(system, violations, system.length, system.speed).max(axis=0)
@@ -65,29 +61,32 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
     return owners[part]
 
 
+def residual(run: Run) -> Look:
+    """The first sample whose residual is beyond the bound, or no number."""
+    bound = CONTACT_RESIDUAL if run.layout.contacts else RESIDUAL
+    return lambda seen: residual_found(run.scene, run.layout, seen.block, bound)
+
+
 def residual_found(
     scene: Scene, layout: SampleLayout, block: SampleBlock, bound: float
-) -> Finding | None:
+) -> Iterator[Finding]:
     """The first sample of the block whose residual is beyond the bound, or no number."""
     beyond = np.flatnonzero(~(block.residual <= bound))
     if not len(beyond):
-        return None
+        return
     i = int(beyond[0])
     where = violated_constraint(scene, layout, block, i)
     advice = STEPPED if scene.simulation.method == "time_stepping" else CONTRADICTORY
     what = "constraint violation relative to the scene's size or speed"
     figure = float(np.nanmax(block.residual[i:]))
-    return Finding("residual", float(block.t[i]), figure, bound, what, where, advice)
+    yield Finding("residual", float(block.t[i]), figure, bound, what, where, advice)
 
 
-def columns_of(block: SampleBlock) -> tuple[np.ndarray, ...]:
-    """The columns of a body's coordinates, in their order."""
-    return (
-        block.position,
-        block.orientation,
-        block.linear_velocity,
-        block.angular_velocity,
-    )
+def coordinates(block: SampleBlock, which: slice | list[int]) -> Array:
+    """p_WC, q_WB, v_WC, w_WB_B of all bodies in turn at these samples, shape (n, 13 N)."""
+    columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
+    found = np.concatenate([column[which] for column in columns], axis=2)
+    return found.reshape(len(found), -1)
 
 
 # Shapes inside of supports: a contact with listed points touches at these only.
@@ -102,23 +101,21 @@ LOOKS = 64
 """Instants of a block that are looked at."""
 
 
-class Inside:
-    """Follows how deep the shapes of bodies with listed points lie in what they may touch."""
+def inside(run: Run) -> Look:
+    """The first instant looked at in which the shape of a body with listed points lies in what it
+    may touch."""
+    bodies, contacts = run.layout.bodies, list(_whole_shapes(run.scene))
 
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._bodies = layout.bodies
-        self._contacts = list(_whole_shapes(scene))
-
-    def first(self, block: SampleBlock) -> Finding | None:
-        """The first instant looked at in which a shape lies in a support, if there is one."""
-        if not self._contacts or not len(block):
-            return None
-        rows = np.unique(np.linspace(0, len(block) - 1, LOOKS).astype(int))
-        states = _states(block, rows.tolist())
-        for t, y in zip(block.t[rows.tolist()].tolist(), states.tolist(), strict=True):
-            for name, body, parent, parts, limit in self._contacts:
-                B = state_of(y, self._bodies.index(body))
-                A = state_of(y, -1 if parent is None else self._bodies.index(parent))
+    def look(seen: Seen) -> Iterator[Finding]:
+        if not contacts:
+            return
+        block = seen.block
+        rows = np.unique(np.linspace(0, len(block) - 1, LOOKS).astype(int)).tolist()
+        states = coordinates(block, rows).tolist()
+        for t, y in zip(block.t[rows].tolist(), states, strict=True):
+            for name, body, parent, parts, limit in contacts:
+                B = state_of(y, bodies.index(body))
+                A = state_of(y, -1 if parent is None else bodies.index(parent))
                 depth = max(_depth(part.row, t, B, A) for part in parts)
                 if depth > limit:
                     what = f"penetration of the shape of {body} into the contact's support [m]"
@@ -126,8 +123,10 @@ class Inside:
                         "only the listed points make contact; list more points, or remove `points` "
                         "so that the whole shape does"
                     )
-                    return Finding("inside", t, depth, limit, what, name, advice)
-        return None
+                    yield Finding("inside", t, depth, limit, what, name, advice)
+                    return
+
+    return look
 
 
 def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any], float]]:
@@ -150,12 +149,6 @@ def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any
         except (SceneError, ValueError):
             continue  # this shape cannot touch this support
         yield name, spec.body, spec.parent, parts, DEEP * shape.reach
-
-
-def _states(block: SampleBlock, rows: list[int]) -> Array:
-    """p_WC, q_WB, v_WC, w_WB_B of each body, shape (len(rows), 13 N)."""
-    parts = (block.position, block.orientation, block.linear_velocity, block.angular_velocity)
-    return np.concatenate([part[rows] for part in parts], axis=2).reshape(len(rows), -1)
 
 
 def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:

@@ -198,9 +198,7 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if energy is not None:
         rows.append(("energy error", _balance(energy, "J")))
     if momentum is not None:
-        share = momentum["linear"]["share"]
-        over = f", for {share:.2g} of the samples" if share < 1.0 else ""
-        rows.append(("momentum error", _balance(momentum["linear"], "N s") + over))
+        rows.append(("momentum error", _balance(momentum["linear"], "N s")))
         rows.append(("angular momentum error", _balance(momentum["angular"], "N m s")))
     elif summary["samples"]:
         rows.append(("momentum error", f"not known: {_why_no_momentum(summary)}"))

@@ -289,7 +289,6 @@ def run(case: Case, setting: Setting) -> Outcome:
             for block in simulation.blocks(options.duration, options.rate, limits=limits):
                 watches.add(block, partial(effort_of, simulation))
                 blocks.append(block)
-            watches.finish()
         seconds = time.process_time() - began
     except (RbSimError, ZeroDivisionError) as error:
         # plain Python divides by zero where compiled code goes on with infinity, then NaN

@@ -39,7 +39,6 @@ def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
     for block in simulation.blocks(setting.duration, setting.rate):
         watches.add(block, partial(effort_of, simulation))
-    watches.finish()
     return {finding.watch: finding for finding in watches.findings}
 
 

@@ -70,15 +70,13 @@ def driven_to_the_end() -> dict[str, Any]:
     return {"bodies": {"b": body}, "constraints": joints, "simulation": options}
 
 
-def followed(
-    mapping: dict[str, Any], pieces: int = 1, stride: int = 1
-) -> singular_configuration.DeadPoint | None:
+def followed(mapping: dict[str, Any], pieces: int = 1) -> singular_configuration.DeadPoint | None:
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
     block = simulation.run().block
     for part in np.array_split(np.arange(len(block)), pieces):
-        watch.add(cut(block, part), stride)
+        watch.add(cut(block, part))
     return watch.found
 
 
@@ -110,10 +108,10 @@ def test_a_change_point_between_samples_far_apart_is_told(turn):
 
 @pytest.mark.parametrize("turn", [0.02, 0.2, 0.4])
 def test_change_points_of_a_long_run_are_told(turn):
-    """It comes in line once in each half turn; a part of the samples is looked at closely."""
+    """It comes in line once in each half turn."""
     scene = four_bar(2.0)
     scene["simulation"] |= {"rate": SPEED / turn, "duration": 1000 * turn / SPEED, "step": 4e-3}
-    assert followed(scene, 1, singular_configuration.STRIDE) is not None
+    assert followed(scene) is not None
 
 
 @pytest.mark.parametrize("rocker", [1.001, 1.05])

@@ -10,7 +10,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.effort import Effort, effort_of, found_in, turns
+from rb_sim.checks.effort import Effort, effort_of, found_in, turned
 from rb_sim.checks.step_doubling import LocalError
 from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
@@ -59,9 +59,9 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
     assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
     effort = effort_of(chosen)
     bodies = chosen.layout.bodies
-    assert not [*found_in(block, effort, 50.0, 1.0), *turns(block, effort, bodies)]
+    assert not [*found_in(block, effort, 50.0, 1.0), *turned(block, effort, bodies)]
     for unmeasured in (effort._replace(kept_to=0.0), effort._replace(kept_to=1.99)):
-        assert [finding.watch for finding in turns(block, unmeasured, bodies)] == ["turn"]
+        assert [finding.watch for finding in turned(block, unmeasured, bodies)] == ["turn"]
 
 
 def told(
@@ -152,20 +152,19 @@ def test_motions_that_laws_leave_open_are_told(effort: Effort) -> None:
     assert found.advice == chosen.advice
 
 
-@pytest.mark.parametrize(("stride", "first"), [(1, 1), (2, 2)])
-def test_turns_in_a_step_are_told_where_they_begin(stride: int, first: int) -> None:
+def test_turns_in_a_step_are_told_where_they_begin() -> None:
     """0.4 s at 7, 8.2 and 9 rad/s: half a turn is 7.85 rad/s. Of 7 steps up to 2 s, of which
     the last goes beyond, each takes a third of a second."""
     spins = np.zeros((4, 2, 3))
     spins[:, 1, 2], spins[1, 1, 0] = (7.0, 8.0, 9.0, 0.0), 1.8
     block: Any = Block([0.0, 0.5, 1.0, 2.0], angular_velocity=spins)
     effort = Effort("rk4", 0.4, None, 1)
-    (found,) = turns(block, effort, ("a", "b"), stride)
-    assert (found.t, found.where) == (float(block.t[first]), "b")
-    assert found.figure == pytest.approx(0.4 * np.hypot(*[(8.0, 1.8), (9.0, 0.0)][first - 1]))
+    (found,) = turned(block, effort, ("a", "b"))
+    assert (found.t, found.where) == (0.5, "b")
+    assert found.figure == pytest.approx(0.4 * np.hypot(8.0, 1.8))
     assert found.finer_step == 0.05 and found.bound == np.pi
-    assert not list(turns(block, effort._replace(steps=11), ("a", "b"), stride))
-    assert not list(turns(block, effort._replace(steps=7), ("a", "b"), stride))
-    assert list(turns(block, effort._replace(steps=6), ("a", "b"), stride))
+    assert not list(turned(block, effort._replace(steps=11), ("a", "b")))
+    assert not list(turned(block, effort._replace(steps=7), ("a", "b")))
+    assert list(turned(block, effort._replace(steps=6), ("a", "b")))
     adaptive = effort._replace(tolerance=1e-6)
-    assert not list(turns(block, adaptive, ("a", "b"), stride))
+    assert not list(turned(block, adaptive, ("a", "b")))

@@ -18,13 +18,13 @@ SCENE = """
 bodies: {b: {mass: 1.0, inertia: [1, 2, 3], angular_velocity: [1, 0, 0]}}
 simulation: {duration: 100.0, rate: 100.0, method: rk4, step: 0.01}
 """
-"""10,001 samples: the last blocks are passed with a glance."""
+"""10,001 samples."""
 
 EARLIER = 5
-"""Samples before the end, between two of those that a glance takes in."""
+"""Samples before the end."""
 
 
-def test_what_only_a_close_look_shows_in_the_last_block_is_told(
+def test_what_the_last_block_of_a_run_that_fails_shows_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "scene.yaml"

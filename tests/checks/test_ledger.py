@@ -48,19 +48,6 @@ def test_momentum_that_may_be_rounding_of_impulses_has_no_scale(part: float, kno
     assert balances["angular"]["relative"] is None  # nothing turns
 
 
-def test_the_share_of_samples_over_which_momentum_is_balanced() -> None:
-    """Eight of twelve; the others were passed with a glance, with the worst of their residuals."""
-    book = ledger()
-    book.add(samples([0.0, 1.0, 2.0, 3.0], 1.0, residual=[0.0, 1e-9, 0.0, 0.0]))
-    assert book.glance(samples([7.0], 1.0), 4, 2e-9) == 0.0
-    book.add(samples([8.0, 9.0, 10.0, 11.0], 1.0))
-    balances = book.momentum()
-    assert balances is not None
-    assert [part["share"] for part in balances.values()] == [8 / 12] * 2
-    assert (book.samples, book.worst_residual, book.end) == (12, 2e-9, 11.0)
-    assert balances["linear"]["scale"] == 2.0 and balances["linear"]["error"] < 1e-12
-
-
 @pytest.mark.parametrize(("lost", "first"), [(0.0, 4), (0.1, 3), (1.0, 2)])
 def test_where_energy_breaks_its_balance_in_a_block(lost: float, first: int) -> None:
     """Of 10 J at the start with a power of 2 W: from the third sample on some are lost, more from

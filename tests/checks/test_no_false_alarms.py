@@ -47,7 +47,6 @@ def test_energy_of_what_stands_still_is_held_against_weight_times_length(
     moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
     watches.add(moved, Effort("dopri853", None, 1e-10, 10))
-    watches.finish()
     assert any(found.watch == "energy" for found in watches.findings) is reported
 
 
@@ -81,7 +80,6 @@ def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     wrong = replace(run.block, kinetic_energy=run.block.kinetic_energy + 20.0 * run.t)
     watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
     watches.add(wrong, Effort("dopri853", None, 1e-10, 10))
-    watches.finish()
     assert run.global_error is not None
     watches.check(run.global_error, simulation)
     assert [found.watch for found in watches.findings] == ["energy"]

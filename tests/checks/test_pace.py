@@ -1,4 +1,4 @@
-"""A long run is looked at closely here and there; what goes wrong in between is told as well."""
+"""What goes wrong late in a long run is told with its time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.checks.test_dead_point import driven_to_the_end
 BLOCK = 1024
 BLOCKS = 300
 LATE = 20 * BLOCK + 300
-"""A sample beyond those that are looked at closely in any case."""
+"""A sample far from the start."""
 
 ROD: dict[str, Any] = {
     "bodies": {
@@ -67,7 +67,6 @@ def found(
     watches = WatchList(scene_from_mapping(mapping_of(damped)), layout)
     for piece in pieces(replace(block, **columns)):
         watches.add(piece, lambda: effort)
-    watches.finish()
     return {finding.watch: finding for finding in watches.findings}, watches
 
 
@@ -78,7 +77,7 @@ def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("damped", [False, True])
-def test_a_long_run_without_fault_is_passed_without_a_word(damped: bool) -> None:
+def test_a_long_run_without_fault_ends_without_a_word(damped: bool) -> None:
     told, watches = found(damped)
     assert told == {}
     block, _ = run_of(damped)
@@ -89,10 +88,10 @@ def test_a_long_run_without_fault_is_passed_without_a_word(damped: bool) -> None
     if damped:
         assert momentum is None and energy["work"] < -0.1
     else:
-        assert momentum is not None and 0.02 < momentum["linear"]["share"] < 0.04
+        assert momentum is not None and momentum["linear"]["relative"] < 1e-7
 
 
-def test_energy_that_jumps_between_two_close_looks_is_told_with_its_time() -> None:
+def test_energy_that_jumps_late_is_told_with_its_time() -> None:
     block, _ = run_of(False)
     told, _ = found(False, kinetic_energy=after(block.kinetic_energy, block.kinetic_energy + 1e-3))
     assert set(told) == {"energy"}
@@ -116,8 +115,7 @@ def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
     assert watches.ledger.worst_residual == 0.02
 
 
-def test_a_reaction_that_is_wrong_from_some_time_on_is_told_at_a_later_look() -> None:
-    """The last block is one sample here, which alone shows nothing."""
+def test_a_reaction_that_is_wrong_from_some_time_on_is_told() -> None:
     block, _ = run_of(False)
     told, _ = found(False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force))
     assert {"momentum"} <= set(told) <= {"momentum", "angular momentum"}
@@ -137,7 +135,7 @@ def test_samples_that_are_not_finite_are_told() -> None:
     assert "energy" in told
 
 
-def test_a_dead_point_between_two_close_looks_is_told() -> None:
+def test_a_dead_point_late_in_a_run_is_told() -> None:
     """Its drive becomes impossible at 1.6 s; 20,000 samples at rest come before that."""
     mapping = driven_to_the_end()
     mapping["simulation"] |= {"rate": 1000.0}
@@ -151,6 +149,5 @@ def test_a_dead_point_between_two_close_looks_is_told() -> None:
         watches.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
         watches.add(piece, TIGHT)
-    watches.finish()
     told = {finding.watch: finding for finding in watches.findings}
     assert told["singular configuration"].t == pytest.approx(1.6, abs=2e-3)

@@ -149,7 +149,6 @@ def test_a_drag_on_another_body_does_not_hide_energy_that_is_lost(dragged: str) 
     watches = WatchList(simulation.scene, simulation.layout)
     for block in simulation.blocks(options["duration"], options["rate"]):
         watches.add(block, effort_of(simulation))
-    watches.finish()
     energy = watches.ledger.energy()
     assert energy is not None and energy["relative"] > 0.1
     told = "energy" in [finding.watch for finding in watches.findings]

@@ -130,7 +130,6 @@ def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Findin
     options = simulation.scene.simulation
     for block in simulation.blocks(options.duration, options.rate):
         watches.add(block, effort_of(simulation))
-    watches.finish()
     return simulation, watches.findings
 
 

@@ -44,7 +44,7 @@ KINDS = {"turns": (spun, angle_of), "goes on": (run_of, way_of)}
 
 
 def follow(
-    t: np.ndarray, kind: str, least: float, stride: int = 1, pieces: int = 1, at: float = 2.0
+    t: np.ndarray, kind: str, least: float, pieces: int = 1, at: float = 2.0
 ) -> Vanishing | None:
     """What is found of s, which is least where the body has turned, or gone on, by `at`: there a V
     of line 1, between one of slope 1/2 and s = 1 that belong to line 0."""
@@ -57,7 +57,7 @@ def follow(
 
     follower, y = Follower(figure, LENGTH), states(t)
     for part in np.array_split(np.arange(len(t)), pieces):
-        found = follower.add(t[part], y[part], stride)
+        found = follower.add(t[part], y[part])
         if found is not None:
             return found
     return None
@@ -100,19 +100,6 @@ def test_the_first_of_several_is_told() -> None:
     t = np.arange(0.0, 20.0, 0.37) / SPIN
     found = follow(t, "turns", 0.0, at=1.0)
     assert found is not None and found.at == pytest.approx(1.0 / SPIN, abs=2e-3)
-
-
-@pytest.mark.parametrize("pieces", [1, 2])
-@pytest.mark.parametrize(("turn", "least", "told"), [(0.02, 0.0, True), (0.02, 0.05, False)])
-def test_at_a_glance_every_eighth_sample_tells(
-    turn: float, least: float, told: bool, pieces: int
-) -> None:
-    """And those around it then, closely."""
-    t = np.arange(0.0, 6.0, turn) / SPIN
-    found = follow(t, "turns", least, 8, pieces)
-    assert (found is not None) is told
-    if found is not None:
-        assert found.at == pytest.approx(2.0 / SPIN, abs=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -85,9 +85,9 @@ def test_the_first_sample_beyond_the_bound_is_told_with_the_worst(lost: float, f
     block = samples()
     block.position[:, 1, 2] += 0.02
     block.residual[:] = lost, 0.02, 0.07
-    assert residual_found(scene(), NAMES, block, 0.07) is None or lost != 0.0
-    found = residual_found(scene(), NAMES, block, 0.01)
-    assert found is not None and (found.t, found.where) == (float(first), "hinge")
+    assert not list(residual_found(scene(), NAMES, block, 0.07)) or lost != 0.0
+    (found,) = residual_found(scene(), NAMES, block, 0.01)
+    assert (found.t, found.where) == (float(first), "hinge")
     assert found.figure == 0.07 and "dopri853" in found.advice
-    stepped = residual_found(scene(method="time_stepping"), NAMES, block, 0.01)
-    assert stepped is not None and "smaller step" in stepped.advice
+    (stepped,) = residual_found(scene(method="time_stepping"), NAMES, block, 0.01)
+    assert "smaller step" in stepped.advice

@@ -258,9 +258,6 @@ class _Run:
                     logging += time.thread_time() - entered
             except SimulationError as error:
                 self.failure, self.advised = str(error), isinstance(error, StepTooLargeError)
-            entered = time.thread_time()
-            watches.finish()
-            logging += time.thread_time() - entered
         self.failure = self.failure or forecast.given_up
         integrating = time.thread_time() - integrating - logging - watching
         return Clocks(max(integrating, 0.0), time.perf_counter() - began)

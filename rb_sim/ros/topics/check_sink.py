@@ -112,7 +112,6 @@ class WatchSink:
             samples = self._block(samples)
         batch.watches.add(samples, batch.effort)
         self._give_way()
-        batch.watches.catch_up()
 
     def _block(self, rows: list[SampleRow]) -> SampleBlock:
         """One block from the samples."""
