@@ -29,8 +29,10 @@ class LeftOpen(NamedTuple):
     contact: str = ""
     what: str = ""
     """what differs by the figure."""
+    by_setting: bool = False
+    """whether it is the step or the tolerance that leaves it open."""
     advice: str = OTHERS
-    """what to know."""
+    """what to try, or to know, where it is not."""
 
 
 # The grid of steps of bodies in contact: where an integration stands.

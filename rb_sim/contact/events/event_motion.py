@@ -52,7 +52,7 @@ from rb_sim.contact.events.shares import (
     JammedError,
     choose_modes,
     share_load,
-    turned_by_rounding,
+    widest_kept,
     widest_of,
 )
 from rb_sim.contact.events.stepping import paced, slow_slips, stepping_of
@@ -334,7 +334,7 @@ class ContactMotion(GridMotion):
     def left_open(self) -> LeftOpen:
         """The widest choice that the laws of contact have left since the start."""
         widest = widest_of(self._call.workspace, self.names)
-        return max(widest, self._lifted_off, turned_by_rounding(self._kept, self.names))
+        return max(widest, self._lifted_off, widest_kept(self._kept, self.names))
 
     def warm(self) -> None:
         super().warm()
@@ -396,6 +396,7 @@ class ContactMotion(GridMotion):
             self._grid, status, reached, self._due = record_contacts(
                 self._stepping, self._held(), self._grid, asked, upto,
                 bool(n) and out is not None, rows, self._work, self._due, self._kept,
+                self._arms,
             )  # fmt: skip
             if reached and n:
                 self.time = float(times[done + reached - 1])

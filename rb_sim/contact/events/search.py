@@ -23,6 +23,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     keep,
     least_slip,
     line_of,
+    may_creep,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.contact_table import (
@@ -41,9 +42,11 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP_BEFORE,
     GAP_RATE,
     GAP_RATE_BEFORE,
+    KINETIC,
     LEAN_SIGN,
     NORMAL,
     NORMAL_BEFORE,
+    NORMAL_FORCE,
     RELATIVE_SPIN,
     ROLL,
     ROLL_DIRECTION,
@@ -66,7 +69,7 @@ from rb_sim.mechanics.contact.event_functions import (
     slip_level,
 )
 from rb_sim.mechanics.contact.near_flat_rims import end_for_rims, note_lean, turned_by_rounding
-from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, WIDTH, vec
+from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
 
@@ -544,9 +547,39 @@ def note_direction(touch, c, at, a, still):
         keep(touch, c, at, scale(1.0 / size, a))
 
 
-ROUNDED, ROUNDED_TIME, KEPT = range(3)
-"""Columns by contact of what is kept of rims: the largest angle [rad] by which rounding has turned
-the lean of one (see `near_flat_rims`), its time [s]. KEPT: how many."""
+# Slips on rigid supports, too slow for steps to tell where they go: friction goes on as before.
+#
+# A slip below some tolerances of an adaptive method has, at the stages of a step, a direction that
+# is but their error.  Friction goes on along the last one that was none, and most slips, about to
+# end, are gone before that matters.  Where one goes on, as on a pad close to a hinge, and turns by
+# p, friction takes mu N s (1 - cos p) less power than it should, s the slip; no error estimate sees
+# it.
+
+
+LASTING = 10.0
+"""Times the impulse that would end a slip by which friction has acted where the slip goes on."""
+LAGS, ERRORS = 0.1, 3.0
+"""Speed of the energy that friction should have taken, over the body's as its slip became slow, and
+in slips that are lost in errors. It is told where it is above both; 0.1 is 0.01 of the energy."""
+
+
+PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, KEPT = range(8)
+"""Columns by contact of what is kept of slips that are lost in errors: friction since then [N s],
+the body's speed then [m/s], what friction has not taken since [J]; the largest share of that speed,
+its time [s]; the largest angle [rad] by which rounding has turned the lean of a rim (see
+`near_flat_rims`), its time [s]. KEPT: how many."""
+
+
+@inline
+def speed_of(y, b, arms):
+    """|(v_C, A w)| of body b; arms: A by rows of each body (see `mechanics.error_scales`) [m]."""
+    total = 0.0
+    for i in range(3):
+        turned = 0.0
+        for j in range(3):
+            turned += arms[b, 3 * i + j] * y[WIDTH * b + 10 + j]
+        total += y[WIDTH * b + 7 + i] ** 2 + turned * turned
+    return total**0.5
 
 
 @inline
@@ -556,6 +589,44 @@ def note_rounded_leans(touch, kept, t):
         turned = turned_by_rounding(touch, c)
         if turned > kept[c, ROUNDED]:
             kept[c, ROUNDED], kept[c, ROUNDED_TIME] = turned, t
+
+
+@inline
+def note_slow_slips(system, kept, arms, grid):
+    """Note what friction has missed in the last step, of slips that are lost in errors and turned.
+
+    After the levels at its end, before what the next one starts from is noted.
+    """
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        slip = vec(touch, c, SLIP)
+        size = norm(slip)
+        followed = size > system.still or may_creep(system, c)
+        if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
+            kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
+            continue
+        b = lighter(system, c)
+        mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, NORMAL_FORCE]
+        if kept[c, PUSHED] == 0.0:
+            kept[c, BEGAN] = speed_of(grid.y0, b, arms)
+        turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, SLIP_DIRECTION)))
+        kept[c, PUSHED] += push * (grid.t1 - grid.t0)
+        kept[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
+        if kept[c, PUSHED] > LASTING * mass * system.still:
+            speed = (2.0 * kept[c, NOT_TAKEN] / mass) ** 0.5
+            share = speed / kept[c, BEGAN] if kept[c, BEGAN] > speed else 1.0
+            if speed > ERRORS * system.still and share > max(kept[c, LAG], LAGS):
+                kept[c, LAG], kept[c, LAG_TIME] = share, grid.t0
+
+
+@inline
+def lighter(system, c):
+    """The one of the two bodies of contact c whose mass is smaller; the world has none."""
+    line = line_of(system, c)
+    b, parent = system.lines[line, BODY], system.lines[line, PARENT]
+    if parent >= 0 and system.bodies[parent, MASS] < system.bodies[b, MASS]:
+        return parent
+    return b
 
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
@@ -617,13 +688,16 @@ def is_none(width, t):
 
 
 @inline
-def next_event(method, system, grid, work):
-    """(code of the first event within the last step or -1, the grid, cut there)."""
+def next_event(method, system, grid, work, kept, arms):
+    """(code of the first event within the last step or -1, the grid, cut there).
+
+    kept: what the laws or errors leave open, by contact; arms: as `speed_of` takes them."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
     rates = level_rates(system, grid.t1, grid.y1)
     late = first_dip(method, system, grid, rates, work, y, c)
     if late == grid.t1 and not lowest < -SLACK:
+        note_slow_slips(system, kept, arms, grid)
         look_ahead(system, rates)
         note_stiffness(system, grid.y1)
         rests = creep_that_may_rest(system, grid)

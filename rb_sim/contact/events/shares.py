@@ -16,7 +16,7 @@ from rb_sim.contact.events.instant import (
     require_finite,
     singular_values,
 )
-from rb_sim.contact.events.search import ROUNDED, ROUNDED_TIME
+from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.assembly import inverse_mass, spread
@@ -63,6 +63,7 @@ NO_SETTING = "no setting decides this; the motion from here has an error of this
 
 
 IMPACT = "relative difference between the velocities that the impact laws allow"
+LAGGED = "speed of slips too slow for the tolerance, relative to the body's,"
 TURNED_BY_ROUNDING = "rotation by rounding of the tilt direction of a nearly flat rim"
 PARTED = "relative difference in normal acceleration between lift-off and slip"
 
@@ -117,12 +118,17 @@ def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
     return max(told)
 
 
-def turned_by_rounding(kept: Array, names: Sequence[str]) -> LeftOpen:
-    """By how much rounding has turned the lean of a rim that hardly missed flat, see
-    `next_event`."""
-    c = int(np.argmax(kept[:, ROUNDED]))
-    figure, t = kept[c, ROUNDED], kept[c, ROUNDED_TIME]
-    return LeftOpen(float(figure), float(t), names[c], TURNED_BY_ROUNDING, advice=NO_SETTING)
+def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
+    """The widest of what `search` kept: what friction has missed of a slow slip, and by
+    how much rounding has turned the lean of a rim that hardly missed flat."""
+
+    def most(figure: int, time: int) -> tuple[float, float, str]:
+        c = int(np.argmax(kept[:, figure]))
+        return float(kept[c, figure]), float(kept[c, time]), names[c]
+
+    slow = LeftOpen(*most(LAG, LAG_TIME), LAGGED, by_setting=True)
+    turned = LeftOpen(*most(ROUNDED, ROUNDED_TIME), TURNED_BY_ROUNDING, advice=NO_SETTING)
+    return max(slow, turned)
 
 
 # Shares of the reactions that a rest does not determine: within every bound, and away from it.

@@ -218,11 +218,11 @@ def _system_of(f, packed):
 
 
 @entry
-def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept):
+def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept, arms):
     """Integrate to each of `times` and sample there if `sampling`, up to the next event.
 
     packed: the system as its layout has it. code: the event at t1 that is due, or -1.
-    kept: (contacts, KEPT), see `next_event`.
+    kept, arms: as `next_event` takes them.
     Returns (grid, status, number of times reached, code of the event that is due or -1).
     """
     system = system_of(packed)
@@ -263,7 +263,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 break
             if code < 0:
                 note_rounded_leans(system.touch, kept, grid.t0)
-                code, grid = next_event(method, system, grid, work)
+                code, grid = next_event(method, system, grid, work, kept, arms)
                 if not finite(grid.y1):
                     status = NOT_FINITE
                     break
