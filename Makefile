@@ -34,11 +34,16 @@ define install
 endef
 OUT ?= out
 
-# What the oldest versions must do: everything that a user touches, against the reference cases.
-FLOOR_TESTS := tests/scene tests/catalogue tests/io tests/statics tests/cli tests/oracles/test_oracles.py
-# Signals, damaged bytes, random files and own algorithms are the same with other versions.
-FLOOR_IGNORE := tests/cli/test_trouble.py tests/scene/test_fuzz.py tests/statics/test_properties.py \
-  tests/io/test_bag_failures.py tests/io/test_bag_salvage.py tests/io/test_bag_damage.py
+# What can tell versions apart: YAML and pydantic, typer and its texts, LLVM, what numpy and scipy
+# compute, files of matplotlib, mcap and rosbags. The rest is the same with other versions.
+FLOOR_TESTS := $(addprefix tests/,catalogue/test_spec.py scene/test_load.py scene/test_schema.py \
+  scene/test_yaml_reader.py scene/test_builder.py graph/test_machine.py compiler/test_program.py \
+  compiler/test_lapack.py io/test_bag_reader.py io/test_bag_writer.py io/test_bag_sqlite.py \
+  io/test_plots.py statics/test_closed_forms.py cli/test_run.py cli/test_errors.py \
+  cli/test_public.py cli/test_plain.py cli/test_linearize.py) \
+  $(addsuffix ],$(addprefix tests/oracles/test_oracles.py::test_case[,heavytop_bruls_cardona \
+  pendulum_3rad trans_helix sphere_FK_const disk_steady cylinder_unbalanced stiff_point_spring \
+  chaplygin_sleigh))
 FLOOR_TOOLS := pytest pytest-xdist hypothesis
 # These want an empty stderr, where `rb_sim run` notes here that Rerun is absent.
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots
@@ -116,7 +121,7 @@ test-ros: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q -n $$((2 * $(WORKERS))) tests/ros
 
 test-floor: .venv-floor/.made
-	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) --dist worksteal $(FLOOR_TESTS) $(addprefix --ignore=,$(FLOOR_IGNORE)) -m 'not slow' -k '$(FLOOR_OMIT)'
+	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) --dist worksteal $(FLOOR_TESTS) -k '$(FLOOR_OMIT)'
 
 test-packaging: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q tests/packaging

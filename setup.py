@@ -1,6 +1,7 @@
 """The one build description, read by pip and by colcon (ament_python) alike."""
 
 import platform
+import shutil
 import subprocess
 import sys
 from glob import glob
@@ -28,9 +29,12 @@ class BuildPy(build_py):
     """The package with its loops: for all machines, or in the sources for this one."""
 
     def run(self):
-        """Copy the sources, then compile."""
+        """Copy the sources, and loops that are compiled already; then compile what is not."""
         super().run()
         editable = getattr(self, "editable_mode", False)
+        if not editable:
+            for made in HERE.glob("rb_sim/compiler/loops-*-linux.bin"):
+                shutil.copy(made, Path(self.build_lib) / "rb_sim" / "compiler")
         compile_loops(
             HERE if editable else Path(self.build_lib).resolve(),
             *([platform.machine()] if editable else []),

@@ -18,10 +18,7 @@ import pytest
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
-import duckdb
 import pandas as pd
-import polars as pl
-from dask import dataframe as dd
 from typer.testing import CliRunner
 
 from rb_sim.base.errors import RbSimError
@@ -194,6 +191,10 @@ def test_ctrl_c_keeps_what_has_ended_and_the_same_sweep_goes_on(tmp_path: Path, 
 
 def readable_by_everybody(folder: Path, expected: dict[str, np.ndarray]) -> None:
     """One line each, as docs/sweeps.md says."""
+    import duckdb
+    import polars as pl
+    from dask import dataframe as dd
+
     runs = folder / "runs"
     total = expected["height"].sum()
     assert pd.read_parquet(runs)["height"].sum() == pytest.approx(total)
