@@ -1,5 +1,6 @@
 """The one build description, read by pip and by colcon (ament_python) alike."""
 
+import os
 import platform
 import shutil
 import subprocess
@@ -17,7 +18,12 @@ COMPILE_LOOPS = "rb_sim.compiler.ship"
 
 
 def compile_loops(root, *machines):
-    """Compile the loops of the package below root; without them they are compiled on first use."""
+    """Compile the loops of the package below root; without them they are compiled on first use.
+
+    RB_SIM_LOOPS=later leaves that to whoever installs (`make run`).
+    """
+    if os.environ.get("RB_SIM_LOOPS") == "later":
+        return
     command = [sys.executable, "-m", COMPILE_LOOPS, *machines]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True)
     if done.returncode != 0:
