@@ -12,7 +12,7 @@ from rb_sim import Simulation
 from rb_sim.base.errors import SimulationError
 from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.motion.pieces import NO_LIMITS
-from rb_sim.ros.stepper import MOST, Ahead, Stepper
+from rb_sim.ros.stepper import Ahead, Stepper
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 
@@ -76,9 +76,13 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
     return [*rows, simulation.steps, simulation.rejected_steps]
 
 
-@pytest.mark.parametrize("setting", METHODS, ids=lambda one: one["method"])
 @pytest.mark.parametrize(
-    "scene", ["rolling_sphere_commanded", "heavy_top", PAIR], ids=["rolls", "turns", "pair"]
+    ("scene", "setting"),
+    [
+        *(("rolling_sphere_commanded", setting) for setting in METHODS),
+        ("heavy_top", METHODS[0]),
+        (PAIR, METHODS[2]),
+    ],
 )
 def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch):
     monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
@@ -94,26 +98,6 @@ def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch)
         assert one.t == other.t
         np.testing.assert_array_equal(one.row, other.row)
         np.testing.assert_array_equal(one.command, other.command)
-
-
-def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
-    simulation = Simulation("rolling_sphere_commanded", announce=None)
-    ahead, calls = Ahead(simulation, RATE), []
-    plain = simulation.step_rows
-
-    def counted(times, *arguments):
-        calls.append(len(times))
-        return plain(times, *arguments)
-
-    monkeypatch.setattr(simulation, "step_rows", counted)
-    for k in range(1, 200):
-        ahead.next(k, 0.0, None, NO_LIMITS)
-    assert calls == [1, 2, 4, 8, 16, *[MOST] * 6][: len(calls)] and len(calls) <= 11
-    calls.clear()
-    ahead.apply_wrench("ball", (1, 0, 0), (0, 0, 0))
-    ahead.next(200, 0.0, None, NO_LIMITS)
-    assert calls[-1] == 1 and len(calls) <= 2  # the way back, and one sample
 
 
 def test_what_is_due_waits_for_no_others(monkeypatch):
