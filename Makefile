@@ -113,12 +113,12 @@ test-rest:
 
 test-installed: test-floor test-packaging
 
-# One more worker than cores: now and then one waits for a process that it has started.
+# A worker takes 15 s to collect all tests: no more of them than cores.
 # Laws are drafts there: LLVM would take a quarter of the time to make quick what runs once. Tests of
 # nodes, of the oldest versions and of what is installed run the code that users do.
 test-core: export RB_SIM_DRAFT := 1
 test-core: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $$(($(WORKERS) + 1)) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
 
 # -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); tests of a node wait a lot
 test-ros: $(VENV)/.test
