@@ -1,6 +1,8 @@
 """The one build description, read by pip and by colcon (ament_python) alike."""
 
+import os
 import platform
+import shutil
 import subprocess
 import sys
 from glob import glob
@@ -16,7 +18,12 @@ COMPILE_LOOPS = "rb_sim.compiler.ship"
 
 
 def compile_loops(root, *machines):
-    """Compile the loops of the package below root; without them they are compiled on first use."""
+    """Compile the loops of the package below root; without them they are compiled on first use.
+
+    RB_SIM_LOOPS=later leaves that to whoever installs (`make run`).
+    """
+    if os.environ.get("RB_SIM_LOOPS") == "later":
+        return
     command = [sys.executable, "-m", COMPILE_LOOPS, *machines]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True)
     if done.returncode != 0:
@@ -28,9 +35,12 @@ class BuildPy(build_py):
     """The package with its loops: for all machines, or in the sources for this one."""
 
     def run(self):
-        """Copy the sources, then compile."""
+        """Copy the sources, and loops that are compiled already; then compile what is not."""
         super().run()
         editable = getattr(self, "editable_mode", False)
+        if not editable:
+            for made in HERE.glob("rb_sim/compiler/loops-*-linux.bin"):
+                shutil.copy(made, Path(self.build_lib) / "rb_sim" / "compiler")
         compile_loops(
             HERE if editable else Path(self.build_lib).resolve(),
             *([platform.machine()] if editable else []),

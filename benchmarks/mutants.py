@@ -1,8 +1,9 @@
-"""Do the tests notice?  `python -m benchmarks.mutants`: small faults, one at a time.
+"""Do the tests notice?  `python -m benchmarks.mutants MODULE ...`: small faults, one at a time.
 
-Each mutant changes one operator, comparison, constant or call of one module; the tests that mirror
-the module run on it, as plain Python, in a copy of the package.  What they pass is printed: a line
-that no test would miss.  docs/mutants.md tells what was found and why what is left is no fault.
+Each mutant changes one operator, comparison, constant or call of one module; tests run on it, as
+plain Python, in a copy of the package: those of `--tests`, else the file or folder of tests/ that
+mirrors the module.  What they pass is printed: a line that no test would miss.
+docs/mutants.md tells what was found and why what is left is no fault.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
-
-from benchmarks.mirrors import TARGETS
 
 ROOT = Path(__file__).parents[1]
 COPIED = ("rb_sim", "tests", "benchmarks", "config", "examples", "package.xml", "pyproject.toml")
@@ -113,13 +112,19 @@ def passes(tests: list[str], seconds: float) -> bool:
     return False
 
 
+def mirror_of(module: str) -> str:
+    """tests/a/b/test_c.py of rb_sim/a/b/c.py; where there is none, the nearest folder."""
+    path = Path("tests", *Path(module).parts[1:])
+    mirror = path.with_name(f"test_{path.name}")
+    while not (ROOT / mirror).exists():
+        mirror = mirror.parent
+    return str(mirror)
+
+
 def run(module: str, options: argparse.Namespace) -> tuple[int, list[Mutant]]:
     """(mutants tried, those that the tests passed) of one module, in the copy."""
     text = (ROOT / module).read_text(encoding="utf-8")
-    tests = list(TARGETS[module])
-    missing = [name for name in tests if not (ROOT / name.split("::")[0]).exists()]
-    if missing:
-        sys.exit(f"{module}: its tests {', '.join(missing)} do not exist")
+    tests = options.tests or [mirror_of(module)]
     if not passes(tests, options.seconds):
         sys.exit(f"{module}: its tests fail, or take longer than {options.seconds:g} s, as it is")
     found = mutants(text)
@@ -149,7 +154,8 @@ def keep_what_is_compiled(modules: list[str]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("modules", nargs="*", help=f"left out: all of {', '.join(TARGETS)}")
+    parser.add_argument("modules", nargs="+", help="files of rb_sim/")
+    parser.add_argument("--tests", nargs="+", help="files, or a test as FILE::NAME")
     parser.add_argument("--most", type=int, default=10_000, help="mutants of one module")
     parser.add_argument("--seed", type=int, default=0, help="of the choice of so many")
     parser.add_argument("--compiled", action="store_true", help="run compiled, not plain Python")
@@ -159,10 +165,7 @@ def main() -> None:
     )  # fmt: skip
     parser.add_argument("--seconds", type=float, default=300.0, help="of one run of the tests")
     options = parser.parse_args()
-    chosen = options.modules or list(TARGETS)
-    unknown = set(chosen) - set(TARGETS)
-    if unknown:
-        parser.error(f"modules: got {sorted(unknown)}; must be of {', '.join(TARGETS)}")
+    chosen = options.modules
     os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
     if not options.compiled and not options.around:
         os.environ["RB_SIM_INTERPRETED"] = "1"

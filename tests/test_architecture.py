@@ -208,19 +208,6 @@ def test_a_second_process_compiles_nothing_and_plain_python_gives_the_same(tmp_p
         assert row == pytest.approx(other, rel=1e-14, abs=1e-15)
 
 
-FLOORS = ("graph", "compiler", "numerics", "integrate", "catalogue", "mechanics", "scene")
-"""From the bottom up."""
-
-
-@pytest.mark.parametrize("floor", FLOORS)
-def test_a_floor_imports_nothing_from_above(floor: str) -> None:
-    allowed = {"base", *FLOORS[: FLOORS.index(floor) + 1]}
-    for source in sorted((PACKAGE / floor).rglob("*.py")):
-        for module in imported(source):
-            if module.split(".")[0] == "rb_sim":
-                assert module.split(".")[1] in allowed, f"{source} imports {module}"
-
-
 def contracts() -> list[dict[str, Any]]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     return project["tool"]["importlinter"]["contracts"]
@@ -271,19 +258,6 @@ def named_by(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, set[str]]]:
             yield from ((alias.name, set()) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield node.module, {f"{node.module}.{alias.name}" for alias in node.names}
-
-
-def test_the_numerics_know_no_files_and_no_loggers() -> None:
-    banned = {"yaml", "rclpy", "mcap", "rerun", "matplotlib", "rich", "typer"}
-    for floor in ("maths", "catalogue", "engine", "contact"):
-        for source in sorted((PACKAGE / floor).rglob("*.py")):
-            assert not banned & {module.split(".")[0] for module in imported(source)}, source
-
-
-def imported(source: Path) -> set[str]:
-    """Modules that a file names in its imports, those inside functions included."""
-    nodes = ast.walk(ast.parse(source.read_text(encoding="utf-8")))
-    return set().union(*({module} | inside for module, inside in named_by(nodes)))
 
 
 def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def with_kinds(text: str) -> str:
     result = re.sub(r"\bptr\b", "i8*", "\n".join(lines))
     result = result.replace(".p0.p0.i64", ".p0i8.p0i8.i64").replace(".p0.i64", ".p0i8.i64")
     for name, kind in tables.items():
-        as_bytes = f"i8* bitcast ({kind}* {name} to i8*)"
+        as_bytes = f"i8* bitcast ({kind.replace('ptr', 'i8*')}* {name} to i8*)"
         result = re.sub(rf"i8\* {re.escape(name)}\b(?!\.)", as_bytes, result)
     return result
 

@@ -1,8 +1,4 @@
-"""Prescribed wrenches at one instant: force and torque about C by hand, in both axes.
-
-What runs see of a table is one of its segments; the table itself is asked by plain Python. Both are
-compared with numpy's interpolation.
-"""
+"""Prescribed wrenches at one instant: force and torque about C by hand, in both axes."""
 
 from __future__ import annotations
 
@@ -14,8 +10,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
-from rb_sim.catalogue.effects.wrench import CommandRow, TableRow
-from rb_sim.catalogue.types import CHANGING, WORLD, BodyState, Inertial, wrench
+from rb_sim.catalogue.effects.wrench import CommandRow
+from rb_sim.catalogue.types import WORLD, BodyState, Inertial, wrench
 from rb_sim.scene.compile import compile_scene
 
 Axes = Literal["world", "body"]
@@ -85,7 +81,7 @@ def in_table(values: np.ndarray, t: float, interpolation: str) -> np.ndarray:
 
 @pytest.mark.parametrize("interpolation", ["linear", "hold"])
 @pytest.mark.parametrize("axes", AXES)
-def test_a_table_and_its_segments(axes: Axes, interpolation: str) -> None:
+def test_a_table(axes: Axes, interpolation: str) -> None:
     table = {"type": "wrench_table", "frame": axes, "interpolation": interpolation}
     table |= {"times": TIMES, "point_B": POINT.tolist()}
     table |= {"forces": FORCES.tolist(), "torques": TORQUES.tolist()}
@@ -94,40 +90,6 @@ def test_a_table_and_its_segments(axes: Axes, interpolation: str) -> None:
         force, torque = (in_table(values, t, interpolation) for values in (FORCES, TORQUES))
         expected = by_hand(force, torque, axes, POINT)
         assert_allclose(total([row], t), expected, atol=1e-14)
-        assert_allclose(total([segment(row, t, False)], t), expected, atol=1e-14)
-        if t != TIMES[-1]:
-            assert_allclose(total([segment(row, t, True)], t), expected, atol=1e-14)
-
-
-def segment(row: Any, t: float, onwards: bool) -> Any:
-    """What a law sees of a table at t, or in the steps from t on."""
-    changing = CHANGING[TableRow]
-    values = changing.values(row, t, onwards)
-    assert len(values) == changing.count
-    return changing.symbolic(row, values)
-
-
-@pytest.mark.parametrize("interpolation", ["linear", "hold"])
-def test_the_steps_from_an_instant_on_see_one_segment_up_to_its_end(interpolation: str) -> None:
-    """Of a table from its beginning on, and nothing once it has ended."""
-    table = {"type": "wrench_table", "interpolation": interpolation, "times": TIMES}
-    (row,) = rows_of(table | {"forces": FORCES.tolist()})
-    for begin, end in ((0.1, 0.3), (0.3, 0.7)):
-        middle = 0.5 * (begin + end)
-        expected = in_table(FORCES, middle, interpolation)
-        for t in (begin, middle):
-            assert_allclose(total([segment(row, t, True)], middle)[:3], expected, atol=1e-14)
-    assert not total([segment(row, TIMES[-1], True)], 0.8).any()
-    assert not total([segment(row, 0.0, True)], 0.05).any()
-
-
-def test_a_table_of_one_instant_acts_at_that_instant_alone() -> None:
-    table = {"type": "wrench_table", "times": [0.1], "torques": [TORQUE.tolist()]}
-    (row,) = rows_of(table)
-    expected = by_hand(np.zeros(3), TORQUE, "world", POINT)
-    for given in (row, segment(row, 0.1, False)):
-        assert_allclose(total([given], 0.1), expected, atol=1e-14)
-    assert not total([segment(row, 0.1, True)], 0.15).any()
 
 
 def test_a_command_acts_at_the_origin_in_axes_of_world_and_body_at_once() -> None:
@@ -137,8 +99,4 @@ def test_a_command_acts_at_the_origin_in_axes_of_world_and_body_at_once() -> Non
     row = CommandRow(*parts, idle.r_B)
     expected = by_hand(FORCE, TORQUE, "world", np.zeros(3))
     expected = expected + by_hand(FORCES[0], TORQUES[0], "body", np.zeros(3))
-    changing = CHANGING[CommandRow]
-    values = changing.values(row, 0.2, True)
-    assert len(values) == changing.count
-    for given in (row, changing.symbolic(idle, values)):
-        assert_allclose(total([given], 0.2), expected, atol=1e-14)
+    assert_allclose(total([row], 0.2), expected, atol=1e-14)

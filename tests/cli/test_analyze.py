@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rb_sim.cli.verbs import analyze
+from tests.cli.process import invoke
 
 
 def told(count: int) -> dict:
@@ -32,28 +33,16 @@ def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     assert "more" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("scene", ["stick_slip", "incline_block"])
-def test_a_contact_that_carries_the_load_touches(tmp_path, scene):
-    """Its gap is 0 or rounding of either sign."""
-    from typer.testing import CliRunner
-
-    from rb_sim.cli.main import app
-
-    out = tmp_path / "o"
-    options = ["--out", str(out), "--duration", "0.5", "--no-plots", "--no-rerun", "--quiet"]
-    assert CliRunner().invoke(app, ["run", scene, *options]).exit_code == 0
-    said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
-    lower = 1 if scene == "stick_slip" else 4  # of a box its lower corners, not the upper ones
-    assert said.count(": closed; largest overlap") == lower
-
-
-def test_a_body_that_stays_above_never_touches(tmp_path):
-    from typer.testing import CliRunner
-
-    from rb_sim.cli.main import app
-
-    out = tmp_path / "o"
-    options = ["--out", str(out), "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet"]
-    assert CliRunner().invoke(app, ["run", "bouncing_ball", *options]).exit_code == 0
-    said = CliRunner().invoke(app, ["analyze", str(out / "bag")]).stdout
-    assert "never closed; smallest gap 0." in said
+@pytest.mark.parametrize(
+    ("scene", "duration", "said", "times"),
+    [
+        # of a box its lower corners, not the upper ones; the gap is 0 or rounding of either sign
+        ("stick_slip", 0.5, ": closed; largest overlap", 1),
+        ("incline_block", 0.5, ": closed; largest overlap", 4),
+        ("bouncing_ball", 0.1, "never closed; smallest gap 0.", 1),
+    ],
+)
+def test_a_contact_that_carries_the_load_touches(tmp_path, scene, duration, said, times):
+    options = ("--out", tmp_path / "o", "--duration", duration, "--no-plots", "--no-rerun", "-q")
+    assert invoke("run", scene, *options).exit_code == 0
+    assert invoke("analyze", tmp_path / "o/bag").stdout.count(said) == times

@@ -1,7 +1,4 @@
-"""`rb_sim run` of scenes with contact: events, impulses, and a balance that sees impacts.
-
-In plain Python: what is tested here is what is reported, and compiling it takes longer.
-"""
+"""`rb_sim run` of scenes with contact: events, impulses, and a balance that sees impacts."""
 
 from __future__ import annotations
 
@@ -18,9 +15,8 @@ from rb_sim.checks.balance import Ledger
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 from rb_sim.scene.listing import list_scenes
 from rb_sim.scene.load import load_scene
-from tests.cli.process import environment, rb_sim
+from tests.cli.process import environment, invoke
 
-PLAIN = {"RB_SIM_INTERPRETED": "1"}
 BOUNCE = """\
 bodies:
   ball: {mass: 0.5, shape: {type: sphere, radius: 0.05}, position: [0, 0, 1.05]}
@@ -38,8 +34,8 @@ def bounce(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bounce")
     (folder / "bounce.yaml").write_text(BOUNCE, encoding="utf-8")
     options = ("--out", folder, "--npz", folder / "all.npz", "--no-rerun", "--no-plots")
-    done = rb_sim("run", folder / "bounce.yaml", *options, env=environment(**PLAIN))
-    assert done.returncode == 0, done.stderr
+    done = invoke("run", folder / "bounce.yaml", *options)
+    assert done.exit_code == 0, done.output
     return done, json.loads((folder / "summary.json").read_text()), folder
 
 
@@ -94,8 +90,8 @@ def test_redundant_corners_are_said_to_be_undetermined(tmp_path):
         text = text.replace(old, new)
     (tmp_path / "box.yaml").write_text(text, encoding="utf-8")
     options = ("--out", tmp_path, "--no-rerun", "--no-plots", "--no-bag")
-    done = rb_sim("run", tmp_path / "box.yaml", *options, env=environment(**PLAIN))
-    assert done.returncode == 0, done.stderr
+    done = invoke("run", tmp_path / "box.yaml", *options)
+    assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["indeterminate_reactions"] == ["floor/1", "floor/2", "floor/3", "floor/4"]
     assert "minimum-norm reactions reported" in " ".join(done.stdout.split())
@@ -136,7 +132,7 @@ def test_shipped_contact_scenes_start():
     paths = [s.path for s in list_scenes() if "type: contact" in s.path.read_text()]
     done = subprocess.run(
         [sys.executable, "-c", START, *map(str, paths)],
-        env=environment(**PLAIN),
+        env=environment(RB_SIM_INTERPRETED="1"),
         capture_output=True,
         text=True,
         check=True,

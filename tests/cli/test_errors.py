@@ -8,12 +8,11 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 from rich.text import Text
-from typer.testing import CliRunner
 
 from rb_sim import __version__
 from rb_sim.cli.main import app
 from rb_sim.scene.schema import METHODS
-from tests.cli.process import lines, rb_sim
+from tests.cli.process import invoke, lines
 
 BAD_SCENES = {
     "empty": ("", "is empty"),
@@ -33,15 +32,11 @@ def test_bad_scene(name, tmp_path):
     text, expected = BAD_SCENES[name]
     path = tmp_path / f"{name}.yaml"
     path.write_text(text, encoding="utf-8")
-    done = rb_sim("run", path, "--out", tmp_path / "out")
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = [text for text in lines(done.stderr) if not text.startswith("compiling")]
+    done = invoke("run", path, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    (line,) = lines(done.output)
     assert line.startswith(f"error: {path}: ") and expected in line
     assert not (tmp_path / "out" / "bag").exists()
-
-
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.mark.parametrize(
@@ -107,10 +102,9 @@ def test_the_npz_gets_its_folder_and_a_bag_runs_again(tmp_path, tumble):
     """The scene in a bag, with the options that it was recorded with, tells the same motion."""
     first, again = tmp_path / "new" / "a.npz", tmp_path / "b.npz"
     out = tmp_path / "out"
-    done = rb_sim("run", tumble, "--npz", first, "--out", out, "--duration", "0.5", "--no-rerun")
-    assert done.returncode == 0, done.stderr
-    done = rb_sim("run", out / "bag", "--npz", again)
-    assert done.returncode == 0, done.stderr
+    options = ("--out", out, "--duration", "0.5", "--no-rerun")
+    assert invoke("run", tumble, "--npz", first, *options).exit_code == 0
+    assert invoke("run", out / "bag", "--npz", again).exit_code == 0
     with np.load(first) as a, np.load(again) as b:
         assert a["t"][-1] == 0.5
         for column in a.files:
@@ -119,11 +113,9 @@ def test_the_npz_gets_its_folder_and_a_bag_runs_again(tmp_path, tumble):
 
 def test_output_folder_that_cannot_be_made(tmp_path, tumble):
     (tmp_path / "file").write_text("")
-    done = rb_sim("run", tumble, "--out", tmp_path / "file")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert lines(done.stderr) == [
-        f"error: --out {tmp_path / 'file'}: cannot write there: File exists"
-    ]
+    done = invoke("run", tumble, "--out", tmp_path / "file")
+    assert done.exit_code == 2
+    assert done.output == f"error: --out {tmp_path / 'file'}: cannot write there: File exists\n"
 
 
 def test_version_and_verbs():

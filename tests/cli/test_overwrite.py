@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typer.testing import CliRunner
-
-from rb_sim.cli.main import app
+from tests.cli.process import invoke
 
 
 def run(folder, *more):
-    options = ("--out", str(folder), "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet")
-    return CliRunner().invoke(app, ["run", "pendulum", *options, *more])
+    options = ("--out", folder, "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet")
+    return invoke("run", "pendulum", *options, *more)
 
 
 def test_a_second_run_into_a_folder_is_refused_in_one_line(tmp_path):
@@ -45,8 +43,8 @@ def test_a_name_that_no_folder_can_have_is_one_line(tmp_path):
 
 def test_a_run_that_is_simulated_again_replaces_no_other_run(tmp_path):
     assert run(tmp_path / "a").exit_code == run(tmp_path / "b").exit_code == 0
-    again = ["resim", str(tmp_path / "a/bag"), "--out", str(tmp_path / "b")]
-    refused = CliRunner().invoke(app, again)
+    again = ("resim", tmp_path / "a/bag", "--out", tmp_path / "b")
+    refused = invoke(*again)
     (line,) = refused.output.splitlines()
     assert refused.exit_code == 2 and "bag already" in line and "--overwrite" in line
-    assert CliRunner().invoke(app, [*again, "--overwrite"]).exit_code == 0
+    assert invoke(*again, "--overwrite").exit_code == 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rb_sim.io.bag.reader import BagReader
-from tests.cli.process import environment, lines, rb_sim
+from tests.cli.process import environment, invoke, lines, rb_sim
 
 
 def test_writes_bag_recording_plots_and_summary(tumble, tmp_path):
@@ -40,8 +40,8 @@ def test_writes_bag_recording_plots_and_summary(tumble, tmp_path):
 
 
 def test_the_table_names_what_matters(tumble):
-    done = rb_sim("run", tumble)
-    assert done.returncode == 0
+    done = invoke("run", tumble)
+    assert done.exit_code == 0
     for label in ("energy error", "momentum error", "constraint violation", "steps", "method"):
         assert label in done.stdout
     assert "times real time" in done.stdout
@@ -50,8 +50,8 @@ def test_the_table_names_what_matters(tumble):
 
 def test_quiet_prints_nothing_and_options_leave_things_out(tumble, tmp_path):
     options = ("--out", tmp_path, "--quiet", "--no-bag", "--no-rerun", "--no-plots")
-    done = rb_sim("run", tumble, *options, "--duration", 0.5, "--rate", 10, "--step", 0.01)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    done = invoke("run", tumble, *options, "--duration", 0.5, "--rate", 10, "--step", 0.01)
+    assert (done.exit_code, done.output) == (0, "")
     assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["steps"], summary["samples"], summary["simulated"]) == (50, 6, 0.5)
@@ -126,6 +126,6 @@ def test_says_when_it_compiles_and_only_then(tumble, tmp_path):
 
 
 def test_warm_leaves_nothing_to_compile(tumble):
-    done = rb_sim("warm", tumble)
-    assert done.returncode == 0
+    done = invoke("warm", tumble)
+    assert done.exit_code == 0
     assert "[1/1] tumble ... from the cache" in done.stdout

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import pytest
 from typer.main import get_command
 
@@ -43,8 +45,7 @@ def test_every_check_that_can_be_printed_has_a_row_with_cause_and_cure():
         assert all(cell.strip() for cell in row.strip("|").split("|"))
 
 
-@pytest.mark.parametrize("section", SECTIONS)
-def test_a_message_with_cause_and_cure_is_one_of_the_program(section):
+def test_a_message_with_cause_and_cure_is_one_of_the_program():
     known = texts()
-    for message in SECTIONS[section]:
+    for message in chain.from_iterable(SECTIONS.values()):
         assert any(message.text in text for text in known), message.text

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
+import venv
 from pathlib import Path
 
 import pytest
@@ -34,3 +37,30 @@ def environment() -> dict[str, str]:
     """This process's environment without what the ROS wheels set for this venv alone."""
     kept = {key: value for key, value in os.environ.items() if key not in FOR_THIS_VENV}
     return kept | {"ROS_DOMAIN_ID": own_domain(), "PYTHONNOUSERSITE": "1"}
+
+
+UV = Path(sys.executable).with_name("uv")
+"""It installs in a seventh of pip's time, which does it where it is not."""
+
+
+@pytest.fixture(scope="session")
+def wheel(source: Path, environment, tmp_path_factory) -> Path:
+    """The wheel of that tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(source)]
+    build += ["--installer", "uv"] if UV.exists() else []
+    subprocess.run(build, env=environment, check=True, capture_output=True)
+    (made,) = folder.glob("rb_sim-*.whl")
+    return made
+
+
+def made_with(folder: Path, environment: dict[str, str], *packages: str, pip: bool = False) -> Path:
+    """A new venv in this folder, with these packages. pip: whether it has pip itself."""
+    quick, python = UV.exists(), str(folder / "bin/python")
+    venv.create(folder, with_pip=pip or not quick, symlinks=True)
+    by_pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
+    by_uv = [str(UV), "pip", "install", "--quiet", "--python", python]
+    command = [*(by_uv if quick else by_pip), *packages]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder

@@ -6,11 +6,12 @@ A venv with apt's versions (requirements/apt.txt) stands for the system's Python
 from __future__ import annotations
 
 import subprocess
-import sys
 import venv
 from pathlib import Path
 
 import pytest
+
+from tests.packaging.conftest import made_with
 
 pytestmark = pytest.mark.slow
 
@@ -36,28 +37,21 @@ def pip(folder: Path, environment: dict[str, str], *arguments: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def system(source: Path, environment, tmp_path_factory) -> Path:
+def system(wheel: Path, environment, tmp_path_factory) -> Path:
     """The system's Python with apt's packages, and rb_sim as colcon puts it there."""
-    folder = tmp_path_factory.mktemp("apt") / "system"
-    venv.create(folder, with_pip=True, symlinks=True)
-    pip(folder, environment, "--no-compile", "--requirement", str(ROOT / "requirements/apt.txt"))
-    wheels = folder / "wheels"
-    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(wheels), str(source)]
-    done = run(build, environment, folder)
-    assert done.returncode == 0, done.stderr
-    (wheel,) = wheels.glob("rb_sim-*.whl")
+    packages = ("--requirement", str(ROOT / "requirements/apt.txt"))
+    folder = made_with(tmp_path_factory.mktemp("apt") / "system", environment, *packages, pip=True)
     pip(folder, environment, "--no-deps", str(wheel))
     return folder
 
 
 @pytest.fixture(scope="module")
-def beside(system: Path, environment) -> Path:
+def beside(system: Path, wheel: Path, environment) -> Path:
     """The venv of docs/install.md: it sees the system's packages, and brings newer ones."""
     folder = system.parent / "venv"
     venv.create(folder, with_pip=True, symlinks=True)
     # what --system-site-packages does for the Python that a venv is made from
     (packages_of(folder) / "system.pth").write_text(f"{packages_of(system)}\n")
-    (wheel,) = (system / "wheels").glob("rb_sim-*.whl")
     # the system's rb_sim has the same version and other dependencies to look at
     pip(folder, environment, "--no-compile", "--ignore-installed", "--no-deps", str(wheel))
     pip(folder, environment, "--no-compile", str(wheel))

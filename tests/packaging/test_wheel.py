@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 import subprocess
-import sys
-import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow
+from tests.packaging.conftest import made_with
 
-UV = Path(sys.executable).with_name("uv")
-"""It installs in a seventh of pip's time, which does it where it is not."""
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def installed(source: Path, environment, tmp_path_factory) -> Path:
+def installed(wheel: Path, environment, tmp_path_factory) -> Path:
     """Folder of a venv with the wheel and its ROS extra."""
-    folder = tmp_path_factory.mktemp("wheel")
-    quick, python = UV.exists(), str(folder / "venv/bin/python")
-    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(source)]
-    build += ["--installer", "uv"] if quick else []
-    subprocess.run(build, env=environment, check=True, capture_output=True)
-    (wheel,) = folder.glob("rb_sim-*.whl")
-    venv.create(folder / "venv", with_pip=not quick, symlinks=True)
-    pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
-    uv = [str(UV), "pip", "install", "--quiet", "--python", python]
-    subprocess.run([*(uv if quick else pip), f"{wheel}[ros]"], env=environment, check=True)
-    return folder / "venv"
+    return made_with(tmp_path_factory.mktemp("venv") / "venv", environment, f"{wheel}[ros]")
 
 
 def run(installed: Path, environment, *command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -64,8 +51,7 @@ print("stepped")
 """
 
 
-def test_the_wheel_brings_the_loops_of_both_machines_and_the_page(installed: Path):
-    (wheel,) = installed.parent.glob("rb_sim-*.whl")
+def test_the_wheel_brings_the_loops_of_both_machines_and_the_page(wheel: Path):
     names = {Path(name).name for name in zipfile.ZipFile(wheel).namelist()}
     assert {"loops.json", "loops-x86_64-linux.bin", "loops-aarch64-linux.bin"} <= names
     assert {"page.html", "page.css", "page.js", "plots.js", "solids.js"} <= names  # rb_sim show

@@ -72,7 +72,8 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
     """start(scene, name=value, ...) starts a node with these parameters.
 
     ready: wait until it runs. It looks for no other node of its name unless a value of `discovery`
-    is given: each of these tests has a domain of its own.
+    is given: each of these tests has a domain of its own. In `out` it writes the bag alone unless
+    others are asked for.
     limit: shell command before it (ulimit). ros: more ROS arguments.
     """
     running: list[NodeProcess] = []
@@ -82,7 +83,8 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
         **values: object,
     ) -> NodeProcess:  # fmt: skip
         arguments = [str(scene), "--ros-args", *ros]
-        for name, value in ({"discovery": 0} | values).items():
+        bag_alone = {"log_rerun": False, "log_plots": False} if "out" in values else {}
+        for name, value in ({"discovery": 0} | bag_alone | values).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             arguments += ["-p", f"{name}:={text}"]
         node = NodeProcess(arguments, tmp_path / f"node{len(running)}.log", limit)

@@ -10,8 +10,9 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.base.errors import SimulationError
+from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.motion.pieces import NO_LIMITS
-from rb_sim.ros.stepper import MOST, Ahead, Stepper
+from rb_sim.ros.stepper import Ahead, Stepper
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 
@@ -75,9 +76,13 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
     return [*rows, simulation.steps, simulation.rejected_steps]
 
 
-@pytest.mark.parametrize("setting", METHODS, ids=lambda one: one["method"])
 @pytest.mark.parametrize(
-    "scene", ["rolling_sphere_commanded", "heavy_top", PAIR], ids=["rolls", "turns", "pair"]
+    ("scene", "setting"),
+    [
+        *(("rolling_sphere_commanded", setting) for setting in METHODS),
+        ("heavy_top", METHODS[0]),
+        (PAIR, METHODS[2]),
+    ],
 )
 def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch):
     monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
@@ -93,26 +98,6 @@ def test_ahead_and_one_by_one_agree_to_the_last_bit(scene, setting, monkeypatch)
         assert one.t == other.t
         np.testing.assert_array_equal(one.row, other.row)
         np.testing.assert_array_equal(one.command, other.command)
-
-
-def test_many_are_computed_in_one_go_until_a_command_comes(monkeypatch):
-    monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
-    simulation = Simulation("rolling_sphere_commanded", announce=None)
-    ahead, calls = Ahead(simulation, RATE), []
-    plain = simulation.step_rows
-
-    def counted(times, *arguments):
-        calls.append(len(times))
-        return plain(times, *arguments)
-
-    monkeypatch.setattr(simulation, "step_rows", counted)
-    for k in range(1, 200):
-        ahead.next(k, 0.0, None, NO_LIMITS)
-    assert calls == [1, 2, 4, 8, 16, *[MOST] * 6][: len(calls)] and len(calls) <= 11
-    calls.clear()
-    ahead.apply_wrench("ball", (1, 0, 0), (0, 0, 0))
-    ahead.next(200, 0.0, None, NO_LIMITS)
-    assert calls[-1] == 1 and len(calls) <= 2  # the way back, and one sample
 
 
 def test_what_is_due_waits_for_no_others(monkeypatch):
@@ -191,3 +176,31 @@ def test_a_watch_that_ends_it_leaves_the_last_sample_the_last(monkeypatch):
     monkeypatch.setattr(simulation, "step_rows", lambda *_: [])
     assert ahead.next(8, 0.0, None, NO_LIMITS) is None
     assert simulation.time == pytest.approx(7 / RATE)
+
+
+def test_events_beyond_those_that_are_kept_are_counted(monkeypatch):
+    """An answer told the last ones as if they were all."""
+    monkeypatch.setattr("rb_sim.ros.stepper.MOST_RECENT", 3)
+    simulation = Simulation("rolling_sphere_commanded", announce=None)
+    stepper = Stepper(simulation, Mock(), [], rate=100.0)
+    events = tuple(ContactEvent(0.001 * k, "floor", "impact") for k in range(8))
+    for few in (events[:2], events[2:7], events[7:]):
+        monkeypatch.setattr(simulation, "take_events", lambda few=few: few)
+        stepper.emit()
+    assert stepper.take_events() == (list(events[5:]), 5)
+    assert stepper.take_events() == ([], 0)
+
+
+def test_steps_are_counted_beyond_a_reset_and_a_state_that_was_set():
+    """The summary of a bag told those since the last of them as if they were all."""
+    simulation = Simulation("heavy_top", announce=None)
+    stepper = Stepper(simulation, Mock(), [], rate=100.0)
+    counts = []
+    for change in (stepper.reset, lambda: stepper.set_state({"top": {}}, project=True), int):
+        for _ in range(20):
+            assert stepper.step(0.0)
+        stepper.settle()  # without what was computed ahead
+        counts.append(stepper.steps)
+        change()
+        assert stepper.steps == counts[-1]
+    assert counts[0] > 20 and counts[1] == 2 * counts[0] and counts[2] > counts[1] + 20

@@ -58,8 +58,7 @@ def test_the_pole_is_balanced_over_topics_and_the_bag_tells_how(start, tmp_path:
     """At a fifth of real time, since the controller shares the machine with other tests; what it
     computes from each sample acts some samples later, so the closed form does not apply."""
     out = tmp_path / "run"
-    node = start(EXAMPLE / "cart_pole.yaml", start_paused=True, real_time_factor=0.2, out=out,
-                 log_rerun=False)  # fmt: skip
+    node = start(EXAMPLE / "cart_pole.yaml", start_paused=True, real_time_factor=0.2, out=out)
     command = [sys.executable, EXAMPLE / "balance.py", "--topics", "--seconds", "3"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr

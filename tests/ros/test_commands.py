@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
+from rb_sim.cli.verbs.resim import ResimOptions, resim
 from rb_sim.ros.serving import executor_for
 from rb_sim.ros.topics import command, inbox
 from tests.ros import bags
@@ -44,7 +46,7 @@ def applied(folder: Path) -> np.ndarray:
 def test_a_command_holds_from_the_next_step_until_the_next_command(
     sphere, start, client: Client, tmp_path
 ):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     client.trigger("step")
     client.send(force=(1, 0, 0))
     for _ in range(3):
@@ -58,14 +60,7 @@ def test_a_command_holds_from_the_next_step_until_the_next_command(
 
 
 def test_a_command_ends_after_the_timeout(sphere, start, client: Client, tmp_path):
-    node = start(
-        sphere,
-        out=tmp_path,
-        log_rerun=False,
-        log_plots=False,
-        start_paused=True,
-        wrench_timeout=0.03,
-    )
+    node = start(sphere, out=tmp_path, start_paused=True, wrench_timeout=0.03)
     client.send(force=(1, 0, 0))
     for _ in range(6):
         client.trigger("step")
@@ -77,7 +72,7 @@ def test_a_command_ends_after_the_timeout(sphere, start, client: Client, tmp_pat
 def test_a_command_in_body_axes_turns_with_the_body(start, client: Client, tmp_path):
     scene = tmp_path / "turned.yaml"
     scene.write_text(TURNED)
-    node = start(scene, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(scene, out=tmp_path, start_paused=True)
     client.send(force=(4, 0, 0), frame="ball")
     client.trigger("step")
     assert node.stop() == 0
@@ -94,32 +89,35 @@ def test_a_body_that_is_not_commanded_has_no_such_topic(start, client: Client):
     assert not any(name.endswith("/wrench") for name in topics)
 
 
-@pytest.mark.parametrize(
-    ("frame", "force", "reason", "line"),
-    [
-        ("map", (1, 0, 0), command.UNKNOWN_FRAME, "frame_id 'map' is neither 'world' nor 'ball'"),
-        ("x" * 5000, (1, 0, 0), command.UNKNOWN_FRAME, "xxx... (5000 characters) is neither"),
-        ("", (1, 0, 0), command.NO_FRAME, "frame_id is empty; must be 'world' or 'ball'"),
-        ("ball/origin", (1, 0, 0), command.OWN_FRAME, "its axes are the world's, so say 'world'"),
-        ("floor/anchor", (1, 0, 0), command.OWN_FRAME, "'floor/anchor' is a frame that the node"),
-        ("world", (math.nan, 0, 0), command.NOT_FINITE, "is not a finite number"),
-        ("world", (0, -math.inf, 0), command.NOT_FINITE, "is not a finite number"),
-        ("world", (0, 0, -1e101), command.TOO_STRONG, "a component is beyond 1e+100"),
-    ],
-)
-def test_a_bad_command_is_refused_and_counted(
-    frame, force, reason, line, sphere, start, client: Client, tmp_path
-):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+BAD = [
+    ("map", (1, 0, 0), command.UNKNOWN_FRAME, "frame_id 'map' is neither 'world' nor 'ball'"),
+    ("x" * 5000, (1, 0, 0), command.UNKNOWN_FRAME, "xxx... (5000 characters) is neither"),
+    ("", (1, 0, 0), command.NO_FRAME, "frame_id is empty; must be 'world' or 'ball'"),
+    ("ball/origin", (1, 0, 0), command.OWN_FRAME, "'ball/origin' is a frame that the node"),
+    ("floor/anchor", (1, 0, 0), command.OWN_FRAME, "'floor/anchor' is a frame that the node"),
+    ("world", (math.nan, 0, 0), command.NOT_FINITE, "is not a finite number"),
+    ("world", (0, -math.inf, 0), command.NOT_FINITE, "is not a finite number"),
+    ("world", (0, 0, -1e101), command.TOO_STRONG, "a component is beyond 1e+100"),
+]
+
+
+def test_bad_commands_are_refused_and_counted(sphere, start, client: Client, tmp_path):
+    """Each twice: said once, counted twice; those before go on acting."""
+    node = start(sphere, out=tmp_path, start_paused=True)
     client.send(force=(3, 0, 0))
     client.trigger("step")
-    client.send(force=force, frame=frame)
-    client.send(force=force, frame=frame)
+    for frame, force, _, _ in BAD:
+        client.send(force=force, frame=frame)
+        client.send(force=force, frame=frame)
     client.trigger("step")
-    values = client.diagnostics(lambda v: v.get(f"commands {reason}") == "2", "counter")
+    counts = Counter(f"commands {reason}" for _, _, reason, _ in BAD)
+    values = client.diagnostics(
+        lambda v: all(v.get(reason) == str(2 * count) for reason, count in counts.items()), "counts"
+    )
     assert values["commands applied"] == "1"
     assert node.stop() == 0
-    assert node.text.count(line) == 1  # said once, counted twice
+    for _, _, _, line in BAD:
+        assert node.text.count(line) == 1, line
     np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 3, 3])
 
 
@@ -169,7 +167,7 @@ class Heard:
 
 
 def test_the_newest_of_several_commands_counts(sphere, start, client: Client, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     for k in range(3):
         client.send(force=(k, 0, 0))
     client.trigger("step")
@@ -184,8 +182,6 @@ def test_a_huge_command_ends_the_run_with_one_line_if_asked(
     node = start(
         sphere,
         out=tmp_path,
-        log_rerun=False,
-        log_plots=False,
         real_time_factor=100,  # as fast as it can, the bag would be long when the command comes
         method="rk4",
         step=0.01,
@@ -200,9 +196,7 @@ def test_a_huge_command_ends_the_run_with_one_line_if_asked(
 def test_same_commands_by_step_give_the_same_bag(sphere, start, client: Client, tmp_path):
     contents = []
     for run in ("first", "second"):
-        node = start(
-            sphere, out=tmp_path / run, log_rerun=False, log_plots=False, start_paused=True
-        )
+        node = start(sphere, out=tmp_path / run, start_paused=True)
         for k in range(10):
             client.send(force=(math.sin(k), 0.3 * k, 0), torque=(0, 0.01 * k, 0.02))
             client.trigger("step")
@@ -310,3 +304,22 @@ def test_every_command_is_counted_however_rare_samples_are(sphere, start, client
         values = client.diagnostics(lambda v, n=sent: int(v["commands received"]) >= n, "all")
         assert values["commands received"] == values["commands no frame"] == str(sent)
         assert values["commands applied"] == values["samples"] == "0"
+
+
+def test_what_a_node_recorded_is_simulated_again_to_the_last_bit(
+    start, client: Client, tmp_path: Path, capsys
+):
+    """Held commands in body axes, a reset, a timeout."""
+    scene = tmp_path / "turned.yaml"
+    scene.write_text(TURNED)
+    node = start(scene, out=tmp_path, start_paused=True, wrench_timeout=0.05)
+    client.send(force=(4, 0, 1), torque=(0.1, 0.2, 0.3), frame="ball")
+    for _ in range(8):
+        client.trigger("step")
+    client.trigger("reset")
+    client.send(force=(0, 1, 0), torque=(0.1, 0, 0))
+    for _ in range(4):
+        client.trigger("step")
+    assert node.stop() == 0
+    assert resim(ResimOptions(tmp_path / "bag")) == 0
+    assert "14 of 14 samples are identical" in capsys.readouterr().out

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-
 import numpy as np
 import pytest
 from rcl_interfaces.msg import Log
@@ -15,25 +13,18 @@ from tests.ros import bags
 from tests.ros.client import NAME, Client
 
 
-@pytest.mark.parametrize("force", [1e12, 1e30])
 def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_out(
-    force, sphere, start, client: Client, tmp_path
+    sphere, start, client: Client, tmp_path
 ):
     node = start(
-        sphere,
-        out=tmp_path,
-        log_rerun=False,
-        log_plots=False,
-        start_paused=True,
-        max_sample_steps=100_000,
-        max_sample_time=1e9,
+        sphere, out=tmp_path, start_paused=True, max_sample_steps=100_000, max_sample_time=1e9
     )
     told = client.listen(Log, "/rosout")
     assert client.trigger("step").success
-    client.send(force=(force, 0, 0))
+    client.send(force=(1e12, 0, 0))
     answer = client.trigger("step")
     assert not answer.success
-    for words in ("t = 0.01 s", f"ball force ({force:g}, 0, 0) N", "since t = 0.01 s"):
+    for words in ("t = 0.01 s", "ball force (1e+12, 0, 0) N", "since t = 0.01 s"):
         assert words in answer.message, answer.message
     values = client.diagnostics(lambda v: v["state"] == "error", "error state")
     assert values["level"] == "2" and values["message"] == answer.message
@@ -42,7 +33,7 @@ def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_
     assert client.trigger("reset").success
     assert client.trigger("step").success
     assert client.diagnostics(lambda v: v["state"] == "paused", "state")["level"] != "2"
-    client.send(force=(force, 0, 0))
+    client.send(force=(1e30, 0, 0))
     again = client.trigger("step").message  # the motion began anew at the reset
     assert "stopped at t = 0.03 s" in again and "(times of the motion from t = 0.02 s on)" in again
     assert "times of the motion" not in answer.message
@@ -52,26 +43,17 @@ def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_
     np.testing.assert_array_equal(pose.position, np.tile([0, 0, 0.1], (len(pose.raw), 1)))
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_is_answered_inside_a_sample_without_end(
-    number, sphere, start, client: Client, tmp_path
-):
+def test_a_signal_is_answered_inside_a_sample_without_end(sphere, start, client: Client, tmp_path):
     """The samples so far are in a whole bag."""
     node = start(
-        sphere,
-        out=tmp_path,
-        log_rerun=False,
-        log_plots=False,
-        start_paused=True,
-        max_sample_steps=10**12,
-        max_sample_time=1e9,
+        sphere, out=tmp_path, start_paused=True, max_sample_steps=10**12, max_sample_time=1e9
     )
     assert client.trigger("step").success
     client.send(force=(1e12, 0, 0))
     client.pause(False)
     client.spin(0.5)  # it is in the sample now, where it would stay for an hour
-    assert node.stop(number) == 0
-    assert f"stopped at t = 0.01 s ({number.name})" in node.text
+    assert node.stop() == 0
+    assert "stopped at t = 0.01 s (SIGTERM)" in node.text
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 2
 
 
@@ -92,7 +74,7 @@ def test_a_request_that_cannot_go_on_ends_the_node_where_that_was_asked_for(
 def test_commands_beyond_the_limits_are_refused_and_counted(
     sphere, start, client: Client, tmp_path
 ):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     assert client.set("max_force", 5.0).successful and client.set("max_torque", 1).successful
     for force, torque in (((3, 4, 0), (0, 0, 0)), ((3, 4.1, 0), (0, 0, 0)), ((0, 0, 0), (2, 0, 0))):
         client.send(force=force, torque=torque)

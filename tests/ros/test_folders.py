@@ -14,7 +14,7 @@ from rb_sim.ros.parameters import Settings
 from rb_sim.simulation.simulation import Simulation
 from tests.ros import bags
 
-LOGGING = {"log_rerun": False, "log_plots": False, "real_time_factor": 0, "duration": 0.1}
+LOGGING = {"real_time_factor": 0, "duration": 0.1}
 
 
 def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from std_msgs.msg import String
@@ -44,8 +43,7 @@ def hammered(client: Client, requests: list[tuple[type, str, Any]], over: Callab
     return [[future.result() for future in futures] for futures in sent]
 
 
-@pytest.mark.parametrize("_", range(2))
-def test_every_request_is_answered_while_the_node_begins_to_run(sphere, start, client: Client, _):
+def test_every_request_is_answered_while_the_node_begins_to_run(sphere, start, client: Client):
     """An executor that is told of a request and then given up must not keep it: the next one was
     told of none, and all later answers were one request behind."""
     node = start(sphere, ready=False, discovery=4)
@@ -80,7 +78,7 @@ def test_a_pause_that_is_promised_while_the_node_begins_to_run_is_kept(
 def test_who_asks_on_when_the_duration_is_over_is_told(sphere, start, client: Client, tmp_path):
     """The logs are still being finished then."""
     node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run",
-                 log_rerun=False)  # fmt: skip
+                 log_plots=True)  # fmt: skip
     for _ in range(3):
         assert client.trigger("step").success
     futures = [client.ask(Trigger, name) for name in ("step", "reset")]

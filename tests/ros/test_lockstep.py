@@ -36,7 +36,7 @@ def wrench(force=(0, 0, 0), torque=(0, 0, 0), body="ball", frame="world"):
 
 def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client, tmp_path):
     """Against the closed form of Landau & Lifshitz, section 38, problem 1."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     F, K = (1.5, -0.7, 3.0), (0.05, 0.08, -0.02)
     client.send(force=(9.0, 0, 0))  # what has not acted yet gives way to the request
     for k in range(1, 4):
@@ -57,24 +57,19 @@ def test_the_answer_is_the_state_after_n_samples(advance, sphere, start, client,
     np.testing.assert_array_equal(applied[1:], np.tile([*F, *K], (21, 1)))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
+def test_a_request_is_taken_whole_or_not_at_all(advance, sphere, start, client: Client):
+    start(sphere, start_paused=True, max_force=50)
+    for wrong, words in (
         ({"body": "moon"}, "bodies that take a command: ball"),
         ({"frame": "map"}, "frame_id 'map' is neither 'world' nor 'ball'"),
         ({"force": (math.nan, 0, 0)}, "not a finite number"),
         ({"force": (100, 0, 0)}, "beyond max_force = 50 N"),
         ({"force": (2, 0, 0)}, "ball: wrench refused: the body is given twice"),
-    ],
-)
-def test_a_request_is_taken_whole_or_not_at_all(
-    wrong, words, advance, sphere, start, client: Client
-):
-    start(sphere, start_paused=True, max_force=50)
-    asked = [wrench((1, 0, 0)), wrench(**wrong)]
-    answer = client.call(advance, "advance", wrenches=asked, samples=5)
-    assert not answer.success and answer.samples == 0
-    assert words in answer.message
+    ):
+        asked = [wrench((1, 0, 0)), wrench(**wrong)]
+        answer = client.call(advance, "advance", wrenches=asked, samples=5)
+        assert not answer.success and answer.samples == 0
+        assert words in answer.message
     answer = client.call(advance, "advance", samples=5)
     assert answer.success
     np.testing.assert_array_equal(vector(answer.bodies[0].twist.linear), np.zeros(3))
@@ -97,9 +92,7 @@ def test_the_same_requests_give_the_same_files(advance, sphere, start, client, t
     """To the byte, whatever the clock on the wall did."""
     sums = []
     for run in ("first", "second"):
-        node = start(
-            sphere, out=tmp_path / run, log_rerun=False, log_plots=False, start_paused=True
-        )
+        node = start(sphere, out=tmp_path / run, start_paused=True)
         for k in range(5):
             asked = [wrench((math.sin(k), 0.3 * k, 0), (0, 0.01 * k, 0.02))]
             assert client.call(advance, "advance", wrenches=asked, samples=20).success
@@ -141,7 +134,7 @@ def test_what_an_earlier_start_has_built_takes_no_process(advance, transforms):
 def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_path):
     """The program of benchmarks/lockstep_client.c, which knows rcl and no Python."""
     program = lockstep_client.compiled(tmp_path)
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     assert lockstep_client.requests(program, f"{NAME}/advance", count=40, warm=2) > 0.0
     assert node.stop() == 0
     times = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
@@ -161,7 +154,7 @@ def test_the_client_s_figure_is_found_behind_what_the_middleware_tells(tmp_path)
 
 
 def test_a_request_goes_no_further_than_the_duration(advance, sphere, start, client, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True,
+    node = start(sphere, out=tmp_path, start_paused=True,
                  duration=0.5)  # fmt: skip
     assert client.call(advance, "advance", samples=40).samples == 40
     answer = client.call(advance, "advance", samples=40)
@@ -182,7 +175,7 @@ def test_the_last_sample_lies_within_the_duration(sphere, start):
 def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     advance, sphere, start, client: Client, tmp_path
 ):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     told = client.listen(DiagnosticArray, "/diagnostics")
     client.call(advance, "advance", samples=1)
     service = client.node.create_client(advance, f"{NAME}/advance")

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import psutil
 import pytest
 
+from rb_sim import Simulation, load_scene
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.ros.logs import process
 from rb_sim.ros.logs.process import LogProcess
-from rb_sim.ros.logs.protocol import Opened, Plan
+from rb_sim.ros.logs.protocol import Begin, Block, End, Opened, Plan, frame
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
 
 def test_a_bag_tells_how_many_samples_it_lacks(sphere, start, client: Client, tmp_path):
     """Of those that found the queue full while the simulation kept to the clock."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, rate=1000, log_queue=100)
+    node = start(sphere, out=tmp_path, rate=1000, log_queue=100)
     (writer,) = psutil.Process(node.process.pid).children()
     writer.suspend()
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
@@ -35,7 +39,7 @@ def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
 ):
     """The loop or a request waits for room; no sample is lost once the writer goes on."""
     pace = {"start_paused": True} if lockstep else {"real_time_factor": 0}
-    logs = {"out": tmp_path, "log_rerun": False, "log_plots": False, "log_queue": 2000}
+    logs = {"out": tmp_path, "log_queue": 2000}
     node = start(sphere, rate=1000, **pace, **logs)
     (writer,) = psutil.Process(node.process.pid).children()
     writer.suspend()
@@ -71,3 +75,30 @@ def test_a_writer_that_never_goes_on_leaves_a_cut_log(monkeypatch):
     finally:
         logs._process.kill()
         logs._process.wait()
+
+
+def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> None:
+    """After a signal nobody waits for plots; what went wrong with them was told to nobody."""
+    (tmp_path / "out").mkdir()
+    scene = load_scene("heavy_top")
+    simulation = Simulation(scene)
+    simulation.advance(0.01)
+    plan = Plan(tmp_path / "out", False, "", False, False, True, 0, {}, {})
+    heard, answers = os.pipe()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rb_sim.ros.logs.writer"],
+        stdin=subprocess.PIPE,
+        stdout=answers,
+        stderr=subprocess.PIPE,
+        text=False,
+    )
+    os.close(answers)
+    assert process.stdin is not None
+    process.stdin.write(frame(Begin(plan, scene, simulation.layout)))
+    process.stdin.write(frame(Block(simulation.sample().block)))
+    process.stdin.flush()
+    os.read(heard, 1)  # it has begun
+    os.close(heard)
+    (tmp_path / "out" / "plots.png").mkdir()  # where the picture is to be
+    _, told = process.communicate(frame(End(None)), timeout=120)
+    assert b"plots.png" in told, told

@@ -31,8 +31,7 @@ def state(client: Client) -> int:
 
 
 def test_every_transition_does_what_it_says(sphere, start, client: Client, tmp_path: Path):
-    node = start(sphere, ready=False, managed=True, out=tmp_path / "run", overwrite=True,
-                 log_rerun=False, log_plots=False)  # fmt: skip
+    node = start(sphere, ready=False, managed=True, out=tmp_path / "run", overwrite=True)
     node.wait_for("waits for the transition configure")
     assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
     assert not change(client, Transition.TRANSITION_ACTIVATE)

@@ -10,7 +10,6 @@ import pytest
 from rb_sim.ros import node, pacing
 from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.pacing import Pacer
-from rb_sim.ros.serving import Turns
 
 PERIOD = 0.01
 
@@ -160,35 +159,6 @@ def test_what_is_done_between_samples_waits_for_those_who_listen(clock: Clock):
     pacer.restart(0.0, 1.0)
     pacer.give_way(10.0)
     assert clock.now == pytest.approx(100.011 + pacing.SLICE), "signals are heard meanwhile"
-
-
-@pytest.mark.parametrize(
-    "ahead, report, did",
-    [
-        (False, False, []),
-        (True, False, ["waited", "computed ahead"]),
-        (False, True, ["waited", "reported"]),
-        (True, True, ["waited", "computed ahead"]),
-    ],
-)
-def test_one_thing_is_done_between_two_samples(ahead: bool, report: bool, did: list[str]):
-    """Two together could make the next sample late."""
-    seen: list[str] = []
-    stepper = SimpleNamespace(
-        ahead=SimpleNamespace(is_due=ahead),
-        t_next=0.1,
-        look_ahead=lambda: seen.append("computed ahead"),
-    )
-    loop: Any = SimpleNamespace(
-        _stepper=stepper,
-        _pacer=SimpleNamespace(give_way=lambda _: seen.append("waited")),
-        _is_time_to_report=report,
-        _stands=False,
-        turns=Turns(),
-        _report_now_and_then=lambda: seen.append("reported"),
-    )
-    SimulationLoop._rest(loop)
-    assert seen == did
 
 
 class Loop(SimulationLoop):

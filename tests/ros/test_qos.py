@@ -68,8 +68,6 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
     ("wrong", "why"),
     [
         ("reliability:=perhaps", "perhaps"),
-        ("depth:=-3", "depth: got -3; must be 1 to 1000000"),
-        ("depth:=1000000000000", "depth: got 1000000000000; must be 1 to 1000000"),
         ("depth:=0", "depth: got 0; must be 1 to 1000000"),
     ],
 )
@@ -83,7 +81,7 @@ def test_an_override_that_ros_does_not_know_is_one_line(wrong, why, sphere, star
 def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):
     scene = tmp_path / "lively.yaml"
     scene.write_text(LIVELY)
-    node = start(scene, out=tmp_path / "run", log_rerun=False, log_plots=False, start_paused=True)
+    node = start(scene, out=tmp_path / "run", start_paused=True)
     events: list[DiagnosticArray] = []
     name = f"{NAME}/contact_events"
     client.node.create_subscription(DiagnosticArray, name, events.append, MANY)

@@ -47,7 +47,7 @@ def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start
 
 
 def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: Client, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     poses = client.listen(PoseStamped, "ball/pose")
     client.send(force=(1, 0, 0))
     for _ in range(5):
@@ -70,9 +70,7 @@ def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: C
 
 
 def test_a_run_split_by_pauses_equals_the_run_in_one(sphere, start, client: Client, tmp_path):
-    node = start(
-        sphere, out=tmp_path / "split", log_rerun=False, log_plots=False, start_paused=True
-    )
+    node = start(sphere, out=tmp_path / "split", start_paused=True)
     clocks = client.listen(Clock, "/clock")
 
     def reached(t: float) -> bool:
@@ -87,14 +85,7 @@ def test_a_run_split_by_pauses_equals_the_run_in_one(sphere, start, client: Clie
     client.pause(False)
     client.until(lambda: reached(between + 0.1), "0.1 s more")
     assert node.stop() == 0
-    one = start(
-        sphere,
-        out=tmp_path / "one",
-        log_rerun=False,
-        log_plots=False,
-        real_time_factor=0,
-        duration=1,
-    )
+    one = start(sphere, out=tmp_path / "one", real_time_factor=0, duration=1)
     assert one.wait() == 0
     split = bags.read(tmp_path / "split" / "bag")[f"{NAME}/ball/pose"].raw
     whole = bags.read(tmp_path / "one" / "bag")[f"{NAME}/ball/pose"].raw

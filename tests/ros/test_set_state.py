@@ -45,7 +45,7 @@ def test_a_state_is_set_refused_projected_and_in_the_bag(
     from rb_sim.io.bag.as_run import scene_as_run
     from rb_sim.io.bag.reader import BagReader
 
-    node = start(sphere, out=tmp_path / "run", log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path / "run", start_paused=True)
     client.send(force=(1.0, 0, 0))
     for _ in range(5):
         assert client.trigger("step").success

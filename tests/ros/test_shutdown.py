@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_a_signal_ends_the_run_after_the_sample_with_a_whole_bag(
     number, sphere, start, client: Client, tmp_path
 ):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
+    node = start(sphere, out=tmp_path)
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: len(clocks) >= 10, "samples")
     assert node.stop(number) == 0
@@ -43,7 +43,7 @@ def test_a_signal_ends_the_run_after_the_sample_with_a_whole_bag(
 
 
 def test_a_signal_while_paused_ends_the_run(sphere, start, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     assert node.stop() == 0
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 1
 
@@ -97,7 +97,7 @@ def test_two_signals_leave_no_logs_where_none_were_asked_for(sphere):
 
 def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, client, tmp_path):
     """The process that writes the logs sees its input end, and finishes them."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, rate=5)
+    node = start(sphere, out=tmp_path, rate=5)
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: len(clocks) >= 5, "5 samples")
     node.process.kill()
@@ -110,7 +110,7 @@ def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, cl
 
 def test_a_killed_writer_leaves_all_but_the_last_second(sphere, start, client, tmp_path):
     """At 5 Hz a chunk takes minutes to fill."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, rate=5)
+    node = start(sphere, out=tmp_path, rate=5)
     clocks = client.listen(Clock, "/clock")
     (writer,) = psutil.Process(node.process.pid).children()
     path = tmp_path / "bag" / "bag_0.mcap"
@@ -125,7 +125,7 @@ def test_a_killed_writer_leaves_all_but_the_last_second(sphere, start, client, t
 
 def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, tmp_path):
     """And it is said: no log may end without a word."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False)
+    node = start(sphere, out=tmp_path)
     (writer,) = psutil.Process(node.process.pid).children()
     writer.kill()
     node.wait_for("the process that writes the logs has ended (-9)")
@@ -166,7 +166,7 @@ def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tm
 def test_a_signal_leaves_the_plots_to_a_process_of_their_own(
     sphere, start, client: Client, tmp_path
 ):
-    node = start(sphere, out=tmp_path, log_rerun=False, real_time_factor=0)
+    node = start(sphere, out=tmp_path, log_plots=True, real_time_factor=0)
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: len(clocks) >= 10, "samples")
     assert node.stop() == 0
@@ -222,12 +222,7 @@ def until_there(path: Path) -> None:
 def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client: Client, tmp_path):
     # a limit on file size, from outside, in place of a disk to fill
     node = start(
-        sphere,
-        out=tmp_path,
-        log_rerun=False,
-        log_plots=False,
-        real_time_factor=0,
-        limit="ulimit -f 1100",
+        sphere, out=tmp_path, real_time_factor=0, limit="ulimit -f 1100"
     )  # 1100 KiB: the bag's own reserve of 1 MiB fits
     node.wait_for("the run continues without bag")
     values = client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
@@ -246,7 +241,7 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
 
 def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, client, tmp_path):
     out = tmp_path / "gone"
-    node = start(sphere, out=out, log_rerun=False, log_plots=False)
+    node = start(sphere, out=out)
     shutil.rmtree(out)
     node.wait_for("the run continues without bag")
     client.diagnostics(lambda v: int(v["log rows dropped, bag"]) > 0, "dropped rows")
@@ -256,9 +251,7 @@ def test_a_removed_folder_is_noticed_and_the_simulation_goes_on(sphere, start, c
 
 def test_a_folder_that_cannot_be_made_is_one_line_at_the_start(sphere, start, tmp_path):
     (tmp_path / "file").write_text("")
-    node = start(
-        sphere, ready=False, out=tmp_path / "file" / "out", log_rerun=False, log_plots=False
-    )
+    node = start(sphere, ready=False, out=tmp_path / "file" / "out")
     assert node.wait() == 1
     assert "cannot record here" in node.text and "Traceback" not in node.text
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 
 from rb_sim.ros import build_interfaces
+from rb_sim.ros.services import optional
 from tests.ros.client import Client, seconds
 from tests.ros.conftest import importable
 
@@ -118,3 +120,29 @@ def test_features_state_steps_and_reset(package, sphere, start, client: Client):
     assert step(1).result == 1 and state() == "PAUSED"
     assert go_to("QUITTING") == 1
     assert node.wait() == 0 and "stopped at t" in node.text
+
+
+@pytest.mark.parametrize(
+    "broken, words",
+    [
+        ("raise OSError('libmsg.so: undefined symbol: x')", "undefined symbol: x"),
+        ("raise ImportError('no types\\nin here')", "no types in here"),
+        ("", "cannot import name"),
+    ],
+)
+def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, monkeypatch):
+    package = tmp_path / "simulation_interfaces"
+    package.mkdir()
+    (package / "__init__.py").write_text(broken)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # what is imported here is gone afterwards, and one that was there before is there again
+    monkeypatch.setitem(sys.modules, "simulation_interfaces", None)
+    monkeypatch.delitem(sys.modules, "simulation_interfaces")
+    monkeypatch.setattr(optional, "OWN", "not_installed_anywhere")
+    said: list[str] = []
+    node: Any = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=said.append))
+    nothing: Any = None
+    optional.offer_services(node, nothing, nothing, nothing, may_quit=True)
+    (line,) = said
+    assert line.startswith("no services of simulation_interfaces: ") and words in line
+    assert "\n" not in line

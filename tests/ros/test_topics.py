@@ -55,7 +55,7 @@ def offset(tmp_path: Path) -> Path:
 
 
 def test_pose_and_twist_are_those_of_the_body_origin(offset, start, client: Client, tmp_path):
-    start(offset, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    start(offset, out=tmp_path, start_paused=True)
     poses = client.listen(PoseStamped, "ball/pose")
     twists = client.listen(TwistStamped, "ball/twist")
     client.step_for(20, poses, twists)
@@ -80,9 +80,7 @@ def test_a_command_acts_at_the_body_origin_not_at_the_centre_of_mass(
     offset, start, client: Client, tmp_path
 ):
     """m a_C = F and I alpha = -r x F, at the first step, about C."""
-    node = start(
-        offset, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True, rate=1000
-    )
+    node = start(offset, out=tmp_path, start_paused=True, rate=1000)
     client.send(force=(0.0, 4.0, 0.0))
     assert client.trigger("step").success
     assert client.trigger("step").success
@@ -116,7 +114,7 @@ def test_topics_have_the_documented_names_and_types(sphere, start, client: Clien
 
 
 def test_the_topics_and_the_bag_hold_the_same_bytes(sphere, start, client: Client, tmp_path):
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     received = {
         topic: client.listen(kind, topic, raw=True)
         for topic, kind in {"ball/pose": PoseStamped, "reactions/floor": WrenchStamped}.items()
@@ -134,8 +132,7 @@ def test_the_topics_and_the_bag_hold_the_same_bytes(sphere, start, client: Clien
 def test_the_bag_has_the_state_and_the_odometry_that_were_published(
     sphere, start, client: Client, tmp_path
 ):
-    more = {"log_rerun": False, "log_plots": False, "start_paused": True, "odometry": True}
-    node = start(sphere, out=tmp_path, **more)
+    node = start(sphere, out=tmp_path, start_paused=True, odometry=True)
     received = client.listen(Odometry, "ball/odometry", raw=True)
     client.step_until(lambda: len(received) >= 5)
     client.pause(False)
@@ -152,7 +149,7 @@ def test_the_bag_has_the_state_and_the_odometry_that_were_published(
 
 def test_measured_reaction_and_acceleration_are_those_of_the_book(sphere, start, client, tmp_path):
     """Landau & Lifshitz, section 38, problem 1, commanded over DDS."""
-    node = start(sphere, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(sphere, out=tmp_path, start_paused=True)
     m, a, g = 2.0, 0.1, 9.81
     F, K = np.array([1.5, -0.7, 3.0]), np.array([0.05, 0.08, -0.02])
     client.send(force=F, torque=K)
@@ -181,7 +178,7 @@ def test_states_work_and_events_of_contacts(
     monkeypatch.setenv("RB_SIM_INTERPRETED", "1")  # compiling takes longer than these few steps
     path = tmp_path / "bounce.yaml"
     path.write_text(BOUNCE)
-    node = start(path, out=tmp_path, log_rerun=False, log_plots=False, start_paused=True)
+    node = start(path, out=tmp_path, start_paused=True)
     events = client.listen(DiagnosticArray, "contact_events")
     raw = client.listen(DiagnosticArray, "contact_events", raw=True)
     states = client.listen(UInt8, "contacts/floor/state")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 
@@ -116,50 +114,6 @@ def test_states_at_events_from_any_time_on():
     assert abs(run.t[0] - 0.15) < 1e-15 and abs(bounce.event.t - (0.1 + fall)) < 1e-13
     assert abs(bounce.before.linear_velocity["b"][2] + 1.0 + G * fall) < 1e-12
     assert abs(bounce.after.linear_velocity["b"][2] - 0.5 * (1.0 + G * fall)) < 1e-12
-
-
-def test_compiling_is_told_once(monkeypatch):
-    from rb_sim.simulation import scene_in_motion
-
-    @contextmanager
-    def compiles(say):
-        say()
-        say()
-        yield
-
-    monkeypatch.setattr(scene_in_motion, "on_compilation", compiles)
-    lines = []
-    told = scene_in_motion.Announced("top", lines.append)
-    for _ in range(2):
-        with told:
-            pass
-    assert len(lines) == 1 and lines[0].startswith("compiling top (first use")
-    with scene_in_motion.Announced("top", None):
-        pass
-    assert len(lines) == 1
-
-
-def test_the_simulation_tells_where_it_compiles(monkeypatch):
-    """Every way into the kernel stands inside of the announcement."""
-    entered = []
-
-    class Listening:
-        def __enter__(self):
-            entered.append(True)
-
-        def __exit__(self, *_):
-            pass
-
-    simulation = Simulation(THROWN, announce=None)
-    monkeypatch.setattr(simulation, "_announced", Listening())
-    monkeypatch.setattr(simulation._motion, "run_to", lambda *_: None)
-    monkeypatch.setattr(simulation._motion, "warm", lambda: None)
-    monkeypatch.setattr(simulation._motion, "sample", lambda: np.zeros((1, 23)))
-    for count, act in enumerate(
-        (simulation.warm, simulation.sample, lambda: simulation.advance(0.1), simulation.run), 1
-    ):
-        act()
-        assert len(entered) == count
 
 
 @pytest.mark.parametrize("scene", ["heavy_top", "rolling_sphere_commanded", "bouncing_ball"])

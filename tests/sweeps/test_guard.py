@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.sweeps.schedule import check_guarded
 
 CALL = "from rb_sim.sweeps.schedule import check_guarded\n"
 
 
-def run(script: Path, text: str) -> subprocess.CompletedProcess[str]:
+def run(script: Path, text: str) -> None:
+    """As `python script` does, in this process."""
     script.write_text(text)
-    return subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    runpy.run_path(str(script), run_name="__main__")
 
 
 @pytest.mark.parametrize(
@@ -26,10 +31,9 @@ def run(script: Path, text: str) -> subprocess.CompletedProcess[str]:
     ],
 )
 def test_a_call_that_workers_would_come_to_is_refused(tmp_path: Path, text: str) -> None:
-    done = run(tmp_path / "script.py", CALL + text)
-    last = done.stderr.splitlines()[-1]
-    assert done.returncode == 1 and "must be below `if __name__ ==" in last
-    assert f"script.py:{2 + text.rstrip().count(chr(10))}:" in last
+    line = 2 + text.rstrip().count("\n")
+    with pytest.raises(RbSimError, match=rf"script.py:{line}: .*must be below `if __name__ =="):
+        run(tmp_path / "script.py", CALL + text)
 
 
 @pytest.mark.parametrize(
@@ -40,16 +44,18 @@ def test_a_call_that_workers_would_come_to_is_refused(tmp_path: Path, text: str)
     ],
 )
 def test_a_guarded_call_goes_on(tmp_path: Path, text: str) -> None:
-    assert run(tmp_path / "script.py", CALL + text).stderr == ""
+    run(tmp_path / "script.py", CALL + text)
 
 
 def test_a_sweep_asks_before_it_makes_anything(tmp_path: Path) -> None:
     out = tmp_path / "out"
     text = f"import rb_sim\nrb_sim.sweep('rotor_imbalance', {str(out)!r}, workers=1)\n"
-    done = run(tmp_path / "script.py", text)
-    assert "starts workers, which import this file" in done.stderr and not out.exists()
+    with pytest.raises(RbSimError, match="starts workers, which import this file"):
+        run(tmp_path / "script.py", text)
+    assert not out.exists()
 
 
-def test_what_is_typed_in_is_imported_by_nobody() -> None:
-    done = subprocess.run([sys.executable, "-c", CALL + "check_guarded()"], capture_output=True)
-    assert done.stderr == b""
+def test_what_is_typed_in_is_imported_by_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    typed = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", typed)
+    exec("check_guarded()", vars(typed) | {"check_guarded": check_guarded})
