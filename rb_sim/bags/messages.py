@@ -103,7 +103,7 @@ def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
     if fields is None:  # within a package names may stand without it
         fields = next((v for k, v in types.items() if k.rpartition("/")[2] == name), None)
     if fields is None or depth > DEEPEST:
-        raise ValueError(f"its schema does not say what {name} is")
+        raise ValueError(f"its schema does not define {name}")
     for kind, count, field in fields:
         where = f"{path}.{field}" if path else field
         if kind in TIMES:
@@ -247,7 +247,7 @@ def _doubles(rows: np.ndarray, offset: int, count: int) -> np.ndarray:
 def _parse(layout: str, data: bytes, ros_type: str) -> tuple[list[_Field], np.ndarray]:
     """Where the fields of a message are, and which bytes are the same in all like it."""
     if len(data) < _ENCAPSULATION:
-        raise ValueError(f"a message of {len(data)} bytes is no {ros_type}")
+        raise ValueError(f"a message of {len(data)} bytes is not a {ros_type}")
     if data[:2] != b"\x00\x01":
         raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
     cursor = _Cursor(data, ros_type)
@@ -255,7 +255,7 @@ def _parse(layout: str, data: bytes, ros_type: str) -> tuple[list[_Field], np.nd
         return [cursor.field(layout.split())], cursor.fixed
     count = cursor.count()
     if count > _MOST:
-        raise ValueError(f"a message with {count} parts is no {ros_type}")
+        raise ValueError(f"a message with {count} parts is not a {ros_type}")
     return [cursor.field(layout[1:-1].split()) for _ in range(count)], cursor.fixed
 
 
@@ -309,5 +309,5 @@ class _Cursor:
         self.fixed[before : self._at] = False  # padding is whatever it is
         start, self._at = self._at, self._at + size
         if self._at > len(self._data):
-            raise ValueError(f"a message of {len(self._data)} bytes is no {self._type}")
+            raise ValueError(f"a message of {len(self._data)} bytes is not a {self._type}")
         return start

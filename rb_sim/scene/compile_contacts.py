@@ -187,7 +187,7 @@ def refuse_middle(
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
-                f"the center of mass of {body} is at the centre of the round surface, where no "
+                f"the center of mass of {body} is at the centre of the round surface, so no "
                 f"point is nearest; change bodies.{body}.position slightly",
                 key=f"constraints.{name}",
                 file=scene.file,

@@ -74,7 +74,7 @@ def beside(run: Record, event: ContactEvent) -> EventState:
     rows = (before, after) if run.t[before] > 0.0 or event.t > near else (0, 0)
     if any(abs(run.t[row] - event.t) > near for row in rows):
         raise RbSimError(
-            f"no sample lies beside the event at t = {event.t:.9g} s: "
-            "Simulation.run(events=True) samples there"
+            f"no samples just before and after the event at t = {event.t:.9g} s: "
+            "use Simulation.run(events=True)"
         )
     return EventState(event, state_of(run, rows[0]), state_of(run, rows[1]))

@@ -280,7 +280,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
         ),
         (
             {"derived": {"simulation.duration": "speed"}, "simulation": {"duration": 1.0}},
-            "'simulation: {duration: ...}' goes there, too",
+            "'simulation: {duration: ...}' sets it, too",
         ),
         ({"outputs": {"n": "event_count('floor', 'impact')"}}, "'floor'; the scene has none"),
     ],

@@ -247,9 +247,9 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
     flattest = max(shape.semi_axes) ** 2 / min(shape.semi_axes)
     if isinstance(support, Round) and support.side < 0.0 and flattest >= support.radius:
         raise refuse(
-            f"on an ellipsoid that curves more than the hollow it is in, whose radius is "
-            f"{support.radius:g} m; its own reaches {flattest:g} m (largest semi-axis squared over "
-            "the least), and two of its points may touch at once"
+            f"on an ellipsoid whose largest radius of curvature (largest semi-axis squared over "
+            f"the smallest), {flattest:g} m, is below the radius of the hollow, {support.radius:g} m; "
+            "otherwise two of its points may touch at once"
         )
     return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
 

@@ -96,8 +96,8 @@ def print_explanation(result: Explanation, console: Console) -> None:
     console.print(table)
     console.print(
         Text(
-            f"A part's cost is what a step of {result.step_length:.3g} s takes more with it than "
-            "without it: the median of interleaved runs, ± half the interquartile range.",
+            f"Cost of a part: CPU time of a step of {result.step_length:.3g} s with it minus "
+            "without it, median of interleaved runs, ± half the interquartile range.",
             style="dim",
         )
     )
@@ -165,8 +165,8 @@ def notes(result: Explanation) -> list[str]:
         steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
         if events.count and not events.nanoseconds > 0.0:
             lines.append(
-                f"Cost of {counted(events.count, 'event')}: not measurable (small beside the "
-                "steps)."
+                f"Cost of {counted(events.count, 'event')}: not measurable (small compared with "
+                "the steps)."
             )
         elif events.count:
             lines.append(

@@ -121,7 +121,7 @@ def test_what_lies_before_the_cut_is_analyzed(tmp_path):
     """The one chunk of this bag, of 400 poses in 4 s, is cut off after 316."""
     found = analyze(spoilt("cut off", tmp_path / "bag"))
     (note,) = (line for line in found.notes if "cut off" in line)
-    assert "missing is what lies between t = 3.15000013 s and t = 3.99000013 s of the bag" in note
+    assert "messages missing between t = 3.15000013 s and t = 3.99000013 s of the bag" in note
     assert found.messages == 316
     assert abs(found.as_dict()["bodies"]["/body"]["motion"]["vz"]["mean"] - 0.2) < 1e-6
 
