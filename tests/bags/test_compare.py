@@ -484,7 +484,7 @@ def test_a_single_sample_beside_a_motion():
     t = np.linspace(0, 5, 501)
     whole, one = motion(t), motion(t[100:101])
     assert beside(one, whole)[1]["position"]["max"] == 0.0
-    with pytest.raises(RbSimError, match="a motion of 1 sample, .*: must be at least 4"):
+    with pytest.raises(RbSimError, match="a motion of 1 sample .*: must be at least 4"):
         beside(whole, one)
 
 

@@ -123,7 +123,7 @@ def test_a_journal_beside_it_is_told(tmp_path):
     found = info(bag)["health"]
     assert not found["whole"]
     assert found["damage"] == [
-        f"{bag / 's.db3'}: its recorder was killed, and messages in its journal (-wal) are "
+        f"{bag / 's.db3'}: its recorder was killed; messages in its journal (-wal) are "
         "not read; messages missing after t = 3.99000013 s of the bag"
     ]
 
