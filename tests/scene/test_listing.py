@@ -122,13 +122,12 @@ def test_a_file_goes_before_a_shipped_name(tmp_path: Path, monkeypatch: pytest.M
         ("a\0b", "does not exist", ""),
     ],
 )
-def test_unknown_scene_lists_the_shipped(name: str, what: str, hint: str) -> None:
+def test_an_unknown_scene_names_the_nearest_shipped_one(name: str, what: str, hint: str) -> None:
     with pytest.raises(SceneError) as caught:
         find_scene(name)
     text = str(caught.value)
     assert what in text
-    assert ", ".join(scene.name for scene in list_scenes()) in text
-    assert text.endswith(f" (did you mean {hint}?)") if hint else "did you mean" not in text
+    assert text.endswith(f"; did you mean {hint}?") if hint else "did you mean" not in text
     assert len(text.splitlines()) == 1
 
 

@@ -261,6 +261,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"bodies": {}}, "is a scene; a plan names one"),
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "did you mean stone"),
         ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),

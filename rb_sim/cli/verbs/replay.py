@@ -189,6 +189,7 @@ def note(lines: Iterable[str]) -> None:
 
 
 def check_ending(path: Path | None, ending: str) -> None:
+    """Refuse a file name with another ending. Raises SinkError."""
     if path is not None and path.suffix != ending:
         raise SinkError(f"{path}: the name must end in {ending}")
 
