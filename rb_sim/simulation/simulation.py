@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import Watched
 from rb_sim.checks.continuation import dead_end, rows_ahead
 from rb_sim.checks.second_run import SecondRun
@@ -20,7 +21,6 @@ from rb_sim.io.sink import Sink
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.instants import (
-    SAME_INSTANT,
     instants_at_rate,
     instants_beside,
     instants_given,
@@ -278,7 +278,7 @@ class Simulation(SceneInMotion):
             if watcher.stopped:
                 return
         last = start + (count - 1) / rate
-        if end - last > SAME_INSTANT / rate:
+        if end - last > COMPUTED_ROUNDING / rate:
             yield from self._sampled(np.array([end]), watcher)
 
     def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
