@@ -374,13 +374,15 @@ class SceneInMotion(InSteps):
         self._inputs.append(Input(0, 0.0, ""))
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Put bodies elsewhere; time and commands go on, events so far are forgotten.
+        """Set the state of bodies; time and commands go on, earlier events are dropped.
 
         bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
-        [x, y, z, w], `angular_velocity` (body axes), as in a scene; what is left out stays.
+        [x, y, z, w], `angular_velocity` (body axes), as in a scene; missing keys keep their
+        values.
         project: move the state onto the constraints. From here on, until a reset, one body with a
         joint moves in maximal coordinates, too.
-        Raises RbSimError for an unknown body, numbers that cannot be, a state off the constraints.
+        Raises RbSimError for an unknown body, invalid numbers, or a state that violates a
+        constraint.
         """
         if (unknown := [name for name in bodies if name not in self.layout.bodies]) or not bodies:
             known = ", ".join(self.layout.bodies)
@@ -423,7 +425,7 @@ class SceneInMotion(InSteps):
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
+        """Events of the contacts since the start (at least the last MOST_EVENTS)."""
         return in_order(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
@@ -454,9 +456,9 @@ class SceneInMotion(InSteps):
     ) -> bool:
         """Integrate over `duration` [s] without sampling.
 
-        watch: asked every 50 ms or so whether to go on; returns False where it said no: the state
-        is then still that before, and a later call goes on from where this one has come to.
-        Raises SimulationError if the integration cannot go on, or costs more than `limits`.
+        watch: called about every 50 ms; if it returns False, so does `advance`: the state is then
+        still that before, and a later call continues from the time reached. Raises
+        SimulationError if the integration cannot go on, or costs more than `limits`.
         """
         _check_duration(duration)
         return self._carried(np.array([self.time + duration]), watch, limits, None)
