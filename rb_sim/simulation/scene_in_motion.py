@@ -129,23 +129,20 @@ class InSteps:
 
     @property
     def circling_steps(self) -> int:
-        """Steps of time stepping that were too long for a contact whose only point ran around its
-        body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
-        step keeps; 0 of others."""
+        """Steps of time stepping in which a contact point ran around its body, as of a disk that falls
+        flat: they lose energy that shorter steps keep; 0 of other methods."""
         return self._motion.circling_steps
 
     @property
     def restruck_energy(self) -> float:
-        """Energy that time stepping took where a contact bore already and was struck anew, since
-        its point had moved on [J]: none is lost there in a motion, so that it is an error, which a
-        shorter step makes smaller; 0.0 of other methods."""
+        """Energy lost by time stepping in spurious impacts of contacts that were closed [J]: an error,
+        which a shorter step makes smaller; 0.0 of other methods."""
         return self._motion.restruck_energy
 
     @property
     def made_energy(self) -> float:
-        """Energy that rigid contacts have made under time stepping, where rubbing bodies come to
-        stick or turn round within a step [J]: by their laws contacts take some or none, so that it
-        is an error, which a shorter step makes smaller; 0.0 of other methods."""
+        """Energy gained in rigid contacts under time stepping, if a slip stops or reverses within a
+        step [J]: an error, which a shorter step makes smaller; 0.0 of other methods."""
         return self._motion.made_energy
 
     @property

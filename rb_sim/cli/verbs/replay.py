@@ -312,7 +312,7 @@ def _facts(
     if energy and energy.get("relative") is not None:
         text = f"{energy['error']:.2g} J, {energy['relative']:.2g} of {energy['scale']:.3g} J"
         rows.append(("energy error", text))
-    rows.append(("constraint violation", f"at most {run.residual.max():.2g} of the scene's scale"))
+    rows.append(("constraint violation", f"at most {run.residual.max():.2g} (relative)"))
     versions = json.loads((record or {}).get("versions", "{}")) or {"rb_sim": __version__}
     rows.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
     return rows
