@@ -129,14 +129,14 @@ class InSteps:
 
     @property
     def circling_steps(self) -> int:
-        """Steps of time stepping in which a contact point ran around its body, as of a disk that falls
-        flat: they lose energy that shorter steps keep; 0 of other methods."""
+        """Steps of time stepping in which a contact point ran around its body, as of a disk that
+        falls flat: they lose energy that shorter steps keep; 0 of other methods."""
         return self._motion.circling_steps
 
     @property
     def restruck_energy(self) -> float:
-        """Energy lost by time stepping in spurious impacts of contacts that were closed [J]: an error,
-        which a shorter step makes smaller; 0.0 of other methods."""
+        """Energy lost by time stepping in spurious impacts of contacts that were closed [J]: an
+        error, which a shorter step makes smaller; 0.0 of other methods."""
         return self._motion.restruck_energy
 
     @property
