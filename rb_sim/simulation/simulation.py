@@ -156,7 +156,7 @@ class Simulation(SceneInMotion):
             is the trajectory's `global_error`, and a finding above 1e-2. None: if the run is
             watched; from about a second of stepping on a coarser one first, from 20 s on the
             beginning only.
-        A run that will take more than ten minutes is told once, where `announce` says; one that
+        A run that will take more than ten minutes is reported once, to `announce`; one that
         would take more than a year is given up after some time.
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far
         are then in the sinks.
@@ -297,9 +297,9 @@ class Simulation(SceneInMotion):
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()
-            told = None if worst is None else (block.residual, worst)
+            residual = None if worst is None else (block.residual, worst)
             events, inputs = self.take_events(), self.take_inputs()
-            yield replace(block, events=events, inputs=inputs, worst=told)
+            yield replace(block, events=events, inputs=inputs, worst=residual)
         if failure is not None:
             dead = dead_end(self, times[:reached], out[:reached]) if not self._is_trial else None
             if dead is not None:

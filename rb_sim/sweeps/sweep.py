@@ -52,7 +52,7 @@ def look_over(
 ) -> tuple[Lost, ...]:
     """What watches see of lost accuracy in these runs of the plan.
 
-    A run that fails, or takes longer than the plan lets it, is told of as far as it went; why it
+    A run that fails, or takes longer than the plan lets it, is reported as far as it went; why it
     ended is in its row.
     """
     found: list[Lost] = []
@@ -95,7 +95,7 @@ LARGEST_BATCH = 2000
 """Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
 
 Progress = Callable[[int, int, int], None]
-"""Told (runs done, runs in all, runs that failed)."""
+"""Called with (runs done, runs in all, runs that failed)."""
 
 
 class SweepResult(NamedTuple):
@@ -166,8 +166,8 @@ def sweep(
 
             batches = _batches(values, todo, size, Batch(next_batch, todo, {}, bodies, start))
             with client(workers, scheduler) as connected:
-                told = described(loaded, looks, lanes)
-                run_batches(connected, told, str(folder.resolve()), batches, report)
+                description = described(loaded, looks, lanes)
+                run_batches(connected, description, str(folder.resolve()), batches, report)
     looked_at = to_look_at(todo) if len(todo) else []
     lost = look_over(runner, values, looked_at)
     for each in lost:
