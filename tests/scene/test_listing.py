@@ -102,7 +102,7 @@ def test_folder_that_is_none(tmp_path: Path) -> None:
 def test_nothing_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listing, "scene_folders", lambda: iter(()))
     assert list_scenes() == []
-    with pytest.raises(SceneError, match="one of none"):
+    with pytest.raises(SceneError, match="does not exist"):
         find_scene("pendulum")
 
 
