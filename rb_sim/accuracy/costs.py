@@ -265,7 +265,7 @@ NOISE = 3.0
 PREPARING = 30.0
 """CPU time of compiling the scene without its parts [s]: after it no other is left out."""
 
-LATE = "the time for measuring was used up by the parts before it"
+LATE = "no measuring time left after the parts before it"
 
 Progress = Callable[[str, float], None]
 

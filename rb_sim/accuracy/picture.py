@@ -69,7 +69,7 @@ def diagrams(accuracy: Accuracy, target: float | None = None) -> Figure:
         bbox_to_anchor=(0.5, 0.06), columnspacing=1.4, handletextpad=0.5,
     )  # fmt: skip
     figure.suptitle(
-        f"{accuracy.scene}: what accuracy costs over {accuracy.duration:g} s",
+        f"{accuracy.scene}: error against CPU time over {accuracy.duration:g} s",
         x=0.012, ha="left", fontsize=13, color=TEXT,
     )  # fmt: skip
     figure.text(0.012, 0.015, footnote(accuracy), fontsize=7.5, color=FAINT)

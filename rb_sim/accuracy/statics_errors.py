@@ -127,7 +127,7 @@ def cpu_time(act: Callable[[], object], spell: float) -> float:
 
 def print_statics(accuracy: StaticsAccuracy, console: Console) -> None:
     """One line per question, then what was compared with what."""
-    title = f"{accuracy.scene}: how exact the reactions of bodies at rest are, and what they cost"
+    title = f"{accuracy.scene}: accuracy and cost of the static reactions"
     console.print(Text(title, style="italic"))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("answer", no_wrap=True)

@@ -75,9 +75,7 @@ class Interpolated:
     def __init__(self, track: Track) -> None:
         if len(track.t) < FEW:
             count = "1 sample" if len(track.t) == 1 else f"{len(track.t)} samples"
-            raise RbSimError(
-                f"a motion of {count}, each later than all before: must be at least {FEW}"
-            )
+            raise RbSimError(f"a motion of {count} with increasing times: must be at least {FEW}")
         self.track = track
         self.q = continuous(track.orientation)
         self._stretches = stretches(track)

@@ -203,7 +203,7 @@ class GrowingTime:
         """A line for each jump, the first few of them."""
         lines = [
             f"{jump.source}: time goes back from {jump.old:.6g} s to {jump.new:.6g} s: the balance "
-            "ends there and begins anew"
+            "starts again there"
             for jump in self._jumps[:MOST_TOLD]
         ]
         more = len(self._jumps) - len(lines)

@@ -103,7 +103,7 @@ def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
     if fields is None:  # within a package names may stand without it
         fields = next((v for k, v in types.items() if k.rpartition("/")[2] == name), None)
     if fields is None or depth > DEEPEST:
-        raise ValueError(f"its schema does not say what {name} is")
+        raise ValueError(f"its schema does not define {name}")
     for kind, count, field in fields:
         where = f"{path}.{field}" if path else field
         if kind in TIMES:
@@ -230,7 +230,7 @@ def _parse(
     """Strings and numbers of each reading in a message, and which bytes are the same in all like
     it."""
     if len(data) < len(HEADER):
-        raise ValueError(f"a message of {len(data)} bytes is no {ros_type}")
+        raise ValueError(f"a message of {len(data)} bytes is not a {ros_type}")
     if data[:2] != HEADER[:2]:
         raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
     cursor = Cursor(data, ros_type)
@@ -238,7 +238,7 @@ def _parse(
         return [_reading(cursor, data, layout.split())], cursor.fixed
     count = cursor.count()
     if count > _MOST:
-        raise ValueError(f"a message with {count} parts is no {ros_type}")
+        raise ValueError(f"a message with {count} parts is not a {ros_type}")
     return [_reading(cursor, data, layout[1:-1].split()) for _ in range(count)], cursor.fixed
 
 

@@ -54,7 +54,7 @@ class Clocks:
             return ""
         return (
             f"stamps of different clocks: those of {last} lie {most:.6g} s before the time of the "
-            f"log, those of {first} {least:.6g} s: what happened at once is not side by side"
+            f"log, those of {first} {least:.6g} s: the topics are not synchronised"
         )
 
 

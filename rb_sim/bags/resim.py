@@ -207,8 +207,8 @@ def _refuse_dropped(reader: BagReader, number: np.ndarray, t: np.ndarray, rate: 
         dropped = (reader.summary or {}).get("samples_dropped") or int(lacking[-1])
         raise SinkError(
             f"{reader.path}: {dropped} samples are lacking, the first of them before"
-            f" t = {t[first]:.9g} s (the queue of the logs was full), and so is what was commanded"
-            " at them: the run cannot be simulated again; record with a larger log_queue"
+            f" t = {t[first]:.9g} s (the queue of the logs was full), with their commands: the run"
+            " cannot be simulated again; record with a larger log_queue"
         )
 
 

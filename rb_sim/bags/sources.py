@@ -76,7 +76,7 @@ class Sources:
             if others:
                 lines.append(f"{base}: not all of one type and frame: {told} for itself")
         return lines + [
-            f"{source}: comes in {len(channels)} channels, which are taken as of one thing"
+            f"{source}: comes in {len(channels)} channels, which are taken as one source"
             for source, channels in self._channels.items()
             if len(channels) > 1
         ]

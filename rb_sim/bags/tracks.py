@@ -296,7 +296,7 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
     t, twist = _joined(sources[source])
     names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
-        return f"{source}: of which of {', '.join(names)} it is, nothing tells" if names else ""
+        return f"{source}: may belong to any of {', '.join(names)}; not used" if names else ""
     (name,) = names
     track, pose = bodies[name], sources[name][0]
     v, w, axes = twist[:, :3], twist[:, 3:], axes_of(sources[source][0], pose)

@@ -212,8 +212,8 @@ class Composed:
                 "(linear, as tf2 has it): accelerations are only as good as that"
             )
         for name, count in self._lost.items():
-            lines.append(f"{name}: {count} poses left out: a transform on the way has no two "
-                         "stamps about theirs that are near enough")  # fmt: skip
+            lines.append(f"{name}: {count} poses skipped: a transform between their frame and "
+                         "the root has no stamps close enough before and after them")  # fmt: skip
         lines += [f"{source}: changes, though static: the first is taken"
                   for source in sorted(self._changed)]  # fmt: skip
         return lines

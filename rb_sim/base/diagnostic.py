@@ -70,7 +70,7 @@ CHECKS: dict[str, Check] = {
     "singular configuration": Check(
         "number of constraint equations that become dependent",
         "0",
-        "the linkage passes a position in which it can continue in several ways",
+        "the linkage passes a position from which several motions are possible",
         "end the run before, or change lengths or drives so that it is not reached",
     ),
     "step": Check(

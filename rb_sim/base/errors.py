@@ -47,11 +47,12 @@ class StepTooLargeError(SimulationError):
 
 
 class AccuracyWarning(UserWarning):
-    """Accuracy was lost in a run that goes on; the text says what, when, where and what to try."""
+    """A run goes on with a loss of accuracy; the text has quantity, value, limit, time, body and
+    advice."""
 
 
 class SceneWarning(UserWarning):
-    """A value of a scene that is often meant otherwise; the text says how it is read."""
+    """A value of a scene that is often meant differently; the text has its meaning here."""
 
 
 class SinkError(RbSimError):

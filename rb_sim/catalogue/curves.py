@@ -18,12 +18,16 @@ SPLINE_DEGREE = 7
 
 
 class LineCurve(NamedTuple):
+    """A straight line."""
+
     point: Vec3
     direction: Vec3
     """unit vector; s is the length along it [m]."""
 
 
 class CircleCurve(NamedTuple):
+    """A circle in a plane."""
+
     centre: Vec3
     e1: Vec3
     e2: Vec3
@@ -32,6 +36,8 @@ class CircleCurve(NamedTuple):
 
 
 class SplineCurve(NamedTuple):
+    """A spline through points."""
+
     pieces: Pieces
     """polynomials of the parameter s, about the length [m] along chords."""
 

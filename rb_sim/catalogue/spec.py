@@ -80,13 +80,19 @@ ALSO_CALLED = {
 """What other programs call a thing -> its names here; which of them is meant, the place tells."""
 
 
-def one_of(value: object, names: Iterable[str]) -> str:
-    """Phrase that lists `names`, with the one that `value` was probably meant to be."""
+def meant(value: object, names: Iterable[str]) -> str | None:
+    """The one of `names` that `value` was probably meant to be."""
     listed = sorted(names)
     word = value[:64] if isinstance(value, str) else ""
     close = [name for name in ALSO_CALLED.get(word.lower(), ()) if name in listed]
-    close = close or get_close_matches(word, listed, n=1)
-    hint = f" (did you mean {close[0]}?)" if close else ""
+    return next(iter(close or get_close_matches(word, listed, n=1)), None)
+
+
+def one_of(value: object, names: Iterable[str]) -> str:
+    """Phrase that lists `names`, with the one that `value` was probably meant to be."""
+    listed = sorted(names)
+    close = meant(value, listed)
+    hint = f" (did you mean {close}?)" if close else ""
     return f"one of {', '.join(listed) or 'none'}{hint}"
 
 
@@ -294,10 +300,18 @@ class AxisAngle(Spec):
         return (x * sine, y * sine, z * sine, math.cos(half))
 
 
+EULER = ("rpy", "euler", "roll", "pitch", "yaw")
+"""Keys of an orientation in other programs."""
+
+
 def _from_axis_angle(value: Any) -> Any:
-    if isinstance(value, Mapping):
+    angles = isinstance(value, Mapping) and not value.keys().isdisjoint(EULER)
+    if isinstance(value, Mapping) and not angles:
         return AxisAngle.model_validate(value).quaternion()
-    return _listed("a quaternion [x, y, z, w] or {axis: [x, y, z], angle: rad}", 4)(value)
+    allowed = "a quaternion [x, y, z, w] or {axis: [x, y, z], angle: rad}"
+    if angles or (isinstance(value, (list, tuple)) and len(value) == 3):
+        allowed += "; from roll, pitch, yaw: scipy's Rotation.from_euler('xyz', rpy).as_quat()"
+    return _listed(allowed, 4)(value)
 
 
 UnitQuaternion = Annotated[

@@ -38,7 +38,7 @@ def rows_ahead(run: Motion, times: Array) -> Array | None:
         nonlocal looks
         looks += 1
         if looks > MOST_LOOKS:
-            raise SimulationError("a motion beside takes too long")
+            raise SimulationError("the comparison motion takes too long")
 
     out = np.zeros((len(times), beside.width))
     try:

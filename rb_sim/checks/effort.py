@@ -349,7 +349,7 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
          "the normal rotates too far in one step"),
         (part(effort.paradox), 0.0, last, of(effort.paradox), None,
          "share of the steps with several solutions (Painleve's paradox)",
-         "another motion is possible from here; an event-driven method says which"),
+         "the motion from here is not unique; an event-driven method names the branch"),
         (part(effort.slipping), 0.0, last, of(effort.slipping), None,
          "share of the steps in which a perfectly rough contact slips",
          "friction that stops the slip would lift the body; try an event-driven method"),

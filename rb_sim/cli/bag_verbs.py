@@ -85,7 +85,7 @@ def show(
         str,
         typer.Argument(
             metavar="OUT|BAG|SCENE",
-            help="The folder of a run, a bag (of others, too), or a scene, which is simulated.",
+            help="Folder of a run, a bag (also of another program), or a scene (simulated first).",
         ),
     ],
     save: Annotated[
@@ -94,7 +94,9 @@ def show(
             metavar="FILE.html", help="The page.", show_default="OUT/show.html, else NAME.html"
         ),
     ] = None,
-    browse: Annotated[bool, typer.Option("--open", help="Open it in the web browser.")] = False,
+    browse: Annotated[
+        bool, typer.Option("--open", help="Open the page in the web browser.")
+    ] = False,
 ) -> None:
     """Write one HTML page that shows a run in 3D with a time slider, forces and plots.
 

@@ -20,7 +20,8 @@ Source = str | PathLike[str] | Mapping[str, Any]
 
 
 def statics(scene: Scene | Source) -> StaticsResult:
-    """The reactions that hold the bodies of a scene at rest, with their ranges, or what gives.
+    """The reactions that hold the bodies of a scene at rest, with their ranges, or why there is
+    no equilibrium.
 
     scene: at its initial pose. Raises SceneError.
     """
@@ -38,10 +39,11 @@ def compare(
     match: Mapping[str, str] | None = None,
     wrenches: Sequence[str] = (),
 ) -> Differences:
-    """A recorded motion beside a bag, a CSV file, or a scene simulated as it was recorded.
+    """Compare a recorded motion with a bag, a CSV file, or a scene simulated as it was recorded.
 
-    align: none, first, offset or clock; match: name in the bag to name in the other. wrenches: of a
-    bag of others, those that were commanded (TOPIC or BODY=TOPIC), or "none"; else by their names.
+    align: none, first, offset or clock; match: name in the bag to name in the other. wrenches:
+    topics of applied wrenches in a bag not recorded by rb_sim (TOPIC or BODY=TOPIC), or "none";
+    default: by frame and name.
     """
     from rb_sim.bags.compare import differences
     from rb_sim.cli.verbs import compare as verb

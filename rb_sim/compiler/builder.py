@@ -130,9 +130,11 @@ class Builder:
         return self.get(f"getelementptr {kind}, ptr {pointer}, i64 {index}")
 
     def load(self, kind: str, pointer: str) -> str:
+        """Load the value at a pointer."""
         return self.get(f"load {kind}, ptr {pointer}, align {size_of(kind)}")
 
     def store(self, kind: str, value: str, pointer: str) -> None:
+        """Store a value at a pointer."""
         self.do(f"store {kind} {value}, ptr {pointer}, align {size_of(kind)}")
 
     def text(self) -> str:

@@ -128,6 +128,7 @@ class Variables(Builder):
         return self.list
 
     def refuse(self, node: ast.AST) -> Any:
+        """Refuse a node of the syntax tree that has no translation. Raises KindError."""
         raise KindError(f"{type(node).__name__} is not compiled")
 
 

@@ -384,7 +384,7 @@ class _Problem:
             return self.jacobian(whole(part))[:, moved]
 
         if not moved.any():
-            message = "no number has any effect"
+            message = "none of the parameters changes the motion"
             return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0, held=0)
         start = limits.inside(x)[moved]
         held, derivative = held_still(slopes, start, negligible(self.smooth))

@@ -104,7 +104,7 @@ def pairs_of(
     if not pairs:
         raise RbSimError(
             f"{tracks.name}: its poses are of {names}; the scene's bodies are "
-            f"{', '.join(bodies)}; say which is which with {option}"
+            f"{', '.join(bodies)}; assign them with {option}"
         )
     return pairs, [
         f"{body}: left out: its poses may be {' or '.join(found)}; say which with {option}"
@@ -188,7 +188,7 @@ class _Acting:
                         "are its commands, which add up, with --wrench TOPIC, or --wrench none"
                     )
         taken = [(topic, body) for body, signals in self._signals.items() for topic in signals]
-        lines = [f"{topic} is what {body} was commanded" for topic, body in taken]
+        lines = [f"{topic} is applied to {body} as its command" for topic, body in taken]
         rest = [topic for topic in self._topics if topic not in dict(taken)]
         if rest and not wrenches:
             why = "the scene has no commanded_wrench that takes them"
@@ -218,7 +218,7 @@ class _Acting:
         found = body or self._body_of(topic)
         if found is None:
             raise RbSimError(
-                f"--wrench {topic}: neither its frame nor its name tells of which body; give "
+                f"--wrench {topic}: neither its frame nor its name identifies the body; give "
                 f"BODY={topic} (bodies that take a command: {takers})"
             )
         self._take(found, topic)

@@ -136,21 +136,26 @@ class Piece:
         return self.pieces.part_of_output(x) == self.number
 
     def line(self, text: str) -> str:
+        """Write one instruction and return the name of its result."""
         self.count += 1
         self.lines.append(f"  %v{self.count} = {text}")
         return f"%v{self.count}"
 
     def place(self, base: str, index: int) -> str:
+        """The address of the number at an index."""
         return self.line(f"getelementptr double, {self.pointer} {base}, i64 {index}")
 
     def load(self, base: str, index: int) -> str:
+        """Load the number at an index."""
         return self.line(f"load double, {self.pointer} {self.place(base, index)}, align 8")
 
     def store(self, value: str, base: str, index: int) -> None:
+        """Store a number at an index."""
         at = self.place(base, index)
         self.lines.append(f"  store double {value}, {self.pointer} {at}, align 8")
 
     def as_double(self, x: Symbol) -> str:
+        """A value as a number; of a condition 1.0 or 0.0."""
         value = self.names[x.number]
         return self.line(f"uitofp i1 {value} to double") if isinstance(x, Condition) else value
 
@@ -164,6 +169,7 @@ class Piece:
         return name
 
     def from_outside(self, x: Symbol) -> str:
+        """Load an input, or the result of another piece from the frame."""
         if x.op == "t":
             return "%t"
         if x.op in INPUTS:
@@ -174,6 +180,7 @@ class Piece:
         return loaded
 
     def operation(self, x: Symbol) -> str:
+        """Write one operation and return the name of its result."""
         if x.op in _BINARY:  # nearly all are
             first, second = x.operands
             a, b = self.value(first), self.value(second)

@@ -55,6 +55,7 @@ class Inlined(Piece):
         self.coefficients: list[str] | None = None
 
     def line(self, text: str) -> str:
+        """Write one operation through the driver, with contraction allowed."""
         return self.driver.line(CONTRACTED.sub(r"\1 contract double", text))
 
     def values(self) -> list[str]:
@@ -64,6 +65,7 @@ class Inlined(Piece):
         return [self.value(x) for x in self.pieces.outputs]
 
     def from_outside(self, x: Symbol) -> str:
+        """The name of an input: a coefficient of the series instead of a number of the state."""
         if self.zeros is None or x.op not in INPUTS:
             return super().from_outside(x)
         if x.op == "t":
@@ -96,14 +98,17 @@ class Writer:
         return self.line(f"extractelement {self.vector(LANES)} {vector}, i32 {index % LANES}")
 
     def line(self, text: str) -> str:
+        """Write one instruction and return the name of its result."""
         self.count += 1
         self.lines.append(f"  %v{self.count} = {text}")
         return f"%v{self.count}"
 
     def place(self, base: str, index: int | str) -> str:
+        """The address of the number at an index."""
         return self.line(f"getelementptr double, {self.p} {base}, i64 {index}")
 
     def vector(self, width: int) -> str:
+        """The LLVM type of so many numbers."""
         return f"<{width} x double>"
 
     def at(self, base: str, width: int) -> str:
@@ -113,11 +118,13 @@ class Writer:
         return self.line(f"bitcast {self.p} {base} to {self.vector(width)}*")
 
     def load(self, base: str, index: int, width: int) -> str:
+        """Load a vector of so many numbers from an index on."""
         kind = self.vector(width)
         place = self.at(self.place(base, index), width)
         return self.line(f"load {kind}, {self._to(kind)} {place}, align 8")
 
     def store(self, value: str, base: str, index: int, width: int) -> None:
+        """Store a vector from an index on."""
         kind = self.vector(width)
         place = self.at(self.place(base, index), width)
         self.lines.append(f"  store {kind} {value}, {self._to(kind)} {place}, align 8")
@@ -137,12 +144,15 @@ class Writer:
         return self.line(f"shufflevector {kind} {one}, {kind} undef, {mask}")
 
     def label(self, name: str) -> None:
+        """Begin a basic block."""
         self.lines.append(f"{name}:")
 
     def jump(self, name: str) -> None:
+        """End the block and go to another one."""
         self.lines.append(f"  br label %{name}")
 
     def branch(self, condition: str, yes: str, no: str) -> None:
+        """End the block and go to one of two others."""
         self.lines.append(f"  br i1 {condition}, label %{yes}, label %{no}")
 
     def keep(

@@ -133,11 +133,13 @@ class Vectors:
         self.turns = False
 
     def line(self, text: str) -> str:
+        """Write one instruction and return the name of its result."""
         name = f"%v{len(self.lines)}"
         self.lines.append(f"  {name} = {text}")
         return name
 
     def value(self, x: Any) -> str:
+        """The name of an operand, or a vector of one constant."""
         return self.names[x.number] if isinstance(x, Symbol) else splat(x)
 
     def place(self, base: str, index: int) -> tuple[str, str]:
@@ -149,10 +151,12 @@ class Vectors:
         return kind, self.line(f"bitcast {self.pointer} {at} to {kind}")
 
     def load(self, base: str, index: int) -> str:
+        """Load the vector at an index."""
         kind, at = self.place(base, index)
         return self.line(f"load {VECTOR}, {kind} {at}, align 8")
 
     def store(self, value: str, index: int, base: str = "%out") -> None:
+        """Store a vector at an index."""
         kind, at = self.place(base, index)
         self.lines.append(f"  store {VECTOR} {value}, {kind} {at}, align 8")
 
@@ -165,6 +169,7 @@ class Vectors:
             self.names[x.number] = self.operation(x, [self.value(o) for o in x.operands])
 
     def operation(self, x: Symbol, a: list[str]) -> str:
+        """Write one operation on its operands and return the name of its result."""
         if x.op in _BINARY:
             return self.line(f"{_BINARY[x.op]} {VECTOR} {a[0]}, {a[1]}")
         if x.op == "neg":

@@ -27,7 +27,7 @@ case. CPU times are of one run on one machine, kernels %s.
 
 
 QUICK = """
-What takes longer than some seconds is not in the table: it is that of `--quick`.
+The table is that of `--quick`: cases that take more than some seconds are not in it.
 """
 
 PEERS = """

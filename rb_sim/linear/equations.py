@@ -183,6 +183,7 @@ def skew(a: Any) -> Array:
 
 
 def rotation(q: Any) -> Array:
+    """The matrix of a quaternion, body to world, (3, 3)."""
     return np.array([rotate(q, tuple(e)) for e in np.eye(3)]).T
 
 

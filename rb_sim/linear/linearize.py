@@ -68,7 +68,7 @@ def linearize(
     """
     bodies = len(system.bodies)
     G, inverse_mass, held, rank = held_at(system, t, y)
-    names = input_names(commands)
+    names = _input_names(commands)
 
     def commanded(changed: MultiBody, wrench: Sequence[Any]) -> MultiBody:
         return with_inputs(changed, commands, wrench, axes)
@@ -215,7 +215,7 @@ def reaction_lines(system: MultiBody, t: float, y: Array) -> Array:
     return np.array(found, float).reshape(len(unit), 6 * len(system.members)).T
 
 
-def input_names(commands: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
+def _input_names(commands: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
     return tuple(
         f"{body}/{kind}_{axis}"
         for body in commands
@@ -251,6 +251,7 @@ def state_names(bodies: Sequence[str]) -> list[str]:
 
 
 def reaction_names(layout: SampleLayout) -> list[str]:
+    """Names of the outputs of all reactions: NAME/force_x ... NAME/torque_z."""
     return [
         f"{name}/{kind}_{axis}"
         for name in layout.reactions

@@ -198,7 +198,7 @@ def run(scene: Path, out: Path, console: Console) -> bool:
     command = [sys.executable, "-m", "rb_sim.ros.main", str(scene), "--ros-args"]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={value}"]
-    console.print(f"[bold]node[/bold]      {scene}  (its words are in {log})")
+    console.print(f"[bold]node[/bold]      {scene}  (output in {log})")
     with log.open("w") as file:
         node = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
     try:
@@ -210,7 +210,7 @@ def run(scene: Path, out: Path, console: Console) -> bool:
         sender.start()
         sender.join(RUN_LIMIT)
         if sender.exitcode != 0:
-            raise RbSimError(f"the commander failed; the node said: {log.read_text()}")
+            raise RbSimError(f"the commander failed; output of the node: {log.read_text()}")
     finally:
         node.terminate()  # it finishes the sample and the logs
         status = node.wait(RUN_LIMIT)

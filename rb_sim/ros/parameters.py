@@ -44,8 +44,8 @@ class Settings:
     scene: str = setting("", "scene file, or the name of a shipped one (rb_sim scenes)")
     out: str = setting(
         "",
-        "new folder for bag, recording and plots; {time} in it becomes the date and time of the"
-        " start; empty: nothing is logged",
+        "new folder for bag, recording and plots; {time} in its name becomes the start"
+        " time; empty: no logs",
     )
     overwrite: bool = setting(False, "replace logs that are in OUT already")
     log_bag: bool = setting(True, "write OUT/bag")
@@ -74,8 +74,8 @@ class Settings:
     )
     thread_priority: int = setting(
         50,
-        "real-time priority (SCHED_FIFO) of the node's threads while it keeps to the wall clock,"
-        " where the system permits it; 0: none",
+        "real-time priority (SCHED_FIFO) of the node's threads in real time, if the system"
+        " permits it; 0: none",
         low=0,
         high=99,
     )
@@ -99,14 +99,14 @@ class Settings:
     )
     max_sample_steps: int = setting(
         1_000_000,
-        "most integration steps between two samples; beyond it the node stops with an error",
+        "largest number of integration steps between two samples; more is an error",
         low=1,
         high=1_000_000_000_000,
         live=True,
     )
     max_sample_time: float = setting(
         10.0,
-        "most wall-clock time between two samples [s]; beyond it the node stops with an error",
+        "largest wall-clock time between two samples [s]; more is an error",
         low=1e-3,
         high=1e9,
         live=True,
@@ -115,7 +115,7 @@ class Settings:
         False, "end when the motion cannot go on, instead of waiting for ~/reset"
     )
     wall_stamps: bool = setting(
-        False, "log times in the bag are the wall's; otherwise simulated time"
+        False, "log times of the bag in wall-clock time instead of simulated time"
     )
     split_size: int = setting(
         0,
@@ -128,8 +128,8 @@ class Settings:
     )
     log_queue: int = setting(
         20_000,
-        "samples that may wait for the logs; beyond it they are dropped and counted where the"
-        " simulation keeps to the clock, else it waits",
+        "largest number of samples queued for the logs; if full, a run in real time drops and"
+        " counts samples, any other run waits",
         low=1,
         high=10_000_000,
     )
@@ -137,11 +137,11 @@ class Settings:
         10, "messages kept per topic for slow subscribers", low=1, high=10_000
     )
     publish_clock: bool = setting(
-        True, "publish /clock; false for all nodes but one, where several share a domain"
+        True, "publish /clock; with several nodes in a domain, true for one of them only"
     )
-    tf: bool = setting(True, "publish /tf, where tf2_msgs is")
+    tf: bool = setting(True, "publish /tf, if tf2_msgs is installed")
     frame_prefix: str = setting(
-        "", "put before the name of every frame that is published or taken, as in 'robot1/'"
+        "", "prefix of all frame names, published and received, such as 'robot1/'"
     )
     odometry: bool = setting(False, "publish BODY/odometry (nav_msgs/Odometry)")
     joint_states: bool = setting(
@@ -165,11 +165,11 @@ class Settings:
     )
     discovery: float = setting(
         DISCOVERY,
-        "wall time that is waited for another node of this name to be seen, from the start on [s]",
+        "wall-clock time in which to look for another node of the same name at the start [s]",
         low=0,
         high=60,
     )
-    start_paused: bool = setting(False, "wait for ~/pause false or ~/step")
+    start_paused: bool = setting(False, "start paused: wait for ~/pause false or ~/step")
     managed: bool = setting(
         False, "a lifecycle node: compiles, runs and ends by the transitions of ~/change_state"
     )
@@ -218,7 +218,7 @@ def refusal(name: str, value: Any) -> str | None:
         allowed = ", ".join(choice for choice in about["choices"] if choice)
         return f"{name}: {value!r} is none of {allowed}"
     if name == "frame_prefix" and str(value).startswith("/"):
-        return f"{name}: {value!r} begins with a slash, and tf2 looks up no such frame"
+        return f"{name}: {value!r} begins with a slash, which tf2 does not look up"
     return None
 
 

@@ -152,7 +152,7 @@ def check_contacts(
         if not move_apart(system, y, laws, t):
             raise SceneError(
                 "contacts contradict each other or the constraints: every state near the initial "
-                f"one has an overlap ({deepest_name(system, names, laws)})",
+                f"one has an overlap ({_deepest_name(system, names, laws)})",
                 key="constraints",
                 file=scene.file,
             )
@@ -184,7 +184,7 @@ def refuse_middle(
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
-                f"the center of mass of {body} is at the centre of the round surface, where no "
+                f"the center of mass of {body} is at the centre of the round surface, so no "
                 f"point is nearest; change bodies.{body}.position slightly",
                 key=f"constraints.{name}",
                 file=scene.file,
@@ -224,7 +224,7 @@ def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
     return np.where(counts, system.touch[:, GAP], 0.0)
 
 
-def deepest_name(system: ContactBodies, names: list[str], laws: list[ContactLaw]) -> str:
+def _deepest_name(system: ContactBodies, names: list[str], laws: list[ContactLaw]) -> str:
     return names[int(overlaps(system, laws).argmin())]
 
 
@@ -382,6 +382,7 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
 
 
 def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
+    """A part of a constraint with the numbers of its body and parent; -1: the world."""
     parent = getattr(spec, "parent", None)
     return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
 

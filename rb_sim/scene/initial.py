@@ -213,7 +213,7 @@ def check_maximal(
         with np.errstate(all="ignore"):  # what does not stay finite is refused below
             before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
-        refuse_lines(scene, "have no direction: points that must be apart coincide")
+        _refuse_lines(scene, "have no direction: points that must be apart coincide")
     lines = before.shape[1]
     checked = not scene.simulation.project_initial and lines > 0
     misfits = zip(UNITS, before, relative(system, before, *scales), strict=True)
@@ -235,10 +235,10 @@ def check_maximal(
             hidden = hidden_by_masses(system, t, y) if isinstance(system, MultiBody) else ()
             singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
     except np.linalg.LinAlgError:
-        refuse_lines(scene, "overflow: lengths or masses are too large or too small")
+        _refuse_lines(scene, "overflow: lengths or masses are too large or too small")
     if len(hidden):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
-        refuse_masses(scene, ", ".join(found))
+        _refuse_masses(scene, ", ".join(found))
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(
@@ -251,13 +251,13 @@ def check_maximal(
     return int(rank), lines
 
 
-def refuse_lines(scene: Scene, why: str) -> NoReturn:
+def _refuse_lines(scene: Scene, why: str) -> NoReturn:
     raise SceneError(
         f"their equations in the initial position {why}", key="constraints", file=scene.file
     )
 
 
-def refuse_masses(scene: Scene, constraints: str) -> None:
+def _refuse_masses(scene: Scene, constraints: str) -> None:
     masses = [body.mass for body in scene.bodies.values()]
     raise SceneError(
         f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg connected by {constraints} "

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.spec import one_of
+from rb_sim.catalogue.spec import meant
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import scene_error
 
@@ -78,7 +78,7 @@ def shipped_statics() -> dict[str, Path]:
 def find_scene(name_or_path: str | PathLike[str]) -> Path:
     """Path of a scene given by its file, or by the bare name of a shipped scene.
 
-    Raises SceneError that lists the shipped scenes.
+    Raises SceneError with the shipped scene that was probably meant.
     """
     path = Path(name_or_path)
     if path.is_file():
@@ -88,9 +88,10 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
     if str(name_or_path) in known:
         return known[str(name_or_path)]
     what = "is a folder" if path.is_dir() else "does not exist"
-    names = one_of(path.stem, shipped)
-    message = f"{what}; a scene must be a YAML file or the name of a shipped scene: {names}"
-    raise scene_error(message, (), str(name_or_path))
+    near = meant(path.stem, shipped)
+    hint = f"; did you mean {near}?" if near else ""
+    allowed = "a YAML file or a name that `rb_sim scenes` lists"
+    raise scene_error(f"{what}; a scene must be {allowed}{hint}", (), str(name_or_path))
 
 
 def _description(path: Path) -> str | None:

@@ -277,9 +277,9 @@ def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
 
 
 class SceneBuilder:
-    """Collects what a scene file says; every call returns the builder, so that calls chain.
+    """Builds a scene entry by entry; every call returns the builder, so that calls chain.
 
-    name: what the scene and its errors are called. Keys and values are those of a scene file
+    name: of the scene, in its errors. Keys and values are those of a scene file
     (docs/scenes.md); `build` checks them. Raises SceneError for a name that is taken, at once.
     """
 
@@ -310,7 +310,7 @@ class SceneBuilder:
         return self._put("effects", name, {"type": type, **values})
 
     def simulate(self, **values: Any) -> SceneBuilder:
-        """Say how to integrate: duration, rate, method, step or tolerance."""
+        """Set duration, rate, method, step or tolerance of the integration."""
         self._data["simulation"] = {**self._data.get("simulation", {}), **values}
         return self
 
@@ -319,7 +319,7 @@ class SceneBuilder:
         return {key: value for key, value in self._data.items() if value}
 
     def as_yaml(self) -> str:
-        """The text of a scene file that says the same. Raises SceneError as `build` does."""
+        """The scene as text of a scene file. Raises SceneError as `build` does."""
         return self.build().text
 
     def build(self, **overrides: Any) -> Scene:

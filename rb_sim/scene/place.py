@@ -68,12 +68,15 @@ class InitialPlace:
         self._starts = dict(starts or {})
 
     def body_names(self) -> tuple[str, ...]:
+        """Names of all bodies, in the order of the scene."""
         return tuple(self.scene.bodies)
 
     def inertial(self, body: str) -> Inertial:
+        """Mass, inertia and centre of mass of a body."""
         return self.inertials[body]
 
     def state(self, body: str | None) -> BodyState:
+        """The scene's own initial state of a body; None: the world."""
         return WORLD if body is None else self.states[body]
 
     def start(self, body: str) -> BodyState:
@@ -81,14 +84,17 @@ class InitialPlace:
         return self._starts.get(body) or self.states[body]
 
     def shape(self, body: str) -> Any:
+        """The shape of a body, or None."""
         return self.scene.bodies[body].shape
 
     def from_com(self, body: str | None, point: Vec3) -> Vec3:
+        """A point of the body, given from its origin, from its centre of mass [m]; None: world."""
         return vector(point) if body is None else sub(vector(point), self.inertials[body].r_OC)
 
     def partner_point(
         self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
+        """The parent's point of a joint [m]: as given, or where point_B lies at the start."""
         if point is not None:
             return self.from_com(parent, point)
         B, A = self.state(body), self.state(parent)
@@ -98,6 +104,7 @@ class InitialPlace:
     def partner_axis(
         self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
     ) -> Vec3:
+        """The parent's axis of a joint: as given, or as axis_B lies at the start."""
         if axis is not None:
             return vector(axis)
         return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))

@@ -177,7 +177,7 @@ def gyration(body: Inertial) -> float:
 UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def reduce_fixed_point(
+def _reduce_fixed_point(
     place: InitialPlace, spec: FixedPoint, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
     r_B = place.from_com(spec.body, spec.point_B)
@@ -192,7 +192,7 @@ def reduce_fixed_point(
     return Reduced(system, B.q_WB + w, state, max(norm(rho), gyration(body)))
 
 
-def reduce_fixed_axis(
+def _reduce_fixed_axis(
     place: InitialPlace, spec: FixedAxis, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
     n = vector(spec.axis_B)
@@ -221,7 +221,7 @@ def aligned(q: Any, a_B: Vec3, a_W: Vec3) -> Any:
     return quaternion_unit(quaternion_product(quaternion_unit(turn), q))
 
 
-def reduce_translation(
+def _reduce_translation(
     place: InitialPlace, spec: Translation, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
     r_B, curve = place.from_com(spec.body, spec.point_B), spec.curve(place)
@@ -236,7 +236,7 @@ def reduce_translation(
     return Reduced(GuidedBody(body, B.q_WB, r_B, curve, effects), (s, s_dot), state, norm(slope))
 
 
-def reduce_rolling(
+def _reduce_rolling(
     place: InitialPlace, spec: Rolling, body: Inertial, B: BodyState, effects: tuple[Any, ...]
 ) -> Reduced:
     surface, normal = spec.surface(place), vector(spec.normal_A)
@@ -261,10 +261,10 @@ def reduce_rolling(
 
 
 MAKERS: dict[type, Any] = {
-    FixedPoint: reduce_fixed_point,
-    FixedAxis: reduce_fixed_axis,
-    Translation: reduce_translation,
-    Rolling: reduce_rolling,
+    FixedPoint: _reduce_fixed_point,
+    FixedAxis: _reduce_fixed_axis,
+    Translation: _reduce_translation,
+    Rolling: _reduce_rolling,
 }
 
 

@@ -32,7 +32,7 @@ SMALLEST_INERTIA = 1e-150
 """[kg m^2]; below it products of moments underflow."""
 
 
-def is_triple(value: Any) -> bool:
+def _is_triple(value: Any) -> bool:
     return isinstance(value, (list, tuple)) and len(value) == 3
 
 
@@ -40,8 +40,8 @@ def from_principal_moments(value: Any) -> Any:
     """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass; the rest is refused."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if is_triple(value):
-        if all(is_triple(row) for row in value):
+    if _is_triple(value):
+        if all(_is_triple(row) for row in value):
             return value
         if not any(isinstance(entry, (list, tuple)) for entry in value):
             a, b, c = value

@@ -35,7 +35,9 @@ def compiled(scene: Scene, say: Say) -> Simulation:
         say_once(compiling(scene.name))
 
     if scene.simulation.method == "auto":
-        say_once(f"choosing the method that keeps {scene.simulation.tolerance:g} at least cost")
+        say_once(
+            f"choosing the cheapest method for a global error of {scene.simulation.tolerance:g}"
+        )
     with on_compilation(announce):
         for attempt in range(ATTEMPTS):
             try:

@@ -129,23 +129,20 @@ class InSteps:
 
     @property
     def circling_steps(self) -> int:
-        """Steps of time stepping that were too long for a contact whose only point ran around its
-        body while it bore, as that of a disk that comes to lie: energy is lost there that a shorter
-        step keeps; 0 of others."""
+        """Steps of time stepping in which a contact point ran around its body, as of a disk that
+        falls flat: they lose energy that shorter steps keep; 0 of other methods."""
         return self._motion.circling_steps
 
     @property
     def restruck_energy(self) -> float:
-        """Energy that time stepping took where a contact bore already and was struck anew, since
-        its point had moved on [J]: none is lost there in a motion, so that it is an error, which a
-        shorter step makes smaller; 0.0 of other methods."""
+        """Energy lost by time stepping in spurious impacts of contacts that were closed [J]: an
+        error, which a shorter step makes smaller; 0.0 of other methods."""
         return self._motion.restruck_energy
 
     @property
     def made_energy(self) -> float:
-        """Energy that rigid contacts have made under time stepping, where rubbing bodies come to
-        stick or turn round within a step [J]: by their laws contacts take some or none, so that it
-        is an error, which a shorter step makes smaller; 0.0 of other methods."""
+        """Energy gained in rigid contacts under time stepping, if a slip stops or reverses within a
+        step [J]: an error, which a shorter step makes smaller; 0.0 of other methods."""
         return self._motion.made_energy
 
     @property
@@ -374,13 +371,15 @@ class SceneInMotion(InSteps):
         self._inputs.append(Input(0, 0.0, ""))
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Put bodies elsewhere; time and commands go on, events so far are forgotten.
+        """Set the state of bodies; time and commands go on, earlier events are dropped.
 
         bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
-        [x, y, z, w], `angular_velocity` (body axes), as in a scene; what is left out stays.
+        [x, y, z, w], `angular_velocity` (body axes), as in a scene; missing keys keep their
+        values.
         project: move the state onto the constraints. From here on, until a reset, one body with a
         joint moves in maximal coordinates, too.
-        Raises RbSimError for an unknown body, numbers that cannot be, a state off the constraints.
+        Raises RbSimError for an unknown body, invalid numbers, or a state that violates a
+        constraint.
         """
         if (unknown := [name for name in bodies if name not in self.layout.bodies]) or not bodies:
             known = ", ".join(self.layout.bodies)
@@ -423,7 +422,7 @@ class SceneInMotion(InSteps):
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts since the start (the last MOST_EVENTS at least)."""
+        """Events of the contacts since the start (at least the last MOST_EVENTS)."""
         return in_order(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
@@ -454,9 +453,9 @@ class SceneInMotion(InSteps):
     ) -> bool:
         """Integrate over `duration` [s] without sampling.
 
-        watch: asked every 50 ms or so whether to go on; returns False where it said no: the state
-        is then still that before, and a later call goes on from where this one has come to.
-        Raises SimulationError if the integration cannot go on, or costs more than `limits`.
+        watch: called about every 50 ms; if it returns False, so does `advance`: the state is then
+        still that before, and a later call continues from the time reached. Raises
+        SimulationError if the integration cannot go on, or costs more than `limits`.
         """
         _check_duration(duration)
         return self._carried(np.array([self.time + duration]), watch, limits, None)

@@ -213,7 +213,7 @@ class TangentSimulation(Simulation):
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
         """Raises NotSmoothError: the motion that goes on from there has no derivatives."""
-        raise NotSmoothError("sensitivities: a state was set on the way")
+        raise NotSmoothError("sensitivities: a state was set during the run")
 
     def _block(self, t: Array, out: Array) -> SampleBlock:
         self._rows.append(out.copy())
@@ -256,7 +256,7 @@ def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> d
             found[j] = compile_scene(carried(scene))
         except SceneError as error:
             raise NotSmoothError(
-                f"sensitivities: a scene beside is not possible: {error}"
+                f"sensitivities: a neighbouring scene is invalid: {error}"
             ) from None
         settings = changed_settings(scene_at(x), scene)
         if settings:

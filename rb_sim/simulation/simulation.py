@@ -71,8 +71,9 @@ class Simulation(SceneInMotion):
     scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
         step or tolerance.
     coordinates: "auto", or "maximal" to force the general formulation.
-    announce: gets one line where machine code has to be made, which takes seconds; None: nobody.
-    family: the laws that scenes which differ only in numbers share; None: this one has its own.
+    announce: called with one line of text if machine code has to be compiled, which takes
+    seconds; None: no call. family: laws shared by scenes that differ in numbers only; None: laws
+    of its own.
     Raises SceneError if the scene cannot be simulated.
     """
 
@@ -104,7 +105,7 @@ class Simulation(SceneInMotion):
         axes: of states, poses, twists and inputs, "world" or "body" (they turn with each body).
         turning: rate [rad/s] at which the world's axes turn about z, for a motion that is steady
         as seen from there (a disk that rolls in a circle).
-        Raises RbSimError for other axes and for scenes with contacts, SimulationError where a law
+        Raises RbSimError for other axes and for scenes with contacts, SimulationError if a law
         has no derivative.
         """
         from rb_sim.linear import linearize  # scipy loads when it is used
@@ -147,10 +148,10 @@ class Simulation(SceneInMotion):
         them.
         at: sample at these instants [s] instead, increasing, from the present time on.
         events: also sample just before and just after each event of a contact (a few roundings of
-            the time away), so that `Trajectory.at_events` has the states there. They are found by
-            doing everything since the start once more, commands included.
-        watched: what a watch sees of lost accuracy becomes an AccuracyWarning, and is among the
-            trajectory's `findings`. False: nobody looks.
+            the time away), so that `Trajectory.at_events` has the states there. For them the
+            motion since the start is computed once more, commands included.
+        watched: run the accuracy checks; each one that fails is an AccuracyWarning and among the
+            trajectory's `findings`. False: no checks.
         check: make a second run at half of the steps or a tenth of the tolerance, whose difference
             is the trajectory's `global_error`, and a finding above 1e-2. None: if the run is
             watched; from about a second of stepping on a coarser one first, from 20 s on the
@@ -264,8 +265,8 @@ class Simulation(SceneInMotion):
     ) -> Iterator[SampleBlock]:
         """The samples of a run, block by block; memory does not grow with its length.
 
-        watch: asked every 50 ms or so, inside a block too, whether to go on; where it returns
-        False the run ends with the samples so far.
+        watch: called about every 50 ms, inside a block as well; if it returns False, the run ends
+        with the samples so far.
         Raises SimulationError as `run` does, after the block with the last samples before it; also
         where the way to the next sample costs more than `limits`.
         """
@@ -315,7 +316,7 @@ class Simulation(SceneInMotion):
         return StepTooLargeError(f"{error}; {advice}")
 
     def with_step(self, step: float) -> Simulation:
-        """The scene from its start in steps of another size [s], to see what comes of it."""
+        """A new simulation of the scene from its start with another step [s]."""
         how = {"method": self.setting.name, "step": step, "tolerance": None}
         options = self.scene.simulation.model_copy(update=how)
         scene = self.scene.model_copy(update={"simulation": options})

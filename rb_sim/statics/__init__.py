@@ -1,4 +1,4 @@
-"""Statics: the reactions that hold bodies at rest, or what gives (LL section 38)."""
+"""Statics: the reactions that hold bodies at rest, or why there is no equilibrium (LL 38)."""
 
 import sys
 

@@ -219,7 +219,7 @@ TOLERANCE = 1e-10
 
 
 def solve(scene: Scene, *, tolerance: float = TOLERANCE, ranges: bool = True) -> StaticsResult:
-    """The reactions that hold the bodies of a scene at their initial pose, or what gives.
+    """The reactions that hold the bodies of a scene at rest, or why there is no equilibrium.
 
     tolerance: half-width of the band in which the verdict is "at the limit", relative to the
         largest load. Below 1e-12 rounding decides.

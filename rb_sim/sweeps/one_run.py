@@ -79,7 +79,7 @@ def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
     for i, (text, path) in enumerate(named):
         for other, before in named[:i]:
             if path[: len(before)] == before[: len(path)]:
-                why = f"{other!r} goes there, too: must be a number that nothing else sets"
+                why = f"{other!r} sets it, too: must be a value that nothing else sets"
                 raise SceneError(f"got {text!r}; {why}", key="path", file=file)
 
 

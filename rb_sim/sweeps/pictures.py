@@ -172,7 +172,7 @@ def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
             ]
         )
         figure.update_layout(barmode="group", height=320, yaxis_title="Sobol index")
-        sections.append(_figure(f"What {output} depends on", figure))
+        sections.append(_figure(f"Sensitivity of {output}", figure))
     return "".join(sections)
 
 

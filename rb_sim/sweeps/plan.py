@@ -264,6 +264,9 @@ def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
             str(path),
             path.parent,
         )
+    if isinstance(data, dict) and "bodies" in data:
+        why = "is a scene; a plan names one (`scene: FILE`) and what to vary (`vary:`)"
+        raise SceneError(why, file=file)
     plan = validated(Plan, data, file)
     if plan.runs > MOST_RUNS:
         raise SceneError(f"has {plan.runs} runs; at most {MOST_RUNS} are allowed", file=file)

@@ -107,7 +107,7 @@ def batch_number(path: Path) -> int:
     try:
         return int(path.parent.name.removeprefix("batch="))
     except ValueError:
-        raise RbSimError(f"{path}: is no table of a sweep") from None
+        raise RbSimError(f"{path}: not the table of a sweep") from None
 
 
 def trajectory_file(folder: Path, run: int) -> Path:
@@ -118,7 +118,7 @@ def trajectory_file(folder: Path, run: int) -> Path:
 def read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
     """These columns of a file of the table (all if None).
 
-    Raises RbSimError where it is no table of a sweep.
+    Raises RbSimError where it not the table of a sweep.
     """
     pa = arrow()
     try:
@@ -182,7 +182,7 @@ def open_dataset(folder: Path) -> Any:
     pa = arrow()
     if not batch_files(folder):
         raise RbSimError(
-            f"{folder}: is no folder of a sweep (it has no {RUNS}/batch=*/part.parquet)"
+            f"{folder}: not the folder of a sweep (it has no {RUNS}/batch=*/part.parquet)"
         )
     try:
         return pa.dataset.dataset(folder / RUNS, format="parquet", partitioning=None)

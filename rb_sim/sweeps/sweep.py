@@ -129,17 +129,15 @@ def sweep(
     lanes: bool = True,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run a plan; what the folder `out` holds already is not run again.
+    """Run a plan; runs that the folder `out` has already are not repeated.
 
     plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
     (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
     (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
     they can; their numbers then differ from those of one at a time by rounding. progress: called
-    for every batch that ends.
-    Of the runs one in fifty (2 to 8 of them) is simulated once more and watched; accuracy that is
-    lost there is an AccuracyWarning and in the result's `lost`.
-    Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
-    said in its row.
+    after each batch. At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks;
+    those that fail are AccuracyWarnings and in the result's `lost`. Raises RbSimError for a plan
+    that cannot be run; a single run that fails has its reason in its row.
     """
     _check_arguments(out, workers, batch)
     if scheduler is None:

@@ -134,7 +134,7 @@ class Record:
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """What happened to the contacts, in order of time."""
+        """Events of the contacts, in order of time."""
         return self.block.events
 
     @property

@@ -39,8 +39,8 @@ class Trajectory(Record):
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
         """The samples of a bag that rb_sim recorded: a folder or an .mcap file.
 
-        The scene is that of the run, with the options that it was given. A UserWarning says what
-        is broken and left out, between which times; an AccuracyWarning what the run had lost.
+        The scene is that of the run, with its options. A UserWarning names damaged parts and
+        their times, an AccuracyWarning each accuracy check that failed in the run.
         Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
         """
         from rb_sim.io.bag.reader import BagReader
@@ -74,7 +74,7 @@ class Trajectory(Record):
         """Roll, pitch, yaw [rad], shape (n, 3) each, as in ROS: the body is turned by roll about
         the world's x, then by pitch about its y, then by yaw about its z.
 
-        Roll and yaw count whole turns where a sample turns less than half a one. At pitch +-pi/2
+        Roll and yaw count whole turns if samples are less than half a turn apart. At pitch +-pi/2
         only their sum or difference is determined.
         """
 
@@ -82,7 +82,7 @@ class Trajectory(Record):
 
     @property
     def linear_acceleration(self) -> Mapping[str, Array]:
-        """Of the centre of mass, world [m/s^2], shape (n, 3) each; found when asked for.
+        """Of the centre of mass, world [m/s^2], shape (n, 3) each; computed on request.
 
         From Newton's equation with effects and reactions; an impact's jump is not in it. Raises
         RbSimError where the scene is not known, and for method time_stepping.
@@ -104,24 +104,23 @@ class Trajectory(Record):
         """Wrench of each effect on each body, about its centre of mass: NAME, or NAME/BODY.
 
         NAME/BODY where the effect acts on several bodies (a parent gets the opposite). The laws
-        are evaluated at the samples; raises RbSimError where the scene is not known.
+        are evaluated at the samples; raises RbSimError if the scene is not known.
         """
 
         return ByName("effect", effect_wrenches(self))
 
     @property
     def at_events(self) -> tuple[EventState, ...]:
-        """The states just before and just after each event, of a `run(events=True)`.
+        """States just before and just after each event of a `run(events=True)`.
 
-        An event at the very start has the initial state on both sides. Raises RbSimError where the
-        samples do not lie beside the events.
+        An event at the very start has the initial state on both sides. Raises RbSimError if there
+        are no samples just before and after the events.
         """
         return tuple(beside(self, event) for event in self.events)
 
     def state(self, index: int = -1) -> State:
-        """The state at sample `index`, counted from the end where it is negative.
-
-        Raises RbSimError where there is no such sample.
+        """The state at sample `index`; negative: from the end. Raises RbSimError if there is no
+        such sample.
         """
         return state_of(self, index)
 

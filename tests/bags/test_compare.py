@@ -474,7 +474,7 @@ def test_a_single_sample_beside_a_motion():
     t = np.linspace(0, 5, 501)
     whole, one = motion(t), motion(t[100:101])
     assert beside(one, whole)[1]["position"]["max"] == 0.0
-    with pytest.raises(RbSimError, match="a motion of 1 sample, .*: must be at least 4"):
+    with pytest.raises(RbSimError, match="a motion of 1 sample .*: must be at least 4"):
         beside(whole, one)
 
 
@@ -501,7 +501,7 @@ def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
     """All stamps but the first go back: what is left is one pose."""
     t, p, q = foreign.swing(40)
     bag = foreign.write(tmp_path / "bag", t=t[::-1], position=p, q=q)
-    with pytest.raises(RbSimError, match="a motion of 1 sample, each later than all before"):
+    with pytest.raises(RbSimError, match="a motion of 1 sample with increasing times"):
         compare(CompareOptions(bag, str(bag)))
     assert "39 poses skipped: stamps do not increase" in capsys.readouterr().err
 

@@ -128,7 +128,7 @@ def test_scene_as_run(tmp_path):
     ("change", "line"),
     [
         ("effects.wight.acceleration=1", "there is no 'wight'; must be one of: weight, drive"),
-        ("mass=2", "must be KEY=VALUE"),
+        ("mass=2", "must be KEY=VALUE with a path as KEY"),
         ("bodies.box.mass", "must be KEY=VALUE"),
         ("bodies.box.mass.x=2", "there is no 'mass'"),
     ],

@@ -100,7 +100,7 @@ def test_fields_that_somebody_added_are_passed_over(tmp_path):
     [
         ("std_msgs/Header header\n", "lacks pose"),
         ("geometry_msgs/Pose pose\nstd_msgs/Header header\n", "has its fields in another order"),
-        ("std_msgs/Header header\nOther pose\n", "does not say what Other is"),
+        ("std_msgs/Header header\nOther pose\n", "does not define Other"),
     ],
 )
 def test_a_schema_without_what_is_needed_is_refused_in_one_line(tmp_path, fields, line):

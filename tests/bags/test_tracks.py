@@ -56,7 +56,7 @@ def test_a_twist_beside_two_poses_is_of_neither(tmp_path):
     tracks = tracks_of_bag(write(tmp_path / "x.mcap", "map", V, other="estimate"))
     assert all(track.linear_velocity is None for track in tracks.bodies.values())
     (line,) = tracks.notes
-    assert line.startswith("/drone/twist: of which of /drone/pose, /drone/estimate it is")
+    assert line.startswith("/drone/twist: may belong to any of /drone/pose, /drone/estimate")
 
 
 def test_poses_whose_stamps_go_back_are_counted(tmp_path):

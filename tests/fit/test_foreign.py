@@ -211,10 +211,10 @@ def test_where_nothing_tells_one_line_names_the_option(tmp_path):
     with pytest.raises(RbSimError) as caught:
         compare(bag, scene(tmp_path))
     assert str(caught.value) == (
-        f"{bag}: its poses are of /one, /two; the scene's bodies are cart; say which is which with "
+        f"{bag}: its poses are of /one, /two; the scene's bodies are cart; assign them with "
         "--match NAME=BODY"
     )
-    with pytest.raises(RbSimError, match="say which is which with --match NAME=BODY"):
+    with pytest.raises(RbSimError, match="assign them with --match NAME=BODY"):
         fit(bag, "bodies.cart.mass", scene=scene(tmp_path))
     assert largest(compare(bag, scene(tmp_path), match={"/two": "cart"})) < STAMP
 
@@ -222,7 +222,7 @@ def test_where_nothing_tells_one_line_names_the_option(tmp_path):
 @pytest.mark.parametrize(("wrenches", "line"), [
     (["/pull"], "--wrench /pull: the topic must be one of /cart/push, /elsewhere, /hand$"),
     (["lid=/hand"], "--wrench lid=/hand: bodies that take a command: cart$"),
-    (["/hand"], "--wrench /hand: neither its frame nor its name tells of which body; give "
+    (["/hand"], "--wrench /hand: neither its frame nor its name identifies the body; give "
                 r"BODY=/hand \(bodies that take a command: cart\)$"),
     (["cart=/hand"], "--wrench cart=/hand: its frame hand is neither the body's nor that of its "),
 ])  # fmt: skip
@@ -239,7 +239,7 @@ def test_a_reaction_that_was_measured_is_no_command(tmp_path, capsys):
     bag = write(tmp_path / "bag", poses(), pushes(), pushes("/cart/rail", "cart"))
     assert largest(compare(bag, scene(tmp_path, constraints=held))) < STAMP
     err = capsys.readouterr().err
-    assert "note: /cart/push is what cart was commanded\n" in err
+    assert "note: /cart/push is applied to cart as its command\n" in err
     assert "note: its wrenches (/cart/rail) are not applied: " in err
 
 

@@ -46,7 +46,7 @@ def test_two_that_say_the_same_are_one(tmp_path):
 
 def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
     chosen = options(tmp_path, ("/a/pose", "/a/odom", "/b/pose", "/b/odom"))
-    with pytest.raises(RbSimError, match="say which is which with --match NAME=BODY"):
+    with pytest.raises(RbSimError, match="assign them with --match NAME=BODY"):
         fit(chosen)
 
 

@@ -123,8 +123,8 @@ def test_a_journal_beside_it_is_told(tmp_path):
     found = info(bag)["health"]
     assert not found["whole"]
     assert found["damage"] == [
-        f"{bag / 's.db3'}: its recorder was killed, and what stands in the journal (-wal) beside "
-        "it is not read; missing is what lies after t = 3.99000013 s of the bag"
+        f"{bag / 's.db3'}: its recorder was killed; messages in its journal (-wal) are "
+        "not read; messages missing after t = 3.99000013 s of the bag"
     ]
 
 
@@ -147,7 +147,7 @@ def test_what_lies_before_a_broken_page_is_read_and_the_rest_told(tmp_path):
     read = [messages.log_time for batch in scan.batches() for messages in batch.values()]
     assert 190 < sum(map(len, read)) == scan.messages <= 200
     (line,) = scan.missing.lines()
-    assert "damaged: the database cannot be read any further; missing is what lies after" in line
+    assert "damaged: the database cannot be read any further; messages missing after" in line
     assert line.endswith(f"; {len(T) - scan.messages} messages are missing in all")
 
 
@@ -156,7 +156,9 @@ def test_a_broken_table_is_refused_with_the_command_that_mends_it(tmp_path):
     data = bytearray(path.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 8192] = bytes(8192)
     path.write_bytes(data)
-    with pytest.raises(SinkError, match=r"malformed; what is whole in it: sqlite3 \S+ .recover \|"):
+    with pytest.raises(
+        SinkError, match=r"damaged; to save its undamaged part: sqlite3 \S+ .recover \|"
+    ):
         info(path)
 
 

@@ -102,7 +102,7 @@ def test_angles_in_degrees_joints_and_commands_have_panels(tmp_path, drawn):
     expected = {
         "wheel: roll, pitch, yaw about the world's x, y, z": ("[deg]", 1, np.degrees(angle)),
         "axle: angle from the first sample": ("[deg]", 0, np.degrees(angle)),
-        "rail: way from the first sample": ("[m]", 0, block.t),
+        "rail: displacement from the first sample": ("[m]", 0, block.t),
         "slider: commanded force, world axes": ("[N]", 0, block.command[:, 0, 0]),
     }
     for title, (unit, k, values) in expected.items():

@@ -114,7 +114,7 @@ def test_recover_says_what_it_did(record, tmp_path, capsys):
     assert "all readable messages" in capsys.readouterr().out
     (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
     recover(bag, tmp_path / "half")
-    assert "is cut off; missing is what lies after t = " in capsys.readouterr().err
+    assert "is cut off; messages missing after t = " in capsys.readouterr().err
 
 
 def vulkan() -> bool:

@@ -102,7 +102,7 @@ def test_folder_that_is_none(tmp_path: Path) -> None:
 def test_nothing_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listing, "scene_folders", lambda: iter(()))
     assert list_scenes() == []
-    with pytest.raises(SceneError, match="one of none"):
+    with pytest.raises(SceneError, match="does not exist"):
         find_scene("pendulum")
 
 
@@ -122,13 +122,12 @@ def test_a_file_goes_before_a_shipped_name(tmp_path: Path, monkeypatch: pytest.M
         ("a\0b", "does not exist", ""),
     ],
 )
-def test_unknown_scene_lists_the_shipped(name: str, what: str, hint: str) -> None:
+def test_an_unknown_scene_names_the_nearest_shipped_one(name: str, what: str, hint: str) -> None:
     with pytest.raises(SceneError) as caught:
         find_scene(name)
     text = str(caught.value)
     assert what in text
-    assert ", ".join(scene.name for scene in list_scenes()) in text
-    assert text.endswith(f" (did you mean {hint}?)") if hint else "did you mean" not in text
+    assert text.endswith(f"; did you mean {hint}?") if hint else "did you mean" not in text
     assert len(text.splitlines()) == 1
 
 

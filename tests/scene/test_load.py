@@ -79,6 +79,13 @@ def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
         load_scene(f"{text}\n{body}\n")
 
 
+@pytest.mark.parametrize("value", ["{rpy: [0, 0.1, 0]}", "[0, 0.1, 0]", "{roll: 0.1}"])
+def test_roll_pitch_yaw_are_answered_with_their_conversion(value: str) -> None:
+    text = f"bodies: {{a: {{mass: 1, inertia: [1, 1, 1], orientation: {value}}}}}"
+    with pytest.raises(SceneError, match=r"from_euler\('xyz', rpy\)"):
+        load_scene(f"{text}\n")
+
+
 MESSAGES = [
     ("mass: 2", "mass: -2", "bodies.ball.mass: got -2; must be a number > 0"),
     ("mass: 2", "mass: .nan", "bodies.ball.mass: got nan; must be a finite number"),

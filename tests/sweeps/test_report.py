@@ -35,7 +35,7 @@ def test_sobol_indices_of_a_linear_output_are_the_shares_of_its_variance(
         assert first == pytest.approx(variance / (speed + start), abs=0.03)
         assert total == pytest.approx(variance / (speed + start), abs=0.03)
     page = found.html.read_text()
-    assert "What h depends on" in page and "src=" not in page.split("</script>")[-1]
+    assert "Sensitivity of h" in page and "src=" not in page.split("</script>")[-1]
     assert found.slopes.by_output["h"]["speed"].exact == pytest.approx(0.5, abs=1e-12)
     assert found.slopes.by_output["h"]["start"].exact == pytest.approx(1.0, abs=1e-12)
     assert "Derivatives at speed =" in page
@@ -101,7 +101,7 @@ def test_every_output_has_its_worst_runs_and_the_page_says_which_columns_it_scat
 
 
 def test_a_folder_without_a_sweep_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RbSimError, match="is no folder of a sweep"):
+    with pytest.raises(RbSimError, match="not the folder of a sweep"):
         report(tmp_path)
 
 

@@ -263,6 +263,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"bodies": {}}, "is a scene; a plan names one"),
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "did you mean stone"),
         ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),
@@ -282,7 +283,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
         ),
         (
             {"derived": {"simulation.duration": "speed"}, "simulation": {"duration": 1.0}},
-            "'simulation: {duration: ...}' goes there, too",
+            "'simulation: {duration: ...}' sets it, too",
         ),
         ({"outputs": {"n": "event_count('floor', 'impact')"}}, "'floor'; the scene has none"),
     ],

@@ -291,7 +291,7 @@ class Anybody:
                   if child and self._found.figures[source].moves}  # fmt: skip
         return [
             f"{source}: its poses are in the frame {frame}, which moves ({moving[plain(frame)]}): "
-            "what follows from them is of the motion relative to it, and its forces are not all"
+            "velocities and balances are relative to that frame, without its inertial forces"
             for source, (frame, _) in frames.items()
             if moving.get(plain(frame), source) != source and source not in self._readings.composed
         ]

@@ -272,6 +272,7 @@ class Contact(Touching):
 
     @property
     def opens_rigidly(self) -> bool:
+        """True if it can open and its support is rigid: it strikes in impacts."""
         return self.mode == "unilateral" and self.compliance is None
 
     def law(self) -> ContactLaw:

@@ -209,6 +209,7 @@ def on_outer_sphere(support: Support) -> Round | None:
 
 
 def box_solid(centre: Vec3, shape: Any) -> NamedTuple:
+    """The box as a solid with its centre and half edges."""
     x, y, z = shape.size
     return solids.Box(centre, (0.5 * x, 0.5 * y, 0.5 * z))
 
@@ -220,6 +221,7 @@ def cylinder_solid(centre: Vec3, shape: Any) -> NamedTuple:
 
 
 def rod_solid(centre: Vec3, shape: Any) -> NamedTuple:
+    """The rod as a solid with one end, direction and length."""
     end = sub(centre, scale(0.5 * shape.length, shape.axis_B))
     return solids.Rod(end, shape.axis_B, shape.length)
 
@@ -234,11 +236,13 @@ SOLIDS = {
 
 
 def all_or_none(found: list[NamedTuple | None]) -> list[NamedTuple] | None:
+    """The pairs of all points, or None if one of them cannot touch the support."""
     kept = [pair for pair in found if pair is not None]
     return kept if len(kept) == len(found) else None
 
 
 def sphere_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """The one contact pair of a sphere."""
     return [ball_on(support, centre, shape.radius)]
 
 
@@ -247,9 +251,9 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
     flattest = max(shape.semi_axes) ** 2 / min(shape.semi_axes)
     if isinstance(support, Round) and support.side < 0.0 and flattest >= support.radius:
         raise refuse(
-            f"on an ellipsoid that curves more than the hollow it is in, whose radius is "
-            f"{support.radius:g} m; its own reaches {flattest:g} m (largest semi-axis squared over "
-            "the least), and two of its points may touch at once"
+            f"on an ellipsoid whose largest radius of curvature (largest semi-axis squared over "
+            f"the smallest), {flattest:g} m, is below the radius of the hollow, "
+            f"{support.radius:g} m; otherwise two of its points may touch at once"
         )
     return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
 
@@ -299,12 +303,14 @@ def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | 
 
 
 def box_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """The contact pairs of the 8 corners of a box."""
     x, y, z = (0.5 * edge for edge in shape.size)
     signs = [(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)]
     return [ball_on(support, add(centre, (i * x, j * y, k * z)), 0.0) for i, j, k in signs]
 
 
 def rod_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
+    """The contact pairs of the 2 ends of a rod."""
     arm = scale(0.5 * shape.length, shape.axis_B)
     return [ball_on(support, end, 0.0) for end in (add(centre, arm), sub(centre, arm))]
 

@@ -28,6 +28,8 @@ class LinearDrag(Spec):
 
 
 class LinearDragRow(NamedTuple):
+    """Drag in proportion to the speed."""
+
     coefficient: float
     medium_W: Vec3
 
@@ -59,6 +61,8 @@ class QuadraticDrag(Spec):
 
 
 class QuadraticDragRow(NamedTuple):
+    """Drag in proportion to the square of the speed."""
+
     coefficient: float
     medium_W: Vec3
 
@@ -90,6 +94,8 @@ class AngularDamping(Spec):
 
 
 class AngularDampingRow(NamedTuple):
+    """Torque in proportion to the relative angular velocity."""
+
     coefficient: float
 
 

@@ -39,6 +39,8 @@ class Gravity(Spec):
 
 
 class GravityRow(NamedTuple):
+    """Uniform gravity on one body."""
+
     acceleration_W: Vec3
 
 

@@ -67,6 +67,8 @@ class Spring(Spec):
 
 
 class SpringRow(NamedTuple):
+    """Spring with a rest length between two points."""
+
     r_B: Vec3
     r_A: Vec3
     stiffness: float
@@ -74,18 +76,24 @@ class SpringRow(NamedTuple):
 
 
 class DamperRow(NamedTuple):
+    """Damper along the line between two points."""
+
     r_B: Vec3
     r_A: Vec3
     damping: float
 
 
 class BushingRow(NamedTuple):
+    """Isotropic spring without rest length between two points."""
+
     r_B: Vec3
     r_A: Vec3
     stiffness: float
 
 
 class BushingDamperRow(NamedTuple):
+    """Isotropic damper between two points."""
+
     r_B: Vec3
     r_A: Vec3
     damping: float

@@ -67,6 +67,8 @@ class TorsionSpring(Spec):
 
 
 class TorsionSpringRow(NamedTuple):
+    """Torsion spring about an axis of the body."""
+
     axis_B: Vec3
     stiffness: float
     rest_angle: float
@@ -79,6 +81,8 @@ class TorsionSpringRow(NamedTuple):
 
 
 class TorsionDamperRow(NamedTuple):
+    """Torsion damper about an axis of the body."""
+
     axis_B: Vec3
     damping: float
 

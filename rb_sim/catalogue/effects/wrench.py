@@ -129,18 +129,24 @@ class CommandedWrench(Spec):
 
 
 class WorldWrenchRow(NamedTuple):
+    """Constant wrench in world axes, at the point r_B from the centre of mass."""
+
     force_W: Vec3
     torque_W: Vec3
     r_B: Vec3
 
 
 class BodyWrenchRow(NamedTuple):
+    """Constant wrench in body axes, at the point r_B from the centre of mass."""
+
     force_B: Vec3
     torque_B: Vec3
     r_B: Vec3
 
 
 class WorldHarmonicRow(NamedTuple):
+    """Harmonic wrench in world axes, at the point r_B from the centre of mass."""
+
     force_W: Vec3
     torque_W: Vec3
     r_B: Vec3
@@ -149,6 +155,8 @@ class WorldHarmonicRow(NamedTuple):
 
 
 class BodyHarmonicRow(NamedTuple):
+    """Harmonic wrench in body axes, at the point r_B from the centre of mass."""
+
     force_B: Vec3
     torque_B: Vec3
     r_B: Vec3
@@ -157,6 +165,8 @@ class BodyHarmonicRow(NamedTuple):
 
 
 class TableRow(NamedTuple):
+    """Wrench over time, linear between its instants or held, at the point r_B."""
+
     times: np.ndarray
     """shape (n,)."""
     values: np.ndarray
@@ -167,6 +177,8 @@ class TableRow(NamedTuple):
 
 
 class CommandRow(NamedTuple):
+    """The wrench commanded last, in world and in body axes, at the body origin."""
+
     force_W: Vec3
     torque_W: Vec3
     force_B: Vec3

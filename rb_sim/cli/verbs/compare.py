@@ -100,7 +100,7 @@ def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
     is_bag = path.suffix in BAGS or path.is_dir()
     is_csv = path.suffix in TEXTS
     if options.wrench and (is_bag or is_csv):
-        raise RbSimError(f"--wrench {options.wrench[0]}: only beside a scene, which is simulated")
+        raise RbSimError(f"--wrench {options.wrench[0]}: only if OTHER is a scene")
     if is_csv:
         return tracks_of_csv(path)
     if is_bag:

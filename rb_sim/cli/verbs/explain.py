@@ -75,6 +75,7 @@ OPENING = ("contact", "string")
 
 
 def print_explanation(result: Explanation, console: Console) -> None:
+    """The parts of a scene and what each costs, as a table."""
     masses = ", ".join(f"{name} ({mass:g} kg)" for name, mass in result.bodies)
     console.print(Text.assemble((f"{result.scene}: ", "bold"), masses))
     if result.indeterminate:
@@ -90,14 +91,14 @@ def print_explanation(result: Explanation, console: Console) -> None:
         table.add_column(heading, no_wrap=True)
     for heading in ("rows", "ns per step", "±"):
         table.add_column(heading, justify="right", no_wrap=True)
-    add_items(table, result.constraints)
-    add_items(table, result.effects)
+    _add_items(table, result.constraints)
+    _add_items(table, result.effects)
     table.add_row("the whole step", "", "", "", *figures(result.step), style="bold")
     console.print(table)
     console.print(
         Text(
-            f"A part's cost is what a step of {result.step_length:.3g} s takes more with it than "
-            "without it: the median of interleaved runs, ± half the interquartile range.",
+            f"Cost of a part: CPU time of a step of {result.step_length:.3g} s with it minus "
+            "without it, median of interleaved runs, ± half the interquartile range.",
             style="dim",
         )
     )
@@ -165,8 +166,8 @@ def notes(result: Explanation) -> list[str]:
         steps = counted(round(events.nanoseconds / result.step.nanoseconds), "step")
         if events.count and not events.nanoseconds > 0.0:
             lines.append(
-                f"Cost of {counted(events.count, 'event')}: not measurable (small beside the "
-                "steps)."
+                f"Cost of {counted(events.count, 'event')}: not measurable (small compared with "
+                "the steps)."
             )
         elif events.count:
             lines.append(
@@ -179,7 +180,7 @@ def notes(result: Explanation) -> list[str]:
     return lines
 
 
-def add_items(table: Table, items: Sequence[Item]) -> None:
+def _add_items(table: Table, items: Sequence[Item]) -> None:
     for i, entry in enumerate(items):
         rows = str(entry.rows) if entry.rows else ""
         last = i == len(items) - 1
@@ -188,6 +189,7 @@ def add_items(table: Table, items: Sequence[Item]) -> None:
 
 
 def figures(cost: Cost | None) -> tuple[str, str]:
+    """Median and spread of a cost [ns] as the cells of a row."""
     if cost is None:
         return NO_PRICE, ""
     return f"{cost.nanoseconds:.0f}", f"{cost.spread:.0f}"

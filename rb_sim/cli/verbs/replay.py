@@ -195,6 +195,7 @@ def note(lines: Iterable[str]) -> None:
 
 
 def check_ending(path: Path | None, ending: str) -> None:
+    """Refuse a file name with another ending. Raises SinkError."""
     if path is not None and path.suffix != ending:
         raise SinkError(f"{path}: the name must end in {ending}")
 
@@ -317,7 +318,7 @@ def _facts(
     if energy and energy.get("relative") is not None:
         text = f"{energy['error']:.2g} J, {energy['relative']:.2g} of {energy['scale']:.3g} J"
         rows.append(("energy error", text))
-    rows.append(("constraint violation", f"at most {run.residual.max():.2g} of the scene's scale"))
+    rows.append(("constraint violation", f"at most {run.residual.max():.2g} (relative)"))
     versions = json.loads((record or {}).get("versions", "{}")) or {"rb_sim": __version__}
     rows.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
     return rows

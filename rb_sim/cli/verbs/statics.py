@@ -1,4 +1,4 @@
-"""`rb_sim statics SCENE [--out DIR]`: the reactions of bodies at rest, or what gives."""
+"""`rb_sim statics SCENE [--out DIR]`: static reactions, or why there is no equilibrium."""
 
 from __future__ import annotations
 

@@ -47,7 +47,9 @@ def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
     key, equals, text = change.partition("=")
     names = keys_of(key.strip())
     if not equals or names is None or len(names) < 2:
-        raise RbSimError(f"--set {change}: must be KEY=VALUE, e.g. effects.weight.acceleration=9.8")
+        raise RbSimError(
+            f"--set {change}: must be KEY=VALUE with a path as KEY, e.g. bodies.top.mass=2"
+        )
     try:
         value = yaml_reader.parse(f"value: {text}", "--set")["value"]
     except SceneError as error:

@@ -306,7 +306,7 @@ class BagScan:
         at = -1 if frame is None else frame.offset  # -1: within a chunk
         try:
             if index is not None and index.kinds.get(at, opcode) != opcode:
-                raise ValueError("not what the index says")
+                raise ValueError("differs from the index")
             record = parse_record(opcode, content)
         except Exception:
             if frame is None:
@@ -343,7 +343,7 @@ class BagScan:
         log_time = heads["log"].astype(np.int64)
         sequence = heads["sequence"].astype(np.int64)
         if unchecked is not None and not _as_said(heads["log"], unchecked):
-            raise ValueError("not what the chunk says of its messages")
+            raise ValueError("differs from the head of its chunk")
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
         self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))
         batch: Batch = {}

@@ -37,12 +37,12 @@ NO_RECORD = "unreadable record"
 CUT_OFF = "the file is cut off"
 BROKEN_INDEX = "its index is broken"
 WRONG_TIMES = "its times or its index are not those of its messages"
-OTHER_COUNT = "its own count of messages is another one"
+OTHER_COUNT = "its count of messages is wrong"
 ONE_LENGTH = "one of its two lengths is broken, and the other was read"
-OTHER_NAME = "its name is not as written, and was taken from the index"
-NO_CHANNEL = "messages whose topic stood in a broken part"
+OTHER_NAME = "its name is damaged and was taken from the index"
+NO_CHANNEL = "messages of a topic whose record is damaged"
 BROKEN_DATABASE = "damaged: the database cannot be read any further"
-JOURNAL = "its recorder was killed, and what stands in the journal (-wal) beside it is not read"
+JOURNAL = "its recorder was killed; messages in its journal (-wal) are not read"
 
 
 class Damage(NamedTuple):
@@ -84,13 +84,13 @@ class Missing(NamedTuple):
         if damage.reason == BROKEN_INDEX:
             return f"damaged: {damage.reason}, and is not used; the messages are read without it"
         if damage.reason == OTHER_COUNT:
-            return f"damaged: {damage.reason}, and no checksum tells which is right"
+            return f"damaged: {damage.reason}, and no checksum shows which is right"
         where = f"damaged at byte {damage.offset}: {damage.reason}"
         if damage.reason in (NO_CHANNEL, BROKEN_DATABASE, JOURNAL):
             where = damage.reason
         if damage.after is None and damage.before is None:
-            return f"{where}; no message is missing there that the file knows of"
-        return f"{where}; missing is what lies {self._between(damage)}"
+            return f"{where}; no known message is missing there"
+        return f"{where}; messages missing {self._between(damage)}"
 
     def _between(self, damage: Damage) -> str:
         if damage.before is None:

@@ -144,6 +144,6 @@ def _opened(path: Path) -> Iterator[Any]:
             mended = path.with_name(f"{path.stem}_mended{SUFFIX}")
             mend = f"sqlite3 {path} .recover | sqlite3 {mended}"
             raise SinkError(
-                f"{path}: the database is malformed; what is whole in it: {mend}"
+                f"{path}: the database is damaged; to save its undamaged part: {mend}"
             ) from None
         raise SinkError(f"{path}: not an SQLite file of rosbag2: {reason}") from None

@@ -90,7 +90,10 @@ BODY_TITLES = {
 }
 """Of the panels of a body, by the entity's name in a recording."""
 
-JOINT_TITLES = {"rad": "{}: angle from the first sample", "m": "{}: way from the first sample"}
+JOINT_TITLES = {
+    "rad": "{}: angle from the first sample",
+    "m": "{}: displacement from the first sample",
+}
 """Of a joint, by the unit of its position."""
 
 COMMAND_TITLES = (

@@ -79,9 +79,9 @@ def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -
     if layout.commanded:
         lines += ["**commanded force** (pink): same scale as the reactions  "]
     if layout.contacts:
-        lines += ["**contact** points, where closed: orange slips, blue sticks or rolls  "]
+        lines += ["**contact** points of closed contacts: orange slips, blue sticks or rolls  "]
     if scales.origin.any():
-        lines += [f"**places** in the 3D view are counted from {scales.origin.tolist()} m  "]
+        lines += [f"**positions** in the 3D view are relative to {scales.origin.tolist()} m  "]
     lines += ["**trail** of the centre of mass so far (grey); body axes x red, y green, z blue"]
     return "\n".join(lines)
 

@@ -16,7 +16,7 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.ros.offers import serve
 from rb_sim.ros.serving import Turns
 
-COMPILING = "refused: still compiling, or not configured (the topic ~/state says when it is over)"
+COMPILING = "refused: still compiling, or not configured (wait for ~/state paused or running)"
 INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"
 
 

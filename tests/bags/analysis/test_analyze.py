@@ -121,7 +121,7 @@ def test_what_lies_before_the_cut_is_analyzed(tmp_path):
     """The one chunk of this bag, of 400 poses in 4 s, is cut off after 316."""
     found = analyze(spoilt("cut off", tmp_path / "bag"))
     (note,) = (line for line in found.notes if "cut off" in line)
-    assert "missing is what lies between t = 3.15000013 s and t = 3.99000013 s of the bag" in note
+    assert "messages missing between t = 3.15000013 s and t = 3.99000013 s of the bag" in note
     assert found.messages == 316
     assert abs(found.as_dict()["bodies"]["/body"]["motion"]["vz"]["mean"] - 0.2) < 1e-6
 
@@ -168,7 +168,7 @@ def test_a_wrong_schema_is_told(tmp_path):
         analyze(path)
     (line,) = str(caught.value).splitlines()
     assert "/x: skipped: its schema of geometry_msgs/msg/PoseStamped lacks header, pose" in line
-    assert "/short: skipped: a message of 12 bytes is no geometry_msgs/msg/PoseStamped" in line
+    assert "/short: skipped: a message of 12 bytes is not a geometry_msgs/msg/PoseStamped" in line
     assert "/big: skipped: its encoding 0000 is not CDR, little endian" in line
 
 

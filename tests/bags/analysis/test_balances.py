@@ -125,7 +125,7 @@ def test_a_clock_that_was_set_back_is_not_bridged(tmp_path, back):
     assert balance["stretches"] == 2
     assert abs(balance["energy"]["error"]) < 1e-7
     assert balance["momentum"]["linear"]["error"] < 1e-8
-    (told,) = (note for note in found.notes if "begins anew" in note)
+    (told,) = (note for note in found.notes if "starts again" in note)
     assert f"from 1.99 s to {1.99 - back:g} s" in told
 
 

@@ -138,7 +138,7 @@ def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
     assert found.figures["/body"].rates.backwards == 0
-    assert "/body: comes in 2 channels, which are taken as of one thing" in found.notes
+    assert "/body: comes in 2 channels, which are taken as one source" in found.notes
 
 
 @pytest.mark.parametrize("slash", ["", "/"])
@@ -197,7 +197,7 @@ def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
     found = analyze(tmp_path / "x.mcap")
     assert found.figures["/body"].rates.count == len(T) - 1
     (line,) = found.notes
-    assert line == f"/body: 1 message skipped: a message of {cut} bytes is no {POSE}"
+    assert line == f"/body: 1 message skipped: a message of {cut} bytes is not a {POSE}"
 
 
 def test_a_frame_of_its_own_in_each_message(tmp_path):
