@@ -227,7 +227,7 @@ class _Page:
         t, values = figures.curves()
         if not len(t):
             return
-        thinned = Envelope(values.shape[1], self._points // 2)
+        thinned = Envelope(values.shape[1], self._points // 4)  # it keeps up to 4 times that
         thinned.add(t, values)
         across, values = thinned.curves()
         axis = None
