@@ -59,7 +59,8 @@ def seldom(mapping: dict[str, Any], often: Any) -> list[str]:
     own = mapping["simulation"]
     if own.get("method") == "time_stepping" or often.layout.commanded:
         return []
-    again = run(mapping | {"simulation": own | {"rate": own["rate"] * SELDOM}})
+    rate = own.get("rate", len(often.t) / often.t[-1])
+    again = run(mapping | {"simulation": own | {"rate": rate * SELDOM}})
     if isinstance(again, str):
         return [f"with few samples {again}"]
     apart = np.abs(again.block.position[-1] - often.block.position[-1]).max()

@@ -91,10 +91,13 @@ def torsion(mapping: Any, trajectory: Any, own: Any) -> list[Load]:
 
 
 def swinging(mapping: Any, trajectory: Any, own: Any) -> list[Load]:
-    """sin(w t) times a force at the origin and a torque, world axes."""
-    s = np.sin(own["angular_frequency"] * trajectory.t)[:, None]
+    """A constant force at the origin and torque, and sin(w t) times others; world axes."""
+    s = np.sin(own.get("angular_frequency", 0.0) * trajectory.t)[:, None]
     at = point_of(mapping, trajectory, own["body"], [0.0] * 3)
-    force, torque = s * np.array(own["sine_force"]), s * np.array(own["sine_torque"])
+    force, torque = (
+        np.array(own.get(what, [0.0] * 3)) + s * np.array(own.get(f"sine_{what}", [0.0] * 3))
+        for what in ("force", "torque")
+    )
     return [at_point(trajectory, own["body"], force, at, torque)]
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.contact.overlaps import overlap
-from benchmarks.contact.shapes import depth_below, depth_in_round, depth_outside, size_of
+from benchmarks.contact.depths import depth_of
+from benchmarks.contact.shapes import size_of
 
 DEEPEST = 1e-9
 """Overlap, in sizes of the body, that is none."""
@@ -44,7 +44,7 @@ def apart(
 def judged(mapping: dict[str, Any]) -> str:
     """What became of a toss: "fine", or what is wrong with it."""
     found = run(mapping)
-    return found if isinstance(found, str) else verdict(mapping, found.block)
+    return found if isinstance(found, str) else verdict(mapping, found)
 
 
 def run(mapping: dict[str, Any], go: Callable[[Any], Any] | None = None) -> Any:
@@ -64,13 +64,14 @@ def run(mapping: dict[str, Any], go: Callable[[Any], Any] | None = None) -> Any:
         return f"traceback: {type(error).__name__}: {error}"
 
 
-def verdict(mapping: dict[str, Any], block: Any) -> str:
+def verdict(mapping: dict[str, Any], trajectory: Any) -> str:
     """Of the samples."""
+    block = trajectory.block
     contact, body = mapping["constraints"]["c"], mapping["bodies"]["b"]
     size = size_of(body["shape"])
     if "compliance" not in contact:
         deepest = float(block.residual.max())  # in lengths of the scene, at least the body's
-        deepest = max(deepest, deepest_of(mapping, block) / size)
+        deepest = max(deepest, float(depth_of(contact, mapping, trajectory).max()) / size)
         if not deepest <= DEEPEST:
             return f"overlaps: by {deepest:.2g} of its size"
         total = block.energy
@@ -81,26 +82,3 @@ def verdict(mapping: dict[str, Any], block: Any) -> str:
     if not gained <= GAINED:
         return f"gains: {gained:.2g} of its energy"
     return "fine"
-
-
-def deepest_of(mapping: dict[str, Any], block: Any) -> float:
-    """Deepest overlap over all samples, from the poses alone [m]."""
-    shape, surface = mapping["bodies"]["b"]["shape"], mapping["constraints"]["c"]["surface"]
-    p, q = block.position[:, 0], block.orientation[:, 0]
-    if surface["type"] == "plane":
-        return float(depth_below(shape, p, q, surface.get("normal", [0.0, 0.0, 1.0])).max())
-    if surface.get("side") == "inside":
-        return float(depth_in_round(shape, p, q, surface).max())
-    if surface["type"] == "cylinder":
-        return float(depth_outside(shape, p, q, surface).max())
-    if surface["type"] == "shape":
-        other, place = (
-            mapping["bodies"]["a"]["shape"],
-            (block.position[:, 1], block.orientation[:, 1]),
-        )
-    else:
-        other, place = (
-            surface,
-            (np.broadcast_to(surface["center"], p.shape), np.eye(4)[[3] * len(p)]),
-        )
-    return float(overlap(shape, (p, q), other, place).max())

@@ -196,17 +196,17 @@ class GlobalError(NamedTuple):
 
 def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:
     """Those that a summary of a run tells; what another version wrote otherwise is left out."""
-    told = (summary or {}).get("warnings") or ()
-    known = ({k: each[k] for k in Finding._fields if k in each} for each in told)
+    warnings = (summary or {}).get("warnings") or ()
+    known = ({k: each[k] for k in Finding._fields if k in each} for each in warnings)
     least = set(Finding._fields) - set(Finding._field_defaults)
     return tuple(Finding(**each) for each in known if least <= each.keys())
 
 
 def global_error_in(summary: Mapping[str, Any] | None) -> GlobalError | None:
     """The global error that a summary of a run states; None where it states none."""
-    told = (summary or {}).get("global_error") or {}
-    nan = {k: math.nan for k in ("relative", "pose") if told.get(k, 0.0) is None}
-    known: dict[str, Any] = {k: told[k] for k in GlobalError._fields if k in told} | nan
+    given = (summary or {}).get("global_error") or {}
+    nan = {k: math.nan for k in ("relative", "pose") if given.get(k, 0.0) is None}
+    known: dict[str, Any] = {k: given[k] for k in GlobalError._fields if k in given} | nan
     return GlobalError(**known) if known else None
 
 

@@ -38,7 +38,7 @@ class PlainFlags(TyperCommand):
 
 
 class OneLineErrors(TyperGroup):
-    """The verbs of the program; a wrong option or argument is told in one line, not in a box."""
+    """The verbs of the program; a wrong option or argument gets one line, not a box."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The options of the program itself, --help included."""
@@ -54,7 +54,7 @@ class OneLineErrors(TyperGroup):
             if isinstance(error.__cause__, KeyboardInterrupt):  # older versions of typer
                 print("interrupted", file=sys.stderr, flush=True)
                 sys.exit(INTERRUPTED)
-            # told by what it has, not by class: older versions of typer raise click's own classes,
+            # known by what it has, not by class: older versions of typer raise click's own classes,
             # newer ones a copy of them
             if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
                 raise

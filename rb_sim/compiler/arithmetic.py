@@ -21,7 +21,7 @@ from rb_sim.compiler.kinds import (
     Object,
     Tuple,
     common,
-    told,
+    kind_text,
 )
 
 
@@ -57,7 +57,7 @@ def converted(f: Builder, value: Value, kind: Kind) -> Value:
         return real(f, value)
     if kind == INTEGER and value.kind == BOOLEAN:
         return integer(f, value)
-    raise KindError(f"{told(value.kind)} where {told(kind)} is expected")
+    raise KindError(f"{kind_text(value.kind)} where {kind_text(kind)} is expected")
 
 
 def real(f: Builder, value: Value) -> Value:
@@ -70,7 +70,7 @@ def real(f: Builder, value: Value) -> Value:
         return Value(REAL, (f.get(f"sitofp i64 {value.leaf} to double"),))
     if value.kind == BOOLEAN:
         return Value(REAL, (f.get(f"uitofp i1 {value.leaf} to double"),))
-    raise KindError(f"{told(value.kind)} is no real number")
+    raise KindError(f"{kind_text(value.kind)} is no real number")
 
 
 def integer(f: Builder, value: Value) -> Value:
@@ -81,7 +81,7 @@ def integer(f: Builder, value: Value) -> Value:
         return Value(INTEGER, (f.get(f"zext i1 {value.leaf} to i64"),))
     if value.kind == REAL:
         return Value(INTEGER, (f.get(f"fptosi double {value.leaf} to i64"),))
-    raise KindError(f"{told(value.kind)} is no number")
+    raise KindError(f"{kind_text(value.kind)} is no number")
 
 
 def truth(f: Builder, value: Value) -> Value:
@@ -97,7 +97,7 @@ def truth(f: Builder, value: Value) -> Value:
         return Value(BOOLEAN, (f.get(f"fcmp une double {value.leaf}, {zero}"),))
     if isinstance(value.kind, Object):
         return constant(bool(value.kind.value))
-    raise KindError(f"{told(value.kind)} is no condition")
+    raise KindError(f"{kind_text(value.kind)} is no condition")
 
 
 def negated(f: Builder, value: Value) -> Value:
@@ -123,7 +123,7 @@ def binary(f: Builder, operator: ast.operator, a: Value, b: Value) -> Value:
     if isinstance(a.kind, Complex) or isinstance(b.kind, Complex):
         return _complex(f, kind, converted(f, a, COMPLEX), converted(f, b, COMPLEX))
     if a.kind not in RANKS or b.kind not in RANKS:
-        raise KindError(f"{kind.__name__} of {told(a.kind)} and {told(b.kind)}")
+        raise KindError(f"{kind.__name__} of {kind_text(a.kind)} and {kind_text(b.kind)}")
     if a.number is not None and b.number is not None:
         return constant(_folded(operator, a.number, b.number))
     if kind is ast.Pow:
@@ -243,7 +243,7 @@ def compared(f: Builder, operator: ast.cmpop, a: Value, b: Value) -> Value:
     ):
         return constant((a.kind == b.kind) == (kind in (ast.Is, ast.Eq)))
     if a.kind not in RANKS or b.kind not in RANKS or kind not in _ORDERED:
-        raise KindError(f"{kind.__name__} of {told(a.kind)} and {told(b.kind)}")
+        raise KindError(f"{kind.__name__} of {kind_text(a.kind)} and {kind_text(b.kind)}")
     reals, wholes = _ORDERED[kind]
     if REAL in (a.kind, b.kind):
         x, y = real(f, a).leaf, real(f, b).leaf

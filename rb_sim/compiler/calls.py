@@ -26,7 +26,7 @@ from rb_sim.compiler.kinds import (
     Object,
     Tuple,
     common,
-    told,
+    kind_text,
 )
 from rb_sim.graph import functions
 
@@ -161,7 +161,7 @@ def _len(f: Builder, x: Value) -> Value:
 @means(tuple)
 def _tuple(f: Builder, x: Value) -> Value:
     if not isinstance(x.kind, Tuple):
-        raise KindError(f"a tuple of {told(x.kind)}")
+        raise KindError(f"a tuple of {kind_text(x.kind)}")
     return Value(Tuple(x.kind.kinds), x.leaves)
 
 

@@ -150,15 +150,15 @@ def common(a: Kind, b: Kind) -> Kind:
     if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.kinds) == len(b.kinds):
         kinds = tuple(common(x, y) for x, y in zip(a.kinds, b.kinds, strict=True))
         return Tuple(kinds, a.of if a.of is b.of else None)
-    raise KindError(f"{told(a)} and {told(b)}")
+    raise KindError(f"{kind_text(a)} and {kind_text(b)}")
 
 
-def told(kind: Kind) -> str:
+def kind_text(kind: Kind) -> str:
     """The kind in words."""
     if isinstance(kind, Number):
         return kind.name
     if isinstance(kind, Tuple):
-        inside = ", ".join(told(k) for k in kind.kinds)
+        inside = ", ".join(kind_text(k) for k in kind.kinds)
         return f"{kind.of.__name__ if kind.of else ''}({inside})"
     if isinstance(kind, Array):
         return f"array of {kind.element} of {kind.ndim} axes"

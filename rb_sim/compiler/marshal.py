@@ -56,10 +56,10 @@ def address_of(array: np.ndarray) -> int:
 
 Arrays = dict[tuple[int, tuple[int, ...]], np.ndarray]
 """Arrays by where they are and by their lengths: a view may begin where its array does."""
-Told = tuple[tuple[Any, ...], list[Any], Arrays]
+Flattened = tuple[tuple[Any, ...], list[Any], Arrays]
 
 
-def told(arguments: Sequence[Any]) -> Told:
+def flattened(arguments: Sequence[Any]) -> Flattened:
     """(what tells arguments of other kinds apart, the numbers of the arguments in turn, the arrays
     among them by where they are)."""
     tokens: list[Any] = []

@@ -22,7 +22,7 @@ import llvmlite
 
 from rb_sim.compiler import shipped
 from rb_sim.compiler.kinds import Kind
-from rb_sim.compiler.marshal import Program, kind_from, kind_of, told, words_of
+from rb_sim.compiler.marshal import Program, flattened, kind_from, kind_of, words_of
 from rb_sim.graph import store
 from rb_sim.graph.machine import ENTRY, Law, interpreted, load, target_data
 from rb_sim.graph.machine import folder as laws_folder
@@ -66,7 +66,7 @@ def folder(root: str) -> pathlib.Path | None:
 
 
 def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
-    """The function of this name and what `translate` has told of it: shipped, from disk, or
+    """The function of this name and what `translate` knows of it: shipped, from disk, or
     translated.
 
     translate: writes the function ENTRY into a unit, and returns what is to be known of it.
@@ -127,7 +127,7 @@ def key_of(text: str) -> str:
 
 
 def _compiled(work: Callable[[], bytes]) -> bytes:
-    """What LLVM makes; who listens is told of begin and end."""
+    """What LLVM makes; listeners hear of begin and end."""
     for announce, _ in list(_hooks):
         announce()
     try:
@@ -257,7 +257,7 @@ class Entry:
     def __call__(self, *arguments: Any) -> Any:
         if self._plain:
             return self.function(*arguments)
-        tokens, numbers, arrays = told(arguments)
+        tokens, numbers, arrays = flattened(arguments)
         program = self._programs.get(tokens)
         if program is None:
             with _LOCK:

@@ -30,8 +30,8 @@ from rb_sim.compiler.kinds import (
     common,
     from_nowhere,
     from_places,
+    kind_text,
     origins_of,
-    told,
 )
 from rb_sim.compiler.source import (
     in_order,
@@ -273,14 +273,14 @@ class Expressions(Variables):
             return tuple_of([Value(INTEGER, (length,)) for length in arrays.lengths(value)])
         if isinstance(kind, Complex) and node.attr in ("real", "imag"):
             return Value(REAL, (value.leaves[node.attr == "imag"],))
-        raise KindError(f"{told(kind)} has no {node.attr}")
+        raise KindError(f"{kind_text(kind)} has no {node.attr}")
 
     def of_Subscript(self, node: ast.Subscript) -> Value:  # noqa: N802
         value = self.value(node.value)
         if isinstance(value.kind, Tuple):
             return self.of_tuple(value, node.slice)
         if not isinstance(value.kind, (Array, Pointer)):
-            raise KindError(f"{told(value.kind)} has no entries")
+            raise KindError(f"{kind_text(value.kind)} has no entries")
         return arrays.entry(self, value, self.indices(node.slice))
 
     def of_tuple(self, value: Value, index: ast.expr) -> Value:

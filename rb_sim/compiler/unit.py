@@ -187,10 +187,10 @@ class Unit:
         if key not in self._tables:
             name = f"@table.{len(self._tables)}"
             numbers = data.ravel().tolist()
-            told = [real_text(x) if element == "real" else str(int(x)) for x in numbers]
-            inside = ", ".join(f"{ELEMENTS[element]} {x}" for x in told)
+            texts = [real_text(x) if element == "real" else str(int(x)) for x in numbers]
+            inside = ", ".join(f"{ELEMENTS[element]} {x}" for x in texts)
             self._texts.append(
-                f"{name} = private unnamed_addr constant [{len(told)} x {ELEMENTS[element]}] "
+                f"{name} = private unnamed_addr constant [{len(texts)} x {ELEMENTS[element]}] "
                 f"[{inside}], align 16\n"
             )
             self._tables[key] = name

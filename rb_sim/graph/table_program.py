@@ -3,8 +3,8 @@
 A long law made of equal parts is slow to trace, to compile and, beyond the instruction cache, to
 run.  A program calls each kind's kernel for the rows of a table instead.  A kernel takes fields
 and gives fields, each some neighbouring numbers of one of the arrays in BASES; where they lie for
-an instance is told by the table.  Kernels are machine code of their own, shared by all programs;
-a program itself is its tables and one call a kind.
+the table gives those of an instance.  Kernels are machine code of their own, shared by all
+programs; a program itself is its tables and one call a kind.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class Check(_Strict):
 
     energy: change of energy less work, over what was exchanged. momentum: the worse of both
     balances. residual: violation of constraints. formula: largest size of a formula over the
-    samples. against: largest pose difference to another setting. told: that a watch speaks, or the
+    samples. against: largest pose difference to another setting. told: that a check warns, or the
     run is refused; the figure is 0 then, else 1. refused: likewise, only by an error.
     """
 
@@ -88,7 +88,7 @@ class Case(_Strict):
     quick: bool = False
     """whether it is cheap enough for `--quick` and for every run of the tests."""
     limit: str = ""
-    """what is not held today, and why: the row is then told as it is and does not fail."""
+    """what is not held today, and why: the row then shows what is and does not fail."""
     scene: Mapping[str, Any] | str
     """as in a scene file, or the name of a shipped scene."""
     runs: tuple[Setting, ...] = Field(min_length=1)

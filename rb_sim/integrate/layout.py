@@ -87,7 +87,7 @@ that ALONG writes; how many of the inputs, the last but that of the step's lengt
 LAWS_AT, SETTING_AT, SIZES_AT, CLOCK_AT, COUNT_AT, STATE_AT = range(6)
 INPUTS_AT, WORK_AT, SERIES_AT, ROWS_AT, CALL_AT = range(6, 11)
 COORDINATE_COUNT, INPUT_COUNT, WIDTH, REACHED, COUNT, CALL = range(11, 17)
-"""Places in what `record_into` is told: where laws, settings, sizes of a series, clock, counts,
+"""Places in the arguments of `record_into`: where laws, settings, sizes of a series, clock, counts,
 states, inputs, work, the series, the rows of samples and CALL are; how many coordinates, inputs and
 numbers of a sample there are (0: nothing is sampled). At REACHED it tells how many of the COUNT
 times of this call it has reached; at CALL are, as real numbers, the time beyond which it does not

@@ -344,8 +344,8 @@ class Places:
         self.numbers: Any = numbers if plain else workspace.view(np.int64)
         self.numbers[:CALL] = numbers
         self.at = numbers if plain else where(workspace)
-        told = memoryview(workspace.data).cast("B")[COUNT * workspace.itemsize :]
-        self._one = None if plain else partial(ONE_TIME.pack_into, told, 0)
+        first_time = memoryview(workspace.data).cast("B")[COUNT * workspace.itemsize :]
+        self._one = None if plain else partial(ONE_TIME.pack_into, first_time, 0)
         """For one time, which is asked for often: half the time of a call."""
 
     def take_worst(self) -> float:

@@ -91,7 +91,7 @@ END = 1e300
 
 STATE_AT, WIDTH, USED, TIMES_AT, VALUES_AT, BREAKS_AT = range(6)
 COUNT, FIRST, STRIDE, BREAKS, ENDS = range(6, 11)
-"""Places in what `integrate_into` is told."""
+"""Places in the arguments of `integrate_into`."""
 
 
 @helper
@@ -328,7 +328,7 @@ def integrate_into(places):
     return 0
 
 
-# Integrals over samples that come in pieces: what `integrate.quadrature` is told, and tells.
+# Integrals over samples that come in pieces: arguments and results of `integrate.quadrature`.
 
 
 NONE = np.zeros(1)

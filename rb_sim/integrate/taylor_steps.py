@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import DY, size_of
 from rb_sim.numerics.kernels import call_law, helper, part
 
@@ -29,8 +30,6 @@ LEAST_LOOK = 2.0**-24
 """Part of a step below which an event that comes near zero is not looked at: what is missed is in
 the square of it, 4e-15 of how far the event goes in the step."""
 
-ROUNDING = 1e-14
-"""Value of an event function (m, rad, ...) from which on its sign is not that of its rounding."""
 
 MISFIT = 300.0
 """Times the tolerance by which slope times step may miss: the first term left out counts as often
@@ -130,7 +129,7 @@ def bend(sizes, h, i, workspace):
 @helper
 def leaving(sizes, h, i, workspace):
     """The part of h after which the event function i, zero at its start, is beyond rounding."""
-    while abs(event(sizes, 0.5 * h, i, workspace)) > ROUNDING:
+    while abs(event(sizes, 0.5 * h, i, workspace)) > SUM_ROUNDING:
         h *= 0.5
     return h
 

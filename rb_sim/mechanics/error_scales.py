@@ -254,12 +254,12 @@ PARTING = 1e-9
 below which they keep it, as numbers of ten digits have it."""
 
 ROUNDED = 64.0 * float(np.finfo(float).eps)
-"""What is not told from rounding of an acceleration, as a share of the largest force on one of two
+"""What rounding hides of an acceleration, as a share of the largest force on one of two
 bodies over the mass of the other: joints push a light body by what rounds off on a heavy one. Of a
 speed, as a share of the scene's, where joints hold both bodies at rest."""
 SCATTERED = 32.0
 """Times what accelerations change by where coordinates are rounded otherwise, below which they are
-not told from rounding: of loads that joints take up."""
+hidden by rounding: of loads that joints take up."""
 
 Pair = tuple[int, int]
 """A body and its parent."""
@@ -316,7 +316,7 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
 
 
 def scatter(rate: Rate, y: Array, slope: Array) -> Array:
-    """What is not told from rounding of the acceleration of each body at y [m/s^2], (bodies,)."""
+    """What rounding hides of the acceleration of each body at y [m/s^2], (bodies,)."""
     found = np.zeros(len(slope))
     for every in (2, 3, 5):
         ways = np.where(np.arange(len(y)) % every, 1.0, -1.0)

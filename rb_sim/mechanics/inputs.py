@@ -228,7 +228,7 @@ class Inputs:
 # Systems that differ only in numbers share their laws: the numbers that differ become inputs.
 #
 # A law has the constants of its scene folded in, which is right for one scene and wrong for ten
-# thousand that differ in a mass.  A family is told of a few of them, finds which numbers differ,
+# thousand that differ in a mass.  A family gets a few of them, finds which numbers differ,
 # and makes laws that take those as inputs; everything else stays folded in.
 
 

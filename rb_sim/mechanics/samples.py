@@ -129,7 +129,7 @@ class SampleBlock:
     inputs: tuple[Input, ...] = ()
     """commands and resets before the samples of this block, in their order."""
     worst: tuple[Array, float] | None = None
-    """the residuals, and the largest of them, where the loop that made the samples has told it: to
+    """the residuals, and the largest of them, where the loop that made the samples gives it: to
     look for it in a column whose numbers lie far apart costs more than all else at a glance."""
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from rb_sim.base.rounding import TWO_ULPS
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
 from rb_sim.catalogue.geometry.smooth_surfaces import RimSurface, SphereSurface
@@ -105,10 +106,6 @@ AS_PENDULUM = Variables(suits_pendulum, 4, begin_as_pendulum, rates_of_pendulum,
 # which needs no sine and cosine of the heading; c' = -s w1 and s' = c w1 need none of the tilt.
 
 
-SAME = 4e-16
-"""Relative difference of moments that are equal but for rounding."""
-
-
 def suits_disk(system):
     """A body of revolution about the disk's axis, its centre at C, under gravity along n."""
     if not isinstance(system, RollingBody) or not isinstance(system.surface, RimSurface):
@@ -128,7 +125,7 @@ def suits_disk(system):
         isinstance(row, GravityRow) and norm(cross(row.acceleration_W, system.normal)) == 0.0
         for row in system.effects
     )
-    even = max(map(abs, lacking)) <= SAME * max(moment, across)
+    even = max(map(abs, lacking)) <= TWO_ULPS * max(moment, across)
     return tuple(system.surface.centre_C) == ZERO and even and level
 
 

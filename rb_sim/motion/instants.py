@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.mechanics.samples import Array
-
-SAME_INSTANT = 1e-12
-"""Samples closer to the end than this fraction of the period coincide with it."""
 
 MOST_SAMPLES = 2**53
 """Of one run: beyond, sample times are no longer distinct numbers."""
@@ -36,14 +34,14 @@ def samples_at_rate(duration: float, rate: float) -> int:
     """
     if not duration * rate < MOST_SAMPLES:
         raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
-    return math.floor(duration * rate * (1.0 + SAME_INSTANT) + SAME_INSTANT) + 1
+    return math.floor(duration * rate * (1.0 + COMPUTED_ROUNDING) + COMPUTED_ROUNDING) + 1
 
 
 def instants_at_rate(start: float, duration: float, rate: float) -> Array:
     """Every 1/rate [s] from `start` on, and the end."""
     count, end = samples_at_rate(duration, rate), start + duration
     times = np.minimum(start + np.arange(count) / rate, end)
-    if end - (start + (count - 1) / rate) > SAME_INSTANT / rate:
+    if end - (start + (count - 1) / rate) > COMPUTED_ROUNDING / rate:
         times = np.append(times, end)
     return times
 

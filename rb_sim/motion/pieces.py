@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rb_sim.motion.motion import Motion
 
 
-# How long a run will take, from what it has cost so far: told when it is long, ended when endless.
+# How long a run will take, from what it has cost so far: said if long, ended if endless.
 #
 # A run that begins with a stiff transient is slow at first only, and one whose body comes to roll
 # at 1e9 rad/s is fast at first only. The estimate therefore takes the fastest of the paces between
@@ -31,7 +31,7 @@ EFFORT = 5.0
 """Time after which the first estimate is made [s]."""
 
 LONG = 600.0
-"""Estimated time from which on a user is told of it [s]."""
+"""Estimated time from which on it is reported [s]."""
 
 ENDLESS = 365.25 * 86400.0
 """Estimated time from which on a run is given up [s]: nobody waits for a year."""
@@ -125,7 +125,7 @@ MOST_GROWTH = 8.0
 NONE = np.empty(0)
 
 Watch = Callable[[float], bool]
-"""Told the simulated time [s]; says whether the run is to go on."""
+"""Gets the simulated time [s]; returns whether the run is to go on."""
 
 
 @dataclass(frozen=True)

@@ -119,12 +119,12 @@ def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
 
 @means(call_step)
 def _call_step(f: Any, step: Value, *arguments: Value) -> Value:
-    told = []
+    typed = []
     for kind, value in zip(STEP, arguments, strict=True):
         leaf = value.leaves[0] if kind == VECTOR else numbers.converted(f, value, kind).leaf
-        told.append(f"{kind.leaves[0]} {leaf}")
+        typed.append(f"{kind.leaves[0]} {leaf}")
     at = f.get(f"inttoptr i64 {step.leaf} to ptr")
-    return Value(REAL, (f.get(f"call double {at}({', '.join(told)})"),))
+    return Value(REAL, (f.get(f"call double {at}({', '.join(typed)})"),))
 
 
 def place_of(array: Any) -> float:

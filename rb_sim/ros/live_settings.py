@@ -33,7 +33,7 @@ class LiveSettings:
     def watch(self, changed: Callable[[Settings], None] | None) -> None:
         """Call changed(settings) after every change from now on; None: call nobody.
 
-        To be called before `now` is read: a change that comes in between is told, too.
+        To be called before `now` is read: a change that comes in between is passed on, too.
         """
         self._changed = changed
 

@@ -258,7 +258,7 @@ class SimulationLoop:
             raise RbSimError(ENDING)
 
     def _step(self) -> None:
-        """One sample period; a motion that cannot go on is told and remembered."""
+        """One sample period; a motion that cannot go on is reported and remembered."""
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:

@@ -36,7 +36,7 @@ LOG_CUT = 4
 
 
 def described(settings: Settings, presence: Presence) -> Scene:
-    """The scene, told to whoever looks, before anything is compiled. Raises RbSimError."""
+    """The scene, published for whoever looks, before anything is compiled. Raises RbSimError."""
     if not settings.scene:
         raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
     scene = load_scene(find_scene(settings.scene), **settings.overrides)

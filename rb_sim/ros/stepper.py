@@ -121,7 +121,7 @@ class Ahead:
         if self._kept is not None:
             try:
                 rows = self._go(k, watch, limits)
-            except SimulationError:  # it is told where it belongs
+            except SimulationError:  # raised again at its own sample
                 pass
             if not rows:
                 self._simulation.back_to(self._kept)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SceneError
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
 from rb_sim.catalogue.contacts.touching import ContactLaw, Sides, Touching, contact_lines, sides_of
 from rb_sim.catalogue.geometry.corners_and_rims import (
@@ -132,10 +133,6 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
 # projection, or refused.
 
 
-TOUCHES = 1e-12
-"""Overlap, relative to the scene's length, that is rounding once bodies have been moved apart."""
-
-
 def check_contacts(
     scene: Scene,
     system: ContactBodies,
@@ -205,7 +202,7 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
     for _ in range(len(laws) + 1):
         gaps = overlaps(system, laws)
         c = int(gaps.argmin()) if len(gaps) else 0
-        if not len(gaps) or gaps[c] >= -TOUCHES * system.length:
+        if not len(gaps) or gaps[c] >= -COMPUTED_ROUNDING * system.length:
             break
         if c in held:
             return bool(gaps[c] >= -MISFIT * system.length)

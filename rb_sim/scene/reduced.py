@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import TWO_ULPS
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free
 from rb_sim.catalogue.constraints.rolling import Rolling, levelled
@@ -59,8 +60,6 @@ from rb_sim.scene.place import InitialPlace, quaternion, symmetric, vector
 
 
 SWEEPS = 12
-EQUAL = 4e-16
-"""Moments that differ by less, relative to the largest, are those of a body of revolution."""
 
 
 def principal_axes(inertia: Symmetric) -> tuple[Vec3, Quaternion]:
@@ -94,7 +93,7 @@ def principal_axes(inertia: Symmetric) -> tuple[Vec3, Quaternion]:
 def together(moments: tuple[float, ...]) -> Vec3:
     """The moments, those equal but for rounding made equal: their difference would be a torque."""
     a, b, c = moments
-    near = EQUAL * max(moments)
+    near = TWO_ULPS * max(moments)
     if abs(a - b) <= near:
         a = b = 0.5 * (a + b)
     if abs(b - c) <= near:

@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from rb_sim.base.names import clashes
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.spec import (
     Name,
     NonNegative,
@@ -64,8 +65,6 @@ SMALLEST_TOLERANCE = 1e-16
 DEFAULT_TOLERANCE = 1e-10
 """For dopri853 and taylor."""
 
-SAME_POINT = 1e-12
-"""Distance, relative to the shape's reach, below which two points given in numbers are one."""
 
 _inertia_check = TypeAdapter(SymmetricInertia)
 
@@ -110,7 +109,7 @@ class Body(Spec):
         if self.shape is None:
             raise refuse_at((("inertia",), None, refuse("given unless the body has a shape")))
         centre, com = np.array(self.shape.center_B), np.array(self.center_of_mass)
-        if np.abs(centre - com).max() > SAME_POINT * self.shape.reach:
+        if np.abs(centre - com).max() > COMPUTED_ROUNDING * self.shape.reach:
             allowed = refuse(
                 f"the centre of the shape, {list(self.shape.center_B)}; set shape.center_B: "
                 f"{list(self.center_of_mass)}, or give inertia"

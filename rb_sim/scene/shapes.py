@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, Strict
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.spec import (
     Positive,
     Positive3,
@@ -27,8 +28,6 @@ from rb_sim.catalogue.spec import (
 
 
 Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-INERTIA_SLACK = 1e-9
-"""Relative round-off allowed in the symmetry and the triangle inequality of an inertia tensor."""
 SMALLEST_INERTIA = 1e-150
 """[kg m^2]; below it products of moments underflow."""
 
@@ -62,12 +61,12 @@ def inertia_of_some_body(rows: Rows3) -> Rows3:
     if scale < SMALLEST_INERTIA:
         raise refuse("an inertia with three principal moments > 0")
     tensor /= scale
-    if float(np.abs(tensor - tensor.T).max()) > INERTIA_SLACK:
+    if float(np.abs(tensor - tensor.T).max()) > WRITTEN_ROUNDING:
         raise refuse("a symmetric inertia tensor")
     small, middle, large = (float(v) for v in np.linalg.eigvalsh(0.5 * (tensor + tensor.T)))
     if small <= 0.0:
         raise refuse(f"an inertia with three principal moments > 0, but one is {small * scale:.6g}")
-    if large > (small + middle) * (1.0 + INERTIA_SLACK):
+    if large > (small + middle) * (1.0 + WRITTEN_ROUNDING):
         raise refuse(
             "an inertia that some body can have: no principal moment above the sum of the others, "
             f"but {large * scale:.6g} > {small * scale:.6g} + {middle * scale:.6g}"

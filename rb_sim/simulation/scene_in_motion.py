@@ -64,7 +64,7 @@ def compiling(name: str) -> str:
 
 
 class Announced:
-    """A context in which compiling is told, the first time that it is entered; later it is free.
+    """A context in which compiling is announced when it is first entered; later it costs nothing.
 
     name: of the scene. announce: gets the line; None tells nobody.
     """

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import Watched
 from rb_sim.checks.continuation import dead_end, rows_ahead
 from rb_sim.checks.second_run import SecondRun
@@ -20,7 +21,6 @@ from rb_sim.io.sink import Sink
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.instants import (
-    SAME_INSTANT,
     instants_at_rate,
     instants_beside,
     instants_given,
@@ -71,7 +71,7 @@ class Simulation(SceneInMotion):
     scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
         step or tolerance.
     coordinates: "auto", or "maximal" to force the general formulation.
-    announce: told in one line where machine code has to be made, which takes seconds; None: nobody.
+    announce: gets one line where machine code has to be made, which takes seconds; None: nobody.
     family: the laws that scenes which differ only in numbers share; None: this one has its own.
     Raises SceneError if the scene cannot be simulated.
     """
@@ -155,7 +155,7 @@ class Simulation(SceneInMotion):
             is the trajectory's `global_error`, and a finding above 1e-2. None: if the run is
             watched; from about a second of stepping on a coarser one first, from 20 s on the
             beginning only.
-        A run that will take more than ten minutes is told once, where `announce` says; one that
+        A run that will take more than ten minutes is reported once, to `announce`; one that
         would take more than a year is given up after some time.
         Raises SimulationError if the integration cannot go on, or is given up; the samples so far
         are then in the sinks.
@@ -278,7 +278,7 @@ class Simulation(SceneInMotion):
             if watcher.stopped:
                 return
         last = start + (count - 1) / rate
-        if end - last > SAME_INSTANT / rate:
+        if end - last > COMPUTED_ROUNDING / rate:
             yield from self._sampled(np.array([end]), watcher)
 
     def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
@@ -296,9 +296,9 @@ class Simulation(SceneInMotion):
         reached = int(np.searchsorted(times, self.time, side="right"))
         if reached:
             block, worst = self._block(times[:reached], out[:reached]), self._motion.take_worst()
-            told = None if worst is None else (block.residual, worst)
+            residual = None if worst is None else (block.residual, worst)
             events, inputs = self.take_events(), self.take_inputs()
-            yield replace(block, events=events, inputs=inputs, worst=told)
+            yield replace(block, events=events, inputs=inputs, worst=residual)
         if failure is not None:
             dead = dead_end(self, times[:reached], out[:reached]) if not self._is_trial else None
             if dead is not None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.base.errors import SceneError
+from rb_sim.base.rounding import SUM_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import (
     ANGLES,
     COUNT,
@@ -43,9 +44,6 @@ from rb_sim.statics.equilibrium import Bound, Element, Equilibrium, poles_of, pu
 
 
 Array = NDArray[np.float64]
-
-TOUCHES = 1e-9
-"""Gap, relative to the scene's length, at which surfaces touch: poses in files are rounded."""
 
 
 class Standing(NamedTuple):
@@ -89,7 +87,7 @@ def touching_elements(standing: Standing) -> Found:
             "statics takes a bilateral contact smooth or rough, not with friction that N bounds"
         )
     points = list(points_of(standing))
-    near = TOUCHES * standing.length
+    near = WRITTEN_ROUNDING * standing.length
     closed, apart = [], []
     for i, point in enumerate(points):
         name = standing.name if len(points) == 1 else f"{standing.name}/{i + 1}"
@@ -291,7 +289,7 @@ def joint_elements(
         force = lines[:, :3]
         about_centre = np.array([rotate(B.q_WB, tuple(line)) for line in lines[:, 3:6]])
         torque = about_centre - np.cross(point - np.array(B.p_WC), force)
-        torque[np.abs(torque) <= ROUND_OFF * np.abs(about_centre).max(initial=0.0)] = 0.0
+        torque[np.abs(torque) <= SUM_ROUNDING * np.abs(about_centre).max(initial=0.0)] = 0.0
         kind = KINDS.get(str(spec.type), str(spec.type))
         if kind == "rod":
             force, torque = -force, -torque
@@ -306,10 +304,6 @@ def joint_elements(
             torque_W=torque.T,
             law="two-way",
         )
-
-
-ROUND_OFF = 1e-14
-"""Of the largest torque about C, below which a torque about the anchor is rounding."""
 
 
 def lines_of(row: Any, B: BodyState, A: BodyState) -> Array:
@@ -350,7 +344,7 @@ def active_loads(scene: Scene, place: InitialPlace, states: dict[str, BodyState]
                 arm = rotate(B.q_WB, place.from_com(body, spec.point_B))
             moved = np.cross(arm, force)
             torque = about_C - moved
-            torque[np.abs(torque) <= ROUND_OFF * np.abs(moved).max()] = 0.0
+            torque[np.abs(torque) <= SUM_ROUNDING * np.abs(moved).max()] = 0.0
             point = np.array(add(B.p_WC, arm))
             pushes = isinstance(spec, Wrench)
             yield Load(name, body, point, force, torque, pushes)

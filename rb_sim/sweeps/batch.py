@@ -41,7 +41,7 @@ class Batch(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What the scheduler is told of a batch; the rows themselves stay with the worker's file."""
+    """What the scheduler gets of a batch; the rows themselves stay with the worker's file."""
 
     number: int
     runs: int
@@ -93,8 +93,8 @@ def described(
 
     looks: values of a few runs (see PlanRunner).
     """
-    told = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes}
-    return json.dumps(told)
+    description = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes}
+    return json.dumps(description)
 
 
 def do_batch(plan: str, folder: str, batch: Batch) -> Done:

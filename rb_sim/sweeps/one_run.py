@@ -17,10 +17,10 @@ import numpy as np
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.base.names import keys_of
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.spec import one_of
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import concatenate
-from rb_sim.motion.instants import SAME_INSTANT
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
@@ -281,7 +281,7 @@ class PlanRunner:
 
         blocks = list(simulation.blocks(options.duration, options.rate, goes_on))
         run = Trajectory(concatenate(blocks, simulation.layout), simulation.layout)
-        whole = options.duration - run.t[-1] <= SAME_INSTANT / options.rate
+        whole = options.duration - run.t[-1] <= COMPUTED_ROUNDING / options.rate
         return run, bool(whole) or not late
 
     def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:

@@ -128,7 +128,7 @@ def run_batches(
     batches: Iterable[Batch],
     report: Callable[[Done], None],
 ) -> None:
-    """Do all batches; `report` is told of each as it ends.
+    """Do all batches; `report` gets each as it ends.
 
     Raises SimulationError where a batch killed every worker that tried it.
     """

@@ -52,7 +52,7 @@ def look_over(
 ) -> tuple[Lost, ...]:
     """What watches see of lost accuracy in these runs of the plan.
 
-    A run that fails, or takes longer than the plan lets it, is told of as far as it went; why it
+    A run that fails, or takes longer than the plan lets it, is reported as far as it went; why it
     ended is in its row.
     """
     found: list[Lost] = []
@@ -95,7 +95,7 @@ LARGEST_BATCH = 2000
 """Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
 
 Progress = Callable[[int, int, int], None]
-"""Told (runs done, runs in all, runs that failed)."""
+"""Called with (runs done, runs in all, runs that failed)."""
 
 
 class SweepResult(NamedTuple):
@@ -134,8 +134,8 @@ def sweep(
     plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
     (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
     (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
-    they can; their numbers then differ from those of one at a time by rounding. progress: told of
-    every batch that ends.
+    they can; their numbers then differ from those of one at a time by rounding. progress: called
+    for every batch that ends.
     Of the runs one in fifty (2 to 8 of them) is simulated once more and watched; accuracy that is
     lost there is an AccuracyWarning and in the result's `lost`.
     Raises RbSimError for a plan that cannot be run as it stands; what is wrong with a single run is
@@ -168,8 +168,8 @@ def sweep(
 
             batches = _batches(values, todo, size, Batch(next_batch, todo, {}, bodies, start))
             with client(workers, scheduler) as connected:
-                told = described(loaded, looks, lanes)
-                run_batches(connected, told, str(folder.resolve()), batches, report)
+                description = described(loaded, looks, lanes)
+                run_batches(connected, description, str(folder.resolve()), batches, report)
     looked_at = to_look_at(todo) if len(todo) else []
     lost = look_over(runner, values, looked_at)
     for each in lost:

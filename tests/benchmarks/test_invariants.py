@@ -61,6 +61,7 @@ def test_nothing_is_broken_in_a_good_run(good: Any) -> None:
         ({"reaction_force": -1.0}, "pulls with"),
         ({"anchor": [1.1, 1.0, 1.0]}, "angular momentum of body"),
         ({"residual": 1e9}, "residual"),
+        ({"position": [1.0, 1.0, 1.0 - 1e-5]}, "floor sinks by"),
     ],
 )
 def test_what_is_done_to_it_is_found(good: Any, changed: dict[str, Any], words: str) -> None:

@@ -58,7 +58,7 @@ class Weld(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """the point about which the reaction is told, from the body origin, body axes [m]."""
+    """the point about which the reaction is given, from the body origin, body axes [m]."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A,  q_AB = q_AB(0)       the pose against the parent stays what it is at the start

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ParallelRow, anchor, fill, put
 from rb_sim.catalogue.geometry.smooth_surfaces import (
     EllipsoidSurface,
@@ -31,9 +32,6 @@ from rb_sim.numerics.vectors import (
     sub,
     unrotate,
 )
-
-FLAT = 1e-12
-"""Sine of the tilt of a rim below which it lies flat."""
 
 
 class Rolling(Spec):
@@ -77,7 +75,7 @@ class Rolling(Spec):
         """Raise ValueError for a rim that starts flat on the plane, touching it all round."""
         q_WA = place.state(self.parent).q_WB
         axis = rotate(place.state(self.body).q_WB, axis_B)
-        if norm(cross(axis, rotate(q_WA, self.normal_A))) < FLAT:
+        if norm(cross(axis, rotate(q_WA, self.normal_A))) < COMPUTED_ROUNDING:
             raise ValueError(
                 f"the rim of {self.body} starts flat on the plane, without a lowest point; "
                 "must start tilted"

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import AfterValidator, model_validator
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.joints import Weld
 from rb_sim.catalogue.constraints.rows import ParallelRow, PointRow
 from rb_sim.catalogue.constraints.simple import Distance
@@ -20,10 +21,6 @@ from rb_sim.catalogue.contacts.surfaces import PlaneSurface
 from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse, refuse_at
 from rb_sim.catalogue.types import Part, Place, Quaternion, Vec3
 from rb_sim.numerics.vectors import ZERO, add, dot, norm, perpendicular, rotate, sub, unrotate
-
-SAME_POINT = 1e-9
-"""Distance [m], or share of the distance from the world origin if that is more than 1 m, below
-which two points given in numbers are one."""
 
 
 class Pose(NamedTuple):
@@ -88,7 +85,7 @@ class PointContact(Spec):
         """
         at = B.point(self.point_B) if self.point_B is not None else A.point(self.point_A or ZERO)
         if self.point_A is not None and (apart := norm(sub(A.point(self.point_A), at))):
-            if apart > SAME_POINT * max(1.0, norm(at)):
+            if apart > WRITTEN_ROUNDING * max(1.0, norm(at)):
                 allowed = f"the same point as point_B (they are {apart:.3g} m apart)"
                 raise refuse_at((("point_A",), list(self.point_A), refuse(allowed)))
         for name, pose in ((self.body, B), (self.parent, A)):
@@ -119,7 +116,7 @@ def beyond_the_end(pose: Pose, point: Vec3) -> float:
     centre = pose.point(pose.shape.center_B)
     along = abs(dot(sub(point, centre), rotate(pose.orientation, pose.shape.axis_B)))
     beyond = along - 0.5 * pose.shape.length
-    return beyond if beyond > SAME_POINT * max(1.0, norm(point), norm(centre)) else 0.0
+    return beyond if beyond > WRITTEN_ROUNDING * max(1.0, norm(point), norm(centre)) else 0.0
 
 
 class Rod(Distance):

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
 from rb_sim.catalogue.types import Place, Vec3, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
-
-COINCIDE = 1e-12
-"""Share of a rest length up to which the distance of its ends is rounding, and points nowhere."""
 
 
 class Spring(Spec):
@@ -56,7 +54,7 @@ class Spring(Spec):
         else:
             along = SpringRow(r_B, r_A, self.stiffness, self.rest_length)
             length = norm(separation(along, place.state(self.body), place.state(self.parent)))
-            if not length > COINCIDE * self.rest_length:
+            if not length > COMPUTED_ROUNDING * self.rest_length:
                 raise ValueError(
                     "its ends coincide at the start, so that its force has no direction; move them "
                     "apart or use rest_length 0"

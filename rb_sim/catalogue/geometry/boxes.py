@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub
 
@@ -19,8 +20,6 @@ PARALLEL = 1e-8
 FACE_FIRST = 1e-3
 """Of the size of the smaller box, by which an edge has to be farther than the best face to count:
 nearly parallel edges lie in nearly the same place as the face, which has more points."""
-ON_SIDE = 1e-9
-"""Of the size, by which a corner may lie outside of the face that it is cut to."""
 
 
 @inline
@@ -134,7 +133,7 @@ def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_
     count, now = 4, 0
     for k in range(1, 3):
         i = (axis + k) % 3
-        slack = ON_SIDE * half[i]
+        slack = WRITTEN_ROUNDING * half[i]
         for way in range(2):
             e = axes[i] if way == 0 else scale(-1.0, axes[i])
             count = cut(workspace[now], count, workspace[1 - now], e, dot(e, c) + half[i] + slack)

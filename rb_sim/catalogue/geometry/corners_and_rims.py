@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
 from rb_sim.catalogue.geometry.curved import three
 from rb_sim.catalogue.geometry.pairs import (
     BallOnSolid,
@@ -17,6 +18,7 @@ from rb_sim.catalogue.geometry.pairs import (
     out_of_solid,
     touching,
 )
+from rb_sim.catalogue.geometry.smooth_surfaces import FLAT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder, about_axis, direction_rate, nearest
 from rb_sim.catalogue.types import Vec3
 from rb_sim.graph.functions import call, maximum, where
@@ -46,12 +48,6 @@ from rb_sim.numerics.vectors import (
 # rolling: A can that appears to rock might actually roll", Phys. Rev. E 78, 2008).  A rim that is
 # held at a point and falls straight therefore keeps that point in the step in which it comes to
 # lie; of all others what is low follows from the state alone, however far they turn in a step.
-
-
-FLAT = 1e-10
-"""Tilt [rad] that is none."""
-LOST = 1e-14
-"""Tilt [rad] of which rounding has taken the direction."""
 
 
 class RimOnPlane(NamedTuple):
@@ -96,7 +92,7 @@ UPRIGHT = Lean(ZERO, ZERO, 1.0)
 @inline
 def keeps_low(tilt, before):
     """True if the low point is that of before: of a rim that lay flat, or will."""
-    lost = FLAT if norm(before.axis) < FLAT else LOST
+    lost = FLAT if norm(before.axis) < FLAT else SUM_ROUNDING
     return abs(before.sense) == SLAMS or tilt < lost
 
 
@@ -348,17 +344,11 @@ def rim_on_cylinder(pair, B, A):
 # A corner or an end on another body's box or cylinder: what holds it is a face, and no more.
 #
 # The nearest point of the solid tells the gap in flight.  A point that is held keeps to the face on
-# which it came to be, whose surface goes on beyond the edge, until it has left the face by OVER:
-# there nothing presses it, and the contact opens.  The nearest point of the edge would turn the
+# which it came to be, whose surface goes on beyond the edge, until it is off the face by more than
+# rounding (corners that lie on edges, as those of a stack of equal boxes, are off by some): there
+# nothing presses it, and the contact opens.  The nearest point of the edge would turn the
 # normal aside at once, and a step back to the manifold would take the point back to the edge, and
 # energy from it.
-
-
-OVER = 1e-12
-"""Way beyond the edge of a face, over the size of the solid, by which a point has left it: corners
-that lie on edges, as those of a stack of equal boxes, are off by rounding."""
-SQUARE = 1e-12
-"""By how much a component of the normal of a face may differ from 1."""
 
 
 class PointOnSolid(BallOnSolid):
@@ -392,7 +382,7 @@ def off_face(solid, face, x, x_dot):
 
 def whole(x: Any) -> Any:
     """1 or -1 where x is that but for rounding, else 0."""
-    return where(x >= 1.0 - SQUARE, 1.0, where(x <= SQUARE - 1.0, -1.0, 0.0))
+    return where(x >= 1.0 - COMPUTED_ROUNDING, 1.0, where(x <= COMPUTED_ROUNDING - 1.0, -1.0, 0.0))
 
 
 @face_of.register(Box)
@@ -413,7 +403,7 @@ def off_face_of_box(box, face, x, x_dot):
 @face_of.register(Cylinder)
 def face_of_cylinder(cylinder, u):
     along = dot(u, cylinder.axis)
-    return (whole(along), where(abs(along) <= SQUARE, 1.0, 0.0), 0.0)
+    return (whole(along), where(abs(along) <= COMPUTED_ROUNDING, 1.0, 0.0), 0.0)
 
 
 @off_face.register(Cylinder)
@@ -439,7 +429,7 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
     u, u_dot = where(held, away, u), where(held, away_dot, u_dot)
     low = where(held, known, face_of(pair.surface, u))
     n, n_dot = out_of_solid(A, u, u_dot)
-    sense = where(held & (over > OVER), ABSENT, before.sense)
+    sense = where(held & (over > COMPUTED_ROUNDING), ABSENT, before.sense)
     return Touch(gap, n, n_dot, c, v), Lean(low, ZERO, sense)
 
 

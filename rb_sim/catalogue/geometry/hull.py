@@ -7,15 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest, off_segment
 from rb_sim.catalogue.types import Vec3
 from rb_sim.graph.functions import call
 from rb_sim.graph.symbols import External
 from rb_sim.numerics.kernels import inline, routine, table_at
 from rb_sim.numerics.vectors import ZERO, dot, perpendicular, sub
-
-FLAT = 1e-12
-"""Distance from a plane or line, over the size of the hull, at which a point lies on it."""
 
 
 class Hull(NamedTuple):
@@ -146,7 +144,7 @@ def principal(points: np.ndarray) -> tuple[int, np.ndarray]:
     away = points - points.mean(axis=0)
     axes = np.linalg.svd(away)[2]
     extents = np.abs(away @ axes.T).max(axis=0)
-    return int(np.sum(extents > FLAT * extents.max())), axes
+    return int(np.sum(extents > COMPUTED_ROUNDING * extents.max())), axes
 
 
 def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
@@ -171,7 +169,7 @@ def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
 def is_straight(a: np.ndarray, b: np.ndarray, c: np.ndarray, size: float) -> bool:
     """Whether b lies on the line from a to c."""
     (x, y), (u, v) = c - a, b - a
-    return abs(x * v - y * u) <= FLAT * size * float(np.hypot(x, y))
+    return abs(x * v - y * u) <= COMPUTED_ROUNDING * size * float(np.hypot(x, y))
 
 
 def faces_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -184,7 +182,7 @@ def faces_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     size = np.abs(points - points.mean(axis=0)).max()
     found = {}
     for *n, offset in ConvexHull(points).equations:
-        on = np.flatnonzero(np.abs(points @ n + offset) <= FLAT * size)
+        on = np.flatnonzero(np.abs(points @ n + offset) <= COMPUTED_ROUNDING * size)
         if principal(points[on])[0] == 2:
             found.setdefault(tuple(on), np.array(n))
     return [(n, np.array(on)[polygon(points[list(on)], n)]) for on, n in found.items()]

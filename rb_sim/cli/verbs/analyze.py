@@ -50,15 +50,15 @@ def analyze(options: AnalyzeOptions) -> int:
         make_folder(options.out)
     topics = frozenset(options.topics) or None
     found = read(options.bag, topics=topics, masses=masses, scene=scene, table=table)
-    told = finite(found.as_dict())
+    summary = finite(found.as_dict())
     if options.as_json:
-        print(json.dumps(told, indent=2, allow_nan=False))
+        print(json.dumps(summary, indent=2, allow_nan=False))
     else:
-        _print(told)
+        _print(summary)
     warn(_first(found.notes, "notes"))
     if options.out is not None and table is not None:
         with writing(options.out):
-            text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+            text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
             (options.out / "analysis.json").write_text(text, encoding="utf-8")
             table.write_csv(options.out / "samples.csv")
             if options.parquet:
@@ -68,11 +68,11 @@ def analyze(options: AnalyzeOptions) -> int:
     return 0
 
 
-def _print(told: dict[str, Any]) -> None:
+def _print(summary: dict[str, Any]) -> None:
     from rb_sim.cli.plain import plain_console
 
     console = plain_console(highlight=False)
-    sources = dict(islice(told["sources"].items(), SHOWN))
+    sources = dict(islice(summary["sources"].items(), SHOWN))
     heads = ("source", "readings", "rate [Hz]", "gaps", "back")
     rates = [
         (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))
@@ -87,17 +87,17 @@ def _print(told: dict[str, Any]) -> None:
         for k, (value, row) in enumerate(source["values"].items())
     ]
     console.print(_columns(heads, rows))
-    if len(told["sources"]) > SHOWN:
-        print(f"and {len(told['sources']) - SHOWN} more sources{ELSEWHERE}")
-    for line in _first(_body_lines(told), "bodies"):
+    if len(summary["sources"]) > SHOWN:
+        print(f"and {len(summary['sources']) - SHOWN} more sources{ELSEWHERE}")
+    for line in _first(_body_lines(summary), "bodies"):
         print(line)
-    _print_balance(told)
+    _print_balance(summary)
 
 
-def _body_lines(told: dict[str, Any]) -> list[str]:
+def _body_lines(summary: dict[str, Any]) -> list[str]:
     """What the poses of each body tell of the wrench on it, or why nothing."""
     lines = []
-    for name, body in told["bodies"].items():
+    for name, body in summary["bodies"].items():
         if "apart" in body:
             apart = body["apart"]
             lines.append(f"{name}: inverse dynamics ({body['filter']}) and recorded wrenches: RMS "
@@ -128,8 +128,8 @@ def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     return table
 
 
-def _print_balance(told: dict[str, Any]) -> None:
-    balances = {"": told["balance"]} if told["balance"] else told["balances"]
+def _print_balance(summary: dict[str, Any]) -> None:
+    balances = {"": summary["balance"]} if summary["balance"] else summary["balances"]
     for name, balance in balances.items():
         of = f"{name}: " if name else ""
         energy, momentum = balance.get("energy"), balance.get("momentum")
@@ -151,10 +151,10 @@ def _print_balance(told: dict[str, Any]) -> None:
         if "wrenches" in balance:
             acted = " and ".join(["the scene's effects", *balance["wrenches"]])
             print(f"  {of}change minus {acted}; includes forces that were not recorded")
-    _print_constraints(told["constraints"])
-    if told["contacts"]:
-        counts = ", ".join(f"{n} {kind}" for kind, n in told["contacts"]["events"].items())
-        print(f"contacts: work {told['contacts']['work']:.6g} J; events: {counts or 'none'}")
+    _print_constraints(summary["constraints"])
+    if summary["contacts"]:
+        counts = ", ".join(f"{n} {kind}" for kind, n in summary["contacts"]["events"].items())
+        print(f"contacts: work {summary['contacts']['work']:.6g} J; events: {counts or 'none'}")
 
 
 def _doubt(row: dict[str, Any], unit: str) -> str:
@@ -167,15 +167,15 @@ def _doubt(row: dict[str, Any], unit: str) -> str:
     return f" ({'; '.join(said)})" if said else ""
 
 
-def _print_constraints(told: dict[str, Any] | None) -> None:
-    if not told:
+def _print_constraints(summary: dict[str, Any] | None) -> None:
+    if not summary:
         return
-    print(f"max constraint violation, from the poses: {told['relative']:.2g} (relative)")
-    for name, velocity in told["velocity"].items():
-        position = told["position"].get(name)
+    print(f"max constraint violation, from the poses: {summary['relative']:.2g} (relative)")
+    for name, velocity in summary["velocity"].items():
+        position = summary["position"].get(name)
         parts = [] if position is None else [_worst(position, "m or rad")]
         print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
-    for name, overlap in told["overlap"].items():
+    for name, overlap in summary["overlap"].items():
         kind = "closed; largest overlap" if overlap["touches"] else "never closed; smallest gap"
         size = abs(max(overlap["largest"], 0.0) if overlap["touches"] else overlap["largest"])
         print(f"  {name}: {kind} {_worst({**overlap, 'largest': size}, 'm')}")

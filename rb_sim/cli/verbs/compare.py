@@ -51,19 +51,19 @@ def compare(options: CompareOptions) -> int:
     b = other_tracks(options, a)
     warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
     found = differences(a, b, align=options.align, match=_pairs(options.match))
-    told = summary(found, options.bounds)
+    report = summary(found, options.bounds)
     warn(found.notes)
     if options.as_json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(report, indent=2))
     else:
-        _print(told)
+        _print(report)
     if options.out is not None:
-        _write(options.out, told, found, a, b)
+        _write(options.out, report, found, a, b)
     if options.screenshot is not None:
         _draw(options.screenshot, found, a, b)
-    for line in told["exceeded"]:
+    for line in report["exceeded"]:
         print(f"exceeds its bound: {line}")
-    return TOO_FAR if told["exceeded"] else 0
+    return TOO_FAR if report["exceeded"] else 0
 
 
 def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
@@ -159,14 +159,14 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     return found
 
 
-def _print(told: dict[str, Any]) -> None:
+def _print(report: dict[str, Any]) -> None:
     from rich.table import Table
 
     from rb_sim.bags.compare import UNITS
     from rb_sim.cli.plain import plain_console
 
-    print(_clocks(told))
-    start = told["start"]
+    print(_clocks(report))
+    start = report["start"]
     if start:
         print(f"t from {start:.6f} s on")
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -174,7 +174,7 @@ def _print(told: dict[str, Any]) -> None:
                               "apart from t [s]", "growth [1/s]")):  # fmt: skip
         justify = "left" if k < 2 else "right"
         table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
-    for name, quantities in told["differences"].items():
+    for name, quantities in report["differences"].items():
         for quantity, row in quantities.items():
             unit = UNITS[quantity]
             since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
@@ -185,29 +185,29 @@ def _print(told: dict[str, Any]) -> None:
     plain_console(highlight=False).print(table)
 
 
-def _clocks(told: dict[str, Any]) -> str:
+def _clocks(report: dict[str, Any]) -> str:
     """How the clocks of both were laid onto each other."""
     from rb_sim.bags.compare import shown_offset
 
-    if told["align"] == "none":
+    if report["align"] == "none":
         return "clocks: as recorded (--align first, offset or clock shifts the second)"
-    offset = f"offset {shown_offset(told['offset'])}"
-    if told["align"] == "first":
+    offset = f"offset {shown_offset(report['offset'])}"
+    if report["align"] == "first":
         return f"clocks: first stamps together, {offset}"
-    offset += f" +- {told['offset_error']:.1g} s"
-    if told["align"] == "offset":
+    offset += f" +- {report['offset_error']:.1g} s"
+    if report["align"] == "offset":
         return f"clocks: {offset}, estimated from the motions"
-    drift = f"drift {told['drift']:.2g} +- {told['drift_error']:.1g}"
+    drift = f"drift {report['drift']:.2g} +- {report['drift_error']:.1g}"
     return f"clocks: {offset} and {drift} (at most 1e-4), estimated from the motions"
 
 
-def _write(folder: Path, told: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
+def _write(folder: Path, report: dict[str, Any], found: Differences, a: Tracks, b: Tracks) -> None:
     from rb_sim.bags.comparison_views import overlay, picture
     from rb_sim.simulation.outputs import writing
 
     written = ["compare.json", "compare.png"]
     with writing(folder):
-        (folder / "compare.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        (folder / "compare.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
         picture(found, a, b, folder / "compare.png")
         try:
             overlay(a, b, found, folder / "compare.rrd")

@@ -73,13 +73,13 @@ def fit(options: FitOptions) -> int:
     scene, data, recording = set_up(options)
     found = solve(recording, scene, data, keys, options.noise)
     warn([*found.outliers, *found.lost])
-    told = finite(found.as_dict())
+    summary = finite(found.as_dict())
     if options.as_json:
-        print(json.dumps(told, indent=2, allow_nan=False))
+        print(json.dumps(summary, indent=2, allow_nan=False))
     else:
         _print(found)
     if options.out is not None:
-        _write(options.out, found, told)
+        _write(options.out, found, summary)
     return 0
 
 
@@ -168,12 +168,12 @@ def _print(found: Fitted) -> None:
         print(f"not determined by this recording: {names_}")
 
 
-def _write(folder: Path, found: Fitted, told: dict[str, Any]) -> None:
+def _write(folder: Path, found: Fitted, summary: dict[str, Any]) -> None:
     from rb_sim.scene import yaml_reader
     from rb_sim.simulation.outputs import writing
 
     with writing(folder):
-        text = json.dumps(told, indent=2, allow_nan=False) + "\n"
+        text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
         (folder / "fit.json").write_text(text, encoding="utf-8")
         (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
         picture(found, folder / "residuals.png")

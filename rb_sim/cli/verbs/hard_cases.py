@@ -52,7 +52,7 @@ def hard_cases(
     for case in cases:
         for row in rows_of(case):
             rows.append(row)
-            print(told(row), flush=True)
+            print(row_text(row), flush=True)
         if beside is not None:
             others += beside(case, rows)
     failed = [row for row in rows if row.verdict == FAILS]
@@ -70,7 +70,7 @@ def hard_cases(
     return 1 if failed else 0
 
 
-def told(row: Row) -> str:
+def row_text(row: Row) -> str:
     """The row as it is printed."""
     from rb_sim.hard_cases.report import number
 

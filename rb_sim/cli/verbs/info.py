@@ -85,9 +85,11 @@ def _run(run: dict[str, Any]) -> list[tuple[str, str]]:
     settings = dict(run["settings"])
     by, given = settings.pop("by", "unknown"), settings.pop("options", {})
     settings |= {f"--{name}": value for name, value in given.items()}
-    told = ", ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+    shown = ", ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
                      for name, value in settings.items())  # fmt: skip
-    rows.append(("run by", f"{'rb_sim node' if by == 'node' else by}{': ' + told if told else ''}"))
+    rows.append(
+        ("run by", f"{'rb_sim node' if by == 'node' else by}{': ' + shown if shown else ''}")
+    )
     rows.append(("versions", ", ".join(f"{k} {v}" for k, v in run["versions"].items()) or "?"))
     rows.append(("host", ", ".join(run["host"].values()) or "unknown"))
     refused = ", ".join(f"{count} {why}" for why, count in run["commands_refused"].items())

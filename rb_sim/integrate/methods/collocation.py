@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.rounding import TWO_ULPS
 from rb_sim.integrate.layout import AT, SLOPES, size_of
 from rb_sim.numerics.kernels import call_law, helper, part
 
@@ -113,8 +114,6 @@ def solve_complex(n, re, im, order, x, z):
 
 
 ITERATIONS = 40
-ROUND_OFF = 4e-16
-"""Change of a stage, relative to its size, at which the iteration has converged."""
 STALLED = 1e-7
 """Change up to which an iteration that gains no more has: stiff laws leave noise of this size at
 most, since it is the round-off of the configuration times the fastest rate."""
@@ -215,7 +214,7 @@ def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, wor
     last, slow = math.inf, 0
     for _ in range(ITERATIONS):
         change = sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work)
-        if change <= ROUND_OFF or (change >= last and change <= stalled):
+        if change <= TWO_ULPS or (change >= last and change <= stalled):
             return True
         if not change < last:
             slow += 1

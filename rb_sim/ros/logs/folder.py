@@ -38,7 +38,7 @@ def own_folder(named: Path) -> Path:
         except FileExistsError:
             continue
         except OSError:
-            pass  # told by the log that cannot be begun there
+            pass  # reported by the log that cannot be begun there
         return folder
     return named
 
@@ -47,7 +47,7 @@ def claim(folder: Path, *, overwrite: bool) -> None:
     """Have the folder until this process ends. RbSimError: another process logs there, or has since
     it was chosen; with `overwrite` that does not matter.
 
-    A folder that cannot be made, or locked, is told by the log that cannot be begun there.
+    A folder that cannot be made, or locked, is reported by the log that cannot be begun there.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -49,7 +49,7 @@ PIPE = 1 << 20
 PATIENCE = 120.0
 """[s] for the process to begin, and for bag and recording to be finished."""
 SOON = 1.0
-"""[s] after which whoever wants the node to end is told what it waits for."""
+"""[s] after which whoever wants the node to end reads what it waits for."""
 SLOW = ("plots.png",)
 """Logs that are drawn at the end: after a signal nobody waits for them."""
 
@@ -68,8 +68,8 @@ class LogProcess:
         self.finished: list[str] = []
         """names of the logs that are complete."""
         self.ending: Callable[[], bool] = lambda: False
-        """whether somebody wants the node to end: told what is waited for, and no sample waits for
-        room any more."""
+        """whether somebody wants the node to end: the log then says what it waits for, no sample
+        waits for room."""
         self._closing = self._told = False
         self._state = ""
         self._cut_off: list[str] = []

@@ -173,7 +173,7 @@ class Writer:
 def load_rerun() -> None:
     """Import what a recording takes while the node still compiles; pyarrow takes pandas, too."""
     for name in ("rb_sim.io.rerun.view", "pandas"):
-        with suppress(ImportError):  # told where the recording is begun
+        with suppress(ImportError):  # reported where the recording is begun
             import_module(name)
 
 

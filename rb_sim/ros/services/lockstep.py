@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 # The numbers are packed as those of the topics are, so the two agree to the last bit.
 
 
-class Told(NamedTuple):
+class Answer(NamedTuple):
     """What an answer says of a sample."""
 
     bodies: list[Any]
@@ -81,7 +81,7 @@ class StateMessages:
         self._codec = numbers.codec
         self._packer = Packer([numbers], layout, centers_of_mass(scene.bodies, layout.bodies))
 
-    def of(self, row: SampleRow) -> Told:
+    def of(self, row: SampleRow) -> Answer:
         """The messages of a sample."""
         packed = self._packer.pack_rows(row.row[None], row.command[None], [0])[0][0]
         values = iter(self._codec.unpack(packed))
@@ -89,7 +89,7 @@ class StateMessages:
             place.x, place.y, place.z = next(values), next(values), next(values)
             if turns:
                 place.w = next(values)
-        return Told(self._bodies, self._reactions, next(values), next(values))
+        return Answer(self._bodies, self._reactions, next(values), next(values))
 
 
 def _of_state(state: Any) -> tuple[tuple[Any, bool], ...]:
@@ -107,8 +107,8 @@ def _numbers(block: SampleBlock, motion: Origins) -> Array:
     moving = (motion.position, block.orientation, motion.linear_velocity, motion.angular_velocity)
     acting = (block.anchor, block.reaction_force, block.reaction_torque)
     parts = [np.concatenate(one, axis=2) for one in (moving, acting)]
-    told = np.stack([block.energy, block.residual], axis=1)
-    return np.concatenate([*(one.reshape(len(block), -1) for one in parts), told], axis=1)
+    totals = np.stack([block.energy, block.residual], axis=1)
+    return np.concatenate([*(one.reshape(len(block), -1) for one in parts), totals], axis=1)
 
 
 def set_vector(of: Any, values: Sequence[float]) -> None:
@@ -212,9 +212,9 @@ class Lockstep:
         """State, reactions and events of the last sample."""
         msg = self._msg
         answer.stamp.sec, answer.stamp.nanosec = divmod(stamp_of(self._stepper.t), NANO)
-        told = self._state.of(row)
-        answer.energy, answer.residual = told.energy, told.residual
-        answer.bodies, answer.reactions = told.bodies, told.reactions
+        state = self._state.of(row)
+        answer.energy, answer.residual = state.energy, state.residual
+        answer.bodies, answer.reactions = state.bodies, state.reactions
         events, forgotten = self._stepper.take_events()
         if forgotten:
             answer.message += f"; {forgotten} events before the first one here are left out"

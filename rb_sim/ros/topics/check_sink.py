@@ -131,5 +131,5 @@ class WatchSink:
             if self._error is None:
                 try:
                     self._add(batch)
-                except BaseException as error:  # who looks next is told
+                except BaseException as error:  # raised where somebody looks next
                     self._error = error

@@ -36,8 +36,8 @@ EXPIRED = "expired"
 REMINDER = 10.0
 """[s] of wall time between two lines on refusals of one kind."""
 MOST_KINDS = 100
-"""Kinds of refusals that are told apart; beyond, reasons are: who sends a new frame each time fills
-neither memory nor screen, and is told of all the same."""
+"""Reasons of refusals that are counted one by one; beyond, by kind: who sends a new
+frame each time fills neither memory nor screen, and is reported all the same."""
 LONGEST = 100
 """Characters of a wrong frame that are repeated."""
 NUMBERS = Struct("<6d")

@@ -92,7 +92,7 @@ def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
 
 
 COVARIANCE_3X3 = 9
-"""Numbers of a 3 x 3 covariance; all zero, which says that none is told."""
+"""Numbers of a 3 x 3 covariance; all zero: unknown."""
 
 
 class Sensor(NamedTuple):

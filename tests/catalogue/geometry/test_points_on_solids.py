@@ -9,11 +9,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry import pairs, solids
 from rb_sim.catalogue.geometry.corners_and_rims import (
     ABSENT,
     IN_FLIGHT,
-    OVER,
     Lean,
     PointOnSolid,
     held_by_faces,
@@ -86,7 +86,7 @@ def test_a_face_goes_on_beyond_its_edge(name: str, along: float) -> None:
     found, lean, n = touch(name, along, 1e-13, Lean(FACES[name][1], ZERO, HELD))  # type: ignore[arg-type]
     assert_allclose(found.gap, 1e-13, atol=1e-15)
     assert_allclose(found.normal, n, atol=1e-14)
-    assert lean.sense == (ABSENT if place_on(name, along, 0.0)[2] > OVER else HELD)
+    assert lean.sense == (ABSENT if place_on(name, along, 0.0)[2] > COMPUTED_ROUNDING else HELD)
 
 
 @pytest.mark.parametrize("name", FACES)
@@ -146,9 +146,9 @@ def test_what_is_rounding_goes_by_the_longest_edge(size: float, i: int) -> None:
         (wide, np.array([1, 0, 0]), np.array([size, 0, 0.01 * size]), np.eye(3)[0]),
     ):
         for beyond in (0.5, 2.0):
-            x = at_edge + beyond * OVER * size * out
+            x = at_edge + beyond * COMPUTED_ROUNDING * size * out
             over = off_face(solid, floats(face), floats(x), ZERO)[3]
-            assert (over > OVER) == (beyond > 1.0)
+            assert (over > COMPUTED_ROUNDING) == (beyond > 1.0)
 
 
 @pytest.mark.parametrize("name", FACES)

@@ -1,0 +1,15 @@
+"""How large rounding is, in four sizes that all of the package shares.
+
+What decides anything but rounding has a name of its own where it decides.
+"""
+
+from __future__ import annotations
+
+TWO_ULPS = 4e-16
+"""Relative difference of two doubles that are equal but for their last places."""
+SUM_ROUNDING = 1e-14
+"""Of the terms of a sum of a few: what rounding leaves where the sum is zero."""
+COMPUTED_ROUNDING = 1e-12
+"""Relative size of what is zero in numbers that some dozens of operations give."""
+WRITTEN_ROUNDING = 1e-9
+"""Relative misfit of numbers that a person or a program has rounded and written down."""

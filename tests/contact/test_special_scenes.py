@@ -1,0 +1,52 @@
+"""The smallest scene that each special case of event-driven contact saves keeps to the invariants.
+
+What each scene is for stands in its first line: without that case it does not end, is refused, or
+goes wrong in silence.  Those that have no motion under their laws are refused in one line.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from benchmarks.contact.hunt import judged
+from benchmarks.contact.toss_verdicts import run
+
+SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("special_scenes/*.yaml"))}
+REFUSED = {
+    "leaving_bilateral_edge": "contact slide reaches the edge of its surface",
+    "rough_on_what_gives": "perfectly rough contact floor slips on a compliant support",
+    "sides_box_on_cylinder": "an edge of the body penetrates the support of contact c",
+    "viscous_drag_lifts": "its drag, which does not depend on the normal force, lifts the body",
+}
+
+
+def mapping(name: str) -> dict[str, Any]:
+    return yaml.safe_load(SCENES[name].read_text())
+
+
+@pytest.mark.parametrize("name", sorted(SCENES.keys() - REFUSED.keys()))
+def test_a_special_case_keeps_to_the_invariants(name: str) -> None:
+    assert judged(mapping(name)) == "fine"
+
+
+@pytest.mark.parametrize(("name", "words"), REFUSED.items())
+def test_what_has_no_motion_is_refused(name: str, words: str) -> None:
+    verdict = run(mapping(name))
+    assert isinstance(verdict, str)
+    assert verdict.startswith("refused: ")
+    assert words in verdict
+
+
+@pytest.mark.parametrize("name", ["bounces_ball", "bounces_rocking_block"])
+def test_bounces_without_end_come_to_rest(name: str) -> None:
+    assert "rests" in [event.kind for event in run(mapping(name)).events]
+
+
+def test_the_rebound_after_a_jam_is_kept() -> None:
+    """A rod that jams in Painleve's paradox leaves with restitution 0.3 of what stopped it."""
+    kinds = [event.kind for event in run(mapping("jams_restitution")).events]
+    assert "jams" in kinds
