@@ -211,6 +211,9 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
 
 
 def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):
+    from matplotlib.colors import to_hex
+
+    from rb_sim.base.palette import SLIPPING, STICKING
     from rb_sim.io.plots import plots
 
     drawn = {}
@@ -227,8 +230,14 @@ def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):
         sink.write(block)
     sink.close()
     assert set(drawn) == set(LAYOUT.contacts)
-    texts = {name: [text.get_text() for text in ax.texts] for name, ax in drawn.items()}
-    assert texts == {"floor": ["slips", "impact"], "feet/1": ["sticks"], "feet/2": ["slips"]}
+    (legend,) = drawn["floor"].figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names[-3:] == ["slips", "sticks or rolls", "impact"]
+    colors = {
+        name: [to_hex(color).upper() for strip in ax.collections for color in strip.get_facecolor()]
+        for name, ax in drawn.items()
+    }
+    assert colors == {"floor": [SLIPPING], "feet/1": [STICKING], "feet/2": [SLIPPING]}
     spans = {name: _spans(ax) for name, ax in drawn.items()}
     np.testing.assert_allclose(spans["floor"], [(0.13, 0.99)])
     np.testing.assert_allclose(spans["feet/1"], [(0.36, 0.99)])

@@ -46,18 +46,23 @@ def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
         "ball: position of the centre of mass, world": ("[m]", block.position[:, 0]),
         "door: orientation, quaternion body to world": ("", block.orientation[:, 1]),
         "door: velocity of the centre of mass, world": ("[m/s]", block.linear_velocity[:, 1]),
-        "ball: angular velocity, body axes": ("[rad/s]", block.angular_velocity[:, 0]),
+        "ball: angular velocity ω, body axes": ("[rad/s]", block.angular_velocity[:, 0]),
         "floor: reaction force on ball, world axes": ("[N]", block.reaction_force[:, 0]),
         "hinge/B: reaction torque about its anchor": ("[N m]", block.reaction_torque[:, 3]),
         "power of forces without potential": ("[W]", block.power[:, None]),
     }
     for title, (unit, expected) in check.items():
         ax = drawn[title]
-        assert ax.get_ylabel() == unit
+        assert ax.get_title(loc="left") == f"{title} {unit}".strip() and not ax.get_ylabel()
         for line, column in zip(ax.get_lines(), expected.T, strict=True):
             np.testing.assert_array_equal(line.get_xdata(), block.t)
             np.testing.assert_array_equal(line.get_ydata(), column)
-    assert drawn["energy"].get_ylabel() == "[J]"
+    assert drawn["energy"].get_title(loc="left") == "energy [J]"
+    # one legend of the figure for the axes, none in their panels
+    (legend,) = drawn["energy"].figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names[:3] == ["x, roll φ", "y, pitch θ", "z, yaw ψ"] or names[:3] == list("xyz")
+    assert drawn["ball: position of the centre of mass, world"].get_legend() is None
     assert [line.get_label() for line in drawn["energy"].get_lines()][-1] == "total"
     assert drawn["worst violation of a constraint, relative to the scene's scale"].get_yscale() == (
         "log"
@@ -100,13 +105,13 @@ def test_angles_in_degrees_joints_and_commands_have_panels(tmp_path, drawn):
         sink.write(replace(block, **arrays))
     sink.close()
     expected = {
-        "wheel: roll, pitch, yaw about the world's x, y, z": ("[deg]", 1, np.degrees(angle)),
-        "axle: angle from the first sample": ("[deg]", 0, np.degrees(angle)),
-        "rail: displacement from the first sample": ("[m]", 0, block.t),
-        "slider: commanded force, world axes": ("[N]", 0, block.command[:, 0, 0]),
+        "wheel: roll, pitch, yaw about the world's x, y, z": ("°", 1, np.degrees(angle)),
+        "axle: angle from the first sample": ("°", 0, np.degrees(angle)),
+        "rail: displacement from the first sample": ("m", 0, block.t),
+        "slider: commanded force, world axes": ("N", 0, block.command[:, 0, 0]),
     }
     for title, (unit, k, values) in expected.items():
-        assert drawn[title].get_ylabel() == unit
+        assert drawn[title].get_title(loc="left") == f"{title} [{unit}]"
         np.testing.assert_allclose(drawn[title].get_lines()[k].get_ydata(), values, atol=1e-6)
     zero = ("slider: roll, pitch", "slider: commanded torque", "slider: angular velocity")
     assert not [title for title in drawn if title.startswith(zero)]
@@ -127,7 +132,7 @@ def test_energy_change_equals_work(tmp_path, drawn):
         block.kinetic_energy[:] = 5.0 + 3.0 * block.t
         sink.write(block)
     sink.close()
-    change, work = drawn["change of total energy, and work of forces without potential"].get_lines()
+    change, work = drawn["energy change, work of forces without potential"].get_lines()
     np.testing.assert_allclose(change.get_ydata(), 3.0 * change.get_xdata(), atol=1e-12)
     np.testing.assert_allclose(work.get_ydata(), change.get_ydata(), atol=1e-12)
 
@@ -210,10 +215,12 @@ def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, s
     """A torque of 1e-13 of force times length, a residual of round-off, a speed that rounds."""
     notes = []
     original = plots.told
-    monkeypatch.setattr(plots, "told", lambda zero: notes.extend(original(zero)) or notes)
+    monkeypatch.setattr(plots, "told", lambda *a: notes.extend(original(*a)) or notes)
     block = samples(50)
     block.reaction_torque[:, 0] = 1e-13 * block.reaction_force[:, 0]
     block.linear_velocity[:, 0, 2] = 0.5 + 1e-13 * np.sin(block.t)
+    block.reaction_force[:, 1] = [0.0, 0.0, 9.81]
+    block.reaction_force[:, 1, 2] += 1e-13 * np.sin(block.t)
     sink = PlotSink(tmp_path / "plots.png")
     sink.open(scene, layout)
     sink.write(block)
@@ -221,6 +228,7 @@ def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, s
     assert "floor: reaction torque about its anchor" not in drawn
     text = " ".join(notes)
     assert "zero throughout: floor: reaction torque about its anchor" in text
+    assert "constant throughout: hinge: reaction force on door (0, 0, 9.81) N" in text
     assert "worst violation of a constraint, relative to the scene's scale: at most" in text
     velocity = drawn["ball: velocity of the centre of mass, world"].get_lines()
     assert np.ptp(velocity[2].get_ydata()) == 0.0 and np.ptp(velocity[0].get_ydata()) > 0.1

@@ -1,11 +1,14 @@
-"""One HTML file that needs nothing else: a verdict, interactive plots, tables."""
+"""One HTML file that needs nothing else: a verdict, plots that share their time axis, tables.
+
+Below 2 MB for a bag with many topics: curves are the envelopes of their samples, as fine as
+CURVE_BYTES allows, and spectra the largest density in each of SPECTRAL_BANDS.
+"""
 
 from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,44 +23,39 @@ from rb_sim.bags.analysis.figures import (
     unit_of,
 )
 from rb_sim.bags.analysis.result import Analysis
-from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.base.palette import AXES, CYCLE
-
-STYLE = """body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;
-color:#222}h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse}
-td,th{padding:.15em .8em .15em 0;text-align:right;font-variant-numeric:tabular-nums}
-table{display:block;overflow-x:auto}td:not(:first-child){white-space:nowrap}
-td:first-child,th:first-child{text-align:left}th{border-bottom:1px solid #bbb}
-.problems{color:#9a4a00}
-.two{display:grid;grid-template-columns:1fr 1fr}.two div{min-width:0}
-@media(max-width:45em){.two{grid-template-columns:1fr}}"""
-
+from rb_sim.bags.sources import POSE
+from rb_sim.base.palette import AXES, BAD, BLACK, BLUE, CYCLE, FAINT, GRID
+from rb_sim.io.decimate import Envelope
+from rb_sim.io.page.write import packed, save
 
 LEAST, RESOLVED = 1e-17, 1e-9
 """Of residuals: where their axis begins, and up to where it goes at least: rounding lies below."""
 
 MOST = 100
 """Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
+CURVE_BYTES, FEWEST = 800_000, 100
+"""Of all curves over time together, and the points that each has at least."""
+SPECTRAL_BANDS = 200
+"""Of equal width on a logarithmic axis."""
 
 
 def write_report(found: Analysis, path: Path) -> None:
-    """Write the report. Raises MissingExtraError without plotly, SinkError."""
-    try:
-        graph = import_module("plotly.graph_objects")
-    except ImportError:
-        raise MissingExtraError("plotly", "analysis", "report.html") from None
-    parts = [_verdict(found)]
-    parts += _figures(found, graph)
-    parts += [_balances(found), _constraints(found), _bodies(found), _sources(found)]
-    text = "\n".join(
-        ["<!doctype html><html><head><meta charset='utf-8'>",
-         f"<title>{html.escape(found.name)}</title><style>{STYLE}</style></head><body>",
-         *parts, "</body></html>"]
-    )  # fmt: skip
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SinkError(f"{path}: {error.strerror}") from None
+    """Write the report. Raises SinkError."""
+    page = _Page(found)
+    parts = [
+        _verdict(found),
+        page.section("energy", "Energy over time"),
+        _section("Paths", page.paths()),
+        page.section("time", "Over time", page.left_out()),
+        _section("Recorded times", recorded_times(found)),
+        page.section("spectra", "Power spectral densities"),
+        *(_balances(found), _constraints(found), _bodies(found), _sources(found)),
+    ]
+    save(page.data(), path, "report", "\n".join(parts))
+
+
+def _section(title: str, inner: str) -> str:
+    return f"<h2>{title}</h2>{inner}" if inner else ""
 
 
 BALANCED = 1e-3
@@ -87,32 +85,24 @@ def _verdict(found: Analysis) -> str:
                     f"{name} {what} {'balances' if holds else 'does NOT balance'}: "
                     f"{abs(row['error']):.2g} of {row['scale']:.3g} not accounted for".strip()
                 )
-    if not balances:
+    judged = bool(balances)
+    if not judged:
         balances = ["not judged: masses or forces are not known (--masses FILE)"]
-    title = html.escape(found.title or Path(found.name).name)
-    lists = (("Recorded", recorded), ("Problems", problems), ("Balances", balances))
+    title = html.escape(_title(found))
+    wrong = any("NOT" in line for line in balances)
+    lists = (
+        ("", "Recorded", recorded),
+        ("bad" if found.notes or gaps else "good", "Problems", problems),
+        ("bad" if wrong else "good" if judged else "", "Balances", balances),
+    )
     return f"<h1>{title}</h1>" + "".join(
-        f'<p class="{head.lower()}"><b>{head}.</b> {"<br>".join(map(html.escape, lines))}</p>'
-        for head, lines in lists
+        f'<p class="verdict {kind}"><b>{head}.</b> {"<br>".join(map(html.escape, lines))}</p>'
+        for kind, head, lines in lists
     )
 
 
-LINKED = """<script>
-const charts = [...document.querySelectorAll(".time .plotly-graph-div")];
-let linking = false;
-for (const chart of charts) chart.on("plotly_relayout", (event) => {
-  if (linking) return;
-  const low = event["xaxis.range[0]"], high = event["xaxis.range[1]"];
-  const change = event["xaxis.autorange"] ? {"xaxis.autorange": true}
-    : low === undefined ? null : {"xaxis.range": [low, high]};
-  if (!change) return;
-  linking = true;
-  const others = charts.filter((other) => other !== chart);
-  Promise.all(others.map((other) => Plotly.relayout(other, change)))
-    .then(() => { linking = false; });
-});
-</script>"""
-"""Zooms all time axes when one is zoomed."""
+def _title(found: Analysis) -> str:
+    return found.title or Path(found.name).name
 
 
 def _table(title: str, heads: list[str], rows: list[str]) -> str:
@@ -176,49 +166,135 @@ def _constraints(found: Analysis) -> str:
     return _table("Constraints, recomputed from the poses", heads, rows)
 
 
-def _figures(found: Analysis, graph: Any) -> list[str]:
-    # energy and reactions first; a stable order else
-    first = sorted(found.figures.items(), key=lambda item: _order(item[0]))
-    plots = first[:MOST]
-    for name, body in list(found.bodies.items())[:MOST]:
-        if body.known and body.wrench.rates.count:
-            plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
-            if body.recorded.rates.count:
-                plots.append((f"{name}: total wrench recorded", body.recorded))
-            plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
-    sizes = sizes_of(plots, found.length)
-    texts = [f"<h2>Plots</h2>{_left_out(found)}"]
-    constant: list[str] = []
-    for name, figures in plots:
-        made = _by_unit(graph, name, figures, sizes)
-        # an axis has a range of its own where nothing moves on it
-        still = [] if name == RESIDUAL else [f for f in made if f.layout.yaxis.range is not None]
-        constant += [f"{name} {figure.layout.yaxis.title.text or ''}".strip() for figure in still]
-        rows = [[figure for figure in made if figure not in still]]
-        if name in found.figures and name != RESIDUAL:
-            rows.append(_spectra(graph, name, figures, sizes))
-        for kind, row in zip(("time", "spectrum"), rows, strict=False):
-            if not row:
+class _Page:
+    """Collects the plots of the page, by section."""
+
+    def __init__(self, found: Analysis) -> None:
+        self._found = found
+        self._plots = list(found.figures.items())[:MOST]
+        self._own = len(self._plots)
+        """of which a spectrum is drawn; what follows is computed from poses."""
+        for name, body in list(found.bodies.items())[:MOST]:
+            if body.known and body.wrench.rates.count:
+                self._plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
+                if body.recorded.rates.count:
+                    self._plots.append((f"{name}: total wrench recorded", body.recorded))
+                self._plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
+        self._sizes = sizes_of(self._plots, found.length)
+        columns = sum(len(figures.names) for _, figures in self._plots)
+        self._points = max(FEWEST, int(CURVE_BYTES / (5.4 * max(columns, 1))))
+        self._across: list[dict[str, Any]] = []
+        self._specs: list[dict[str, Any]] = []
+        self._constant: list[str] = []
+        for k, (name, figures) in enumerate(self._plots):
+            self._specs += self._over_time(name, figures)
+            if k < self._own and name != RESIDUAL:
+                self._specs += self._spectra(name, figures)
+        self._specs.sort(key=lambda spec: not spec["title"].startswith("reactions/"))
+
+    def data(self) -> dict[str, Any]:
+        """For the scripts of the page."""
+        return {"title": _title(self._found), "across": self._across, "plots": self._specs}
+
+    def section(self, key: str, title: str, note: str = "") -> str:
+        """The place of its plots, if it has any."""
+        constant = ", ".join(self._constant) if key == "time" else ""
+        note += f"<p>Constant to rounding, not drawn: {html.escape(constant)}</p>" * bool(constant)
+        if not any(spec["section"] == key for spec in self._specs):
+            return note
+        return f'<h2>{title}</h2>{note}<div class="plots" id="{key}"></div>'
+
+    def left_out(self) -> str:
+        """A line where not all sources are drawn; or ""."""
+        count = len(self._found.figures)
+        if count <= MOST:
+            return ""
+        return f"<p>Of {MOST} of {count} sources; <code>--topic NAME</code> chooses others.</p>"
+
+    def paths(self) -> str:
+        """From above and from a side, of each body that goes anywhere."""
+        drawn = []
+        for name, figures in self._plots[: self._own]:
+            if self._found.kinds[name] == POSE and len(drawn) < MOST_PATHS:
+                _, values = figures.curves()
+                least = ROUNDING * self._sizes.get("m", 0.0)
+                if np.ptp(values[:, :3], axis=0).max(initial=0.0) > least:
+                    drawn.append(path_of(name, values[:, :3]))
+        return f'<div class="plots">{"".join(drawn)}</div>' if drawn else ""
+
+    def _over_time(self, name: str, figures: Figures) -> Iterator[dict[str, Any]]:
+        """A plot for each unit, but of what is constant to rounding."""
+        t, values = figures.curves()
+        if not len(t):
+            return
+        thinned = Envelope(values.shape[1], self._points // 4)  # it keeps up to 4 times that
+        thinned.add(t, values)
+        across, values = thinned.curves()
+        axis = None
+        for unit, which in _groups(name, figures).items():
+            size = float(sizes_beside(name, figures, self._sizes)[which].max())
+            if name != RESIDUAL and figures.spread[which].max() <= ROUNDING * size:
+                self._constant.append(f"{name} [{unit}]" if unit else name)
                 continue
-            parts = [_html(figure, len(texts) == 1 and not k) for k, figure in enumerate(row)]
-            inner = "".join(f"<div>{part}</div>" for part in parts)
-            texts.append(f'<div class="{kind} {"two" if len(row) > 1 else "one"}">{inner}</div>')
-    if constant:
-        texts.append(f"<p>Constant to rounding, not drawn: {html.escape(', '.join(constant))}</p>")
-    return [*texts, LINKED]
+            axis = self._axis(across) if axis is None else axis
+            curves = values[:, which]
+            spec = {
+                "section": "energy" if unit == "J" else "time",
+                "title": name,
+                "unit": unit,
+                "across": axis,
+                "scale": size,
+                "logarithmic": "",
+                "bounds": None,
+            }
+            if name == RESIDUAL:
+                curves = np.log10(np.maximum(curves, LEAST))
+                bounds = [math.log10(LEAST), math.log10(RESOLVED) + 1.0]
+                spec |= {"logarithmic": "y", "bounds": bounds, "scale": 1.0}
+            yield spec | {"lines": _lines([figures.names[k] for k in which], curves)}
+
+    def _spectra(self, name: str, figures: Figures) -> Iterator[dict[str, Any]]:
+        """A plot for each unit; none of what is rounding, and no axis that goes below the density
+        of noise as large as that."""
+        found, rate = figures.spectrum(), figures.rates.as_dict()["rate"]
+        if found is None or rate is None:
+            return
+        frequency, density = _banded(found[0][1:], found[1][1:])
+        axis = None
+        for unit, which in _groups(name, figures).items():
+            rounding = ROUNDING * sizes_beside(name, figures, self._sizes)[which].max()
+            moving = [k for k in which if figures.spread[k] > rounding]
+            if not moving:
+                continue
+            axis = self._axis(np.log10(frequency)) if axis is None else axis
+            least = max(2.0 * rounding**2 / rate, 1e-300)
+            curves = np.log10(np.maximum(density[:, moving], least))
+            yield {
+                "section": "spectra",
+                "title": name,
+                "unit": _density_unit(unit),
+                "across": axis,
+                "scale": 1.0,
+                "logarithmic": "xy",
+                "bounds": None,
+                "lines": _lines([figures.names[k] for k in moving], curves),
+            }
+
+    def _axis(self, values: np.ndarray) -> int:
+        self._across.append(packed(values, "float64"))
+        return len(self._across) - 1
 
 
-def _order(name: str) -> int:
-    """Energies before reactions, these before the rest."""
-    return 0 if name == "energy" else 1 if name.startswith("reactions/") else 2
+def _density_unit(unit: str) -> str:
+    squared = f"({unit})²" if " " in unit or "/" in unit else f"{unit}²" if unit else "1"
+    return f"{squared}/Hz"
 
 
-def _left_out(found: Analysis) -> str:
-    """A line where not all sources are drawn; or ""."""
-    count = len(found.figures)
-    if count <= MOST:
-        return ""
-    return f"<p>Of {MOST} of {count} sources; <code>--topic NAME</code> chooses others.</p>"
+def _banded(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest density in each band; lone frequencies stay as they are."""
+    edges = np.geomspace(frequency[0], frequency[-1] * (1.0 + 1e-9), SPECTRAL_BANDS + 1)
+    starts = np.unique(np.searchsorted(frequency, edges[:-1]))
+    return frequency[starts], np.maximum.reduceat(density, starts, axis=0)
 
 
 def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
@@ -229,78 +305,101 @@ def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
     return groups
 
 
-def _by_unit(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -> list[Any]:
-    """Curves over time, a figure for each unit."""
-    t, values = figures.curves()
-    made = []
-    for unit, which in _groups(name, figures).items():
-        names = [figures.names[k] for k in which]
-        figure = _lines(graph, name, names, t, values[:, which])
-        axis = f"[{unit}]" if unit else None
-        figure.update_layout(xaxis_title="t [s]", yaxis_title=axis)
-        if name == RESIDUAL:
-            _residual_axis(figure, values)
-        else:
-            _level_axis(figure, values[:, which], sizes_beside(name, figures, sizes)[which].max())
-        made.append(figure)
-    return made
-
-
-def _spectra(graph: Any, name: str, figures: Figures, sizes: dict[str, float]) -> list[Any]:
-    """Power densities over frequency, a figure for each unit; none of what is rounding, and no
-    axis that goes below the density of noise as large as that."""
-    found, rate = figures.spectrum(), figures.rates.as_dict()["rate"]
-    if found is None or rate is None:
-        return []
-    made = []
-    for unit, which in _groups(name, figures).items():
-        rounding = ROUNDING * sizes_beside(name, figures, sizes)[which].max()
-        moving = [k for k in which if figures.spread[k] > rounding]
-        if not moving:
-            continue
-        frequency, density = (
-            found[0][1:],
-            np.maximum(found[1][1:, moving], 2.0 * rounding**2 / rate),
-        )
-        names = [figures.names[k] for k in moving]
-        figure = _lines(graph, f"{name}: spectrum", names, frequency, density)
-        axis = f"[({unit})²/Hz]" if unit else "[1/Hz]"
-        figure.update_layout(xaxis_title="f [Hz]", yaxis_title=axis)
-        figure.update_xaxes(type="log")
-        figure.update_yaxes(type="log")
-        made.append(figure)
-    return made
-
-
-def _lines(graph: Any, title: str, names: Sequence[str], x: np.ndarray, values: np.ndarray) -> Any:
+def _lines(names: list[str], values: np.ndarray) -> list[dict[str, Any]]:
     """A curve for each column of values."""
-    figure = graph.Figure()
-    for name, column in zip(names, values.T, strict=True):
-        colour = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else None
-        figure.add_scatter(x=x, y=column, name=name, mode="lines", line_color=colour)
-    figure.update_layout(title=title, title_font_size=14, height=330, template="plotly_white",
-                         colorway=CYCLE,
-                         showlegend=len(names) > 1,
-                         margin={"l": 60, "r": 20, "t": 45, "b": 45})  # fmt: skip
-    figure.update_yaxes(exponentformat="power")
-    return figure
+    lines = []
+    for k, (name, column) in enumerate(zip(names, values.T, strict=True)):
+        color = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else CYCLE[k % len(CYCLE)]
+        shown = "" if name == "value" else name  # the title says what it is
+        lines.append({"name": shown, "color": color, "y": packed(np.nan_to_num(column))})
+    return lines
 
 
-def _residual_axis(figure: Any, values: np.ndarray) -> None:
-    """A logarithmic axis that does not end below RESOLVED."""
-    decades = math.log10(max(float(values.max(initial=0.0)), RESOLVED))
-    figure.update_traces(y=np.maximum(values[:, 0], LEAST).tolist())
-    figure.update_yaxes(type="log", range=[math.log10(LEAST), decades + 1.0])
+# Pictures that do not change: paths, and the times at which there are readings.
 
 
-def _level_axis(figure: Any, values: np.ndarray, size: float) -> None:
-    """Round-off is no motion: what changes by less than makes a difference is drawn as constant."""
-    spread = float(np.ptp(values)) if len(values) else 0.0
-    if 0.0 < size and spread < ROUNDING * size:
-        middle = float(values.mean()) if len(values) else 0.0
-        figure.update_yaxes(range=[middle - 0.1 * size, middle + 0.1 * size])
+MOST_PATHS = 12
+WIDE, HIGH, EDGE = 560, 340, 42
+"""Of the picture of a path [pixels]."""
+PATH_POINTS = 1000
 
 
-def _html(figure: Any, first: bool) -> str:
-    config = {"responsive": True, "displaylogo": False}
-    return figure.to_html(full_html=False, include_plotlyjs=first, config=config)
+def path_of(name: str, position: np.ndarray) -> str:
+    """The path of a body (n, 3) [m] from above and from the side on which it goes farther, to one
+    scale; from a dot to an arrowhead."""
+    if len(position) > 2 * PATH_POINTS:
+        position = position[:: len(position) // PATH_POINTS]
+    low, ranges = position.min(axis=0), np.ptp(position, axis=0)
+    side = int(ranges[1] > ranges[0])
+    views = [(0, 1), (side, 2)]
+    size = max(*(float(ranges[list(view)].max()) for view in views), 1e-300)
+    room = 0.5 * WIDE - 2 * EDGE
+    step = 10.0 ** math.floor(math.log10(size))
+    step *= 0.5 if size < 2.0 * step else 1.0
+    parts = []
+    for k, (x, y) in enumerate(views):
+        left, floor = EDGE + 0.5 * WIDE * k, HIGH - EDGE
+        scale = room / size
+        across = left + scale * (position[:, x] - low[x]) + 0.5 * scale * (size - ranges[x])
+        up = floor - scale * (position[:, y] - low[y]) - 0.5 * scale * (size - ranges[y])
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True))
+        parts.append(
+            f'<rect x="{left}" y="{floor - room}" width="{room}" height="{room}" fill="none" '
+            f'stroke="{GRID}"/><polyline points="{points}" fill="none" stroke="{BLUE}" '
+            f'stroke-width="1.5"/><circle cx="{across[0]:.1f}" cy="{up[0]:.1f}" r="4" '
+            f'fill="{BLACK}"/><circle cx="{across[-1]:.1f}" cy="{up[-1]:.1f}" r="4" fill="white" '
+            f'stroke="{BLACK}"/><text x="{left + 0.5 * room}" y="{floor + 16}" fill="{AXES[x]}" '
+            f'text-anchor="middle">{"xyz"[x]}</text><text x="{left - 10}" '
+            f'y="{floor - 0.5 * room}" fill="{AXES[y]}" text-anchor="end">{"xyz"[y]}</text>'
+        )
+    end = EDGE + step * room / size
+    parts.append(
+        f'<path d="M{EDGE} {HIGH - 14}H{end:.1f}" stroke="{FAINT}" stroke-width="3"/>'
+        f'<text x="{end + 8:.1f}" y="{HIGH - 10}" fill="{FAINT}">{step:g} m; &#9679; begin, '
+        "&#9675; end</text>"
+    )
+    return _drawing(f"path of {name}: from above, and from the side", WIDE, HIGH, parts)
+
+
+def recorded_times(found: Analysis) -> str:
+    """When each source has readings, and its gaps."""
+    rates = {name: figures.rates.as_dict() for name, figures in found.figures.items()}
+    rates = {name: rate for name, rate in rates.items() if rate["first"] is not None}
+    if not rates:
+        return ""
+    first = min(rate["first"] for rate in rates.values())
+    last = max(rate["last"] for rate in rates.values())
+    names, left, wide = 220, 230, 900
+    scale = wide / ((last - first) or 1.0)
+    parts, row = [], 0
+    for name, rate in list(rates.items())[:MOST]:
+        y = 16 * row + 30
+        begin, end = (left + scale * (rate[key] - first) for key in ("first", "last"))
+        label = name if len(name) <= 32 else f"...{name[-30:]}"
+        parts.append(
+            f'<text x="{names}" y="{y + 9}" text-anchor="end">{html.escape(label)}</text>'
+            f'<rect x="{begin:.1f}" y="{y}" width="{max(end - begin, 1.0):.1f}" height="9" '
+            f'fill="{BLUE}"/>'
+        )
+        for gap in rate["first_gaps"]:
+            at = left + scale * (gap["after"] - first)
+            width = max(scale * gap["seconds"], 2.0)
+            parts.append(
+                f'<rect x="{at:.1f}" y="{y - 2}" width="{width:.1f}" height="13" fill="{BAD}"/>'
+            )
+        row += 1
+    gaps = any(rate["gaps"] for rate in rates.values())
+    told = "blue: readings; red: gaps" if gaps else "blue: readings; no source has a gap"
+    parts.append(
+        f'<text x="{left}" y="{16 * row + 42}" fill="{FAINT}">{first:.6g} s</text>'
+        f'<text x="{left + wide}" y="{16 * row + 42}" text-anchor="end" fill="{FAINT}">'
+        f"{last:.6g} s</text>"
+    )
+    return _drawing(told, left + wide + 20, 16 * row + 52, parts)
+
+
+def _drawing(title: str, width: float, height: float, parts: list[str]) -> str:
+    return (
+        f'<svg class="drawn" viewBox="0 0 {width} {height}" width="{width}" height="{height}">'
+        f'<text x="8" y="17" font-weight="600">{html.escape(title)}</text>{"".join(parts)}</svg>'
+    )

@@ -9,12 +9,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import MissingExtraError, RbSimError
+from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-    from rb_sim.bags.analysis.result import Analysis
 
 SHOWN = 100
 """Sources, bodies and notes that the terminal shows at most."""
@@ -37,6 +35,7 @@ def analyze(options: AnalyzeOptions) -> int:
     """Analyze, print, write; 0. Raises RbSimError."""
     from rb_sim.bags.analysis.analyze import analyze as read
     from rb_sim.bags.analysis.masses import masses_of, scene_of
+    from rb_sim.bags.analysis.report import write_report
     from rb_sim.bags.analysis.table import Aligned
     from rb_sim.cli.summary import finite
     from rb_sim.cli.verbs.replay import warn
@@ -64,19 +63,9 @@ def analyze(options: AnalyzeOptions) -> int:
             table.write_csv(options.out / "samples.csv")
             if options.parquet:
                 table.write_parquet(options.out / "samples.parquet")
-            _report(found, options)
+            write_report(found, options.out / "report.html")
         print(f"wrote {', '.join(sorted(str(path) for path in options.out.glob('*.*')))}")
     return 0
-
-
-def _report(found: Analysis, options: AnalyzeOptions) -> None:
-    from rb_sim.bags.analysis.report import write_report
-
-    assert options.out is not None
-    try:
-        write_report(found, options.out / "report.html")
-    except MissingExtraError as error:
-        print(f"note: no report.html: {error}")
 
 
 def _print(summary: dict[str, Any]) -> None:

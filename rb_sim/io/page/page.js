@@ -2,21 +2,6 @@
 /* The page: data, the picture at one time, and what the reader can turn, switch and drag. */
 
 const D = JSON.parse(document.getElementById("data").textContent);
-const $ = (id) => document.getElementById(id);
-
-/** Numbers of {type, base64} as a typed array; 16-bit ones are low + step * number. */
-function numbers(packed) {
-  if (!packed) return null;
-  const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
-  if (packed.type === "float64") return new Float64Array(bytes.buffer);
-  if (packed.type === "float32") return new Float32Array(bytes.buffer);
-  if (packed.type === "uint8") return bytes;
-  return Float32Array.from(new Uint16Array(bytes.buffer), (n) => packed.low + packed.step * n);
-}
-
-/** Component k of rows of m numbers. */
-const column = (rows, m, k) => Float32Array.from({ length: rows.length / m }, (_, i) => rows[i * m + k]);
-
 const times_ = numbers(D.t), first = times_[0], last = times_[times_.length - 1];
 const N = D.bodies.length, position = numbers(D.position), orientation = numbers(D.orientation);
 const exact = D.exact && {

@@ -1,7 +1,21 @@
 "use strict";
-/* Curves over time on plain canvases. All plots share the span of time that they show. */
+/* Curves over time on plain canvases. All plots of a section share the span of time that they show. */
 
 const MARGIN = { left: 66, right: 12, top: 26, bottom: 22 };
+const $ = (id) => document.getElementById(id);
+
+/** Numbers of {type, base64} as a typed array; 16-bit ones are low + step * number. */
+function numbers(packed) {
+  if (!packed) return null;
+  const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
+  if (packed.type === "float64") return new Float64Array(bytes.buffer);
+  if (packed.type === "float32") return new Float32Array(bytes.buffer);
+  if (packed.type === "uint8") return bytes;
+  return Float32Array.from(new Uint16Array(bytes.buffer), (n) => packed.low + packed.step * n);
+}
+
+/** Component k of rows of m numbers. */
+const column = (rows, m, k) => Float32Array.from({ length: rows.length / m }, (_, i) => rows[i * m + k]);
 
 /** Steps of 1, 2 or 5 times a power of ten, about `count` of them between low and high. */
 function ticks(low, high, count) {
@@ -22,6 +36,15 @@ function figure(value, step) {
   }
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return value.toFixed(digits).replace("-", "\u2212");
+}
+
+/** 10 to the power of `value`, as a power where that is whole. */
+function powerOfTen(value) {
+  const whole = Math.round(value);
+  if (Math.abs(value - whole) > 1e-6) return (10 ** value).toPrecision(2).replace("e+", "e").replace("-", "\u2212");
+  if (whole >= -2 && whole <= 3) return String(Number((10 ** whole).toPrecision(1)));
+  const raised = (digit) => "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"["-0123456789".indexOf(digit)];
+  return "10" + [...String(whole)].map(raised).join("");
 }
 
 /** Index of the last of the increasing times that is not after t; 0 before them all. */
@@ -45,14 +68,16 @@ function valueAt(times, values, t) {
 
 class Plot {
   /* spec: {title, unit, scale: of such values in the run; what changes by less than its 1e-7 is drawn as constant,
+   * across: unit of the horizontal axis, logarithmic: which axes are, "", "y" or "xy": numbers are decades there,
+   * bounds: what the vertical axis shows at least, or null,
    * lines: [{name, color, t, y, exact: {t, y} or null}]}; seek(t), zoom(from, to): what to do. */
   constructor(host, spec, seek, zoom) {
-    Object.assign(this, spec, { seek, zoom });
+    Object.assign(this, { across: "s", logarithmic: "", bounds: null }, spec, { seek, zoom });
     this.root = document.createElement("figure");
     this.back = this.root.appendChild(document.createElement("canvas"));
     this.front = this.root.appendChild(document.createElement("canvas"));
     this.front.setAttribute("role", "img");
-    this.front.setAttribute("aria-label", `${spec.title} over time`);
+    this.front.setAttribute("aria-label", `${spec.title} over ${this.across === "s" ? "time" : "frequency"}`);
     host.appendChild(this.root);
     this.front.addEventListener("pointerdown", (event) => this.press(event));
     this.front.addEventListener("dblclick", () => zoom(null, null));
@@ -103,7 +128,7 @@ class Plot {
 
   /** Least and greatest value in view, with room about them. */
   range() {
-    let low = Infinity, high = -Infinity;
+    let [low, high] = this.bounds || [Infinity, -Infinity];
     const look = (t, y) => {
       const first = indexAt(t, this.from), last = Math.min(t.length - 1, indexAt(t, this.to) + 1);
       for (let k = first; k <= last; k++) {
@@ -120,6 +145,16 @@ class Plot {
     [this.low, this.high] = [low - room, high + room];
   }
 
+  /** Where the lines of a grid are, and their numbers; whole decades on a logarithmic axis of several. */
+  ticks(axis, low, high, count) {
+    if (!this.logarithmic.includes(axis)) {
+      const { found, step } = ticks(low, high, count);
+      return { found, text: (v) => figure(v, step), zero: (v) => Math.abs(v) < 1e-9 * step };
+    }
+    const { found } = ticks(low, high, high - low < 2 ? count : Math.min(count, high - low));
+    return { found, text: powerOfTen, zero: () => false };
+  }
+
   draw(from, to, now) {
     [this.from, this.to] = [from, to];
     const pen = this.pen(this.back), { left, right, top, bottom } = MARGIN;
@@ -128,29 +163,29 @@ class Plot {
     pen.lineWidth = 1;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
-    const rows = ticks(this.low, this.high, (floor - top) / 34);
+    const rows = this.ticks("y", this.low, this.high, (floor - top) / 34);
     for (const v of rows.found) {
-      pen.strokeStyle = Math.abs(v) < 1e-9 * rows.step ? "#9aa3ad" : "#e6e9ed";
+      pen.strokeStyle = rows.zero(v) ? "#9aa3ad" : "#e6e9ed";
       pen.beginPath();
       pen.moveTo(left, this.y(v));
       pen.lineTo(end, this.y(v));
       pen.stroke();
       pen.fillStyle = "#55606b";
-      pen.fillText(figure(v, rows.step), left - 6, this.y(v));
+      pen.fillText(rows.text(v), left - 6, this.y(v));
     }
     pen.textBaseline = "alphabetic";
     pen.textAlign = "center";
-    const columns = ticks(from, to, (end - left) / 80);
+    const columns = this.ticks("x", from, to, (end - left) / 80);
     for (const t of columns.found) {
       pen.strokeStyle = "#e6e9ed";
       pen.beginPath();
       pen.moveTo(this.x(t), top);
       pen.lineTo(this.x(t), floor);
       pen.stroke();
-      pen.fillText(figure(t, columns.step), this.x(t), this.height - 6);
+      pen.fillText(columns.text(t), this.x(t), this.height - 6);
     }
     pen.textAlign = "right";
-    pen.fillText("s", left - 6, this.height - 6);
+    pen.fillText(this.across, left - 6, this.height - 6);
     pen.textAlign = "left";
     pen.fillStyle = "#1f2933";
     pen.font = "600 12px system-ui, sans-serif";
@@ -187,7 +222,7 @@ class Plot {
     pen.setLineDash([]);
   }
 
-  /** The line at the time shown, and the values there as the legend. */
+  /** The line at the time shown, and the values there as the legend; now: null for names alone. */
   cursor(now) {
     this.now = now;
     const pen = this.pen(this.front), floor = this.height - MARGIN.bottom;
@@ -196,7 +231,7 @@ class Plot {
       pen.fillStyle = "rgba(43,98,196,0.12)";
       pen.fillRect(Math.min(a, b), MARGIN.top, Math.abs(b - a), floor - MARGIN.top);
     }
-    if (now >= this.from && now <= this.to) {
+    if (now !== null && now >= this.from && now <= this.to) {
       pen.strokeStyle = "#20262e";
       pen.lineWidth = 1;
       pen.beginPath();
@@ -214,8 +249,9 @@ class Plot {
       pen.fillText(text, right, 16);
       right -= pen.measureText(text).width + 12;
     };
+    const value = (v) => (this.logarithmic.includes("y") ? (10 ** v).toPrecision(3) : figure(v, step));
     for (const line of this.lines.slice().reverse())
-      write(`${line.name} ${figure(valueAt(line.t, line.y, now), step)}`, line.color);
+      write(now === null ? line.name : `${line.name} ${value(valueAt(line.t, line.y, now))}`, line.color);
     if (this.lines.some((line) => line.exact)) write("- - closed form", "#111");
   }
 }

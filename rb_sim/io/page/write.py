@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array
 
 ASSETS = Path(__file__).parent
-SCRIPTS = ("solids.js", "plots.js", "page.js")
-"""In the order in which they need each other."""
+SCRIPTS = {"page": ("solids.js", "plots.js", "page.js"), "report": ("plots.js", "report.js")}
+"""Of a kind of page, in the order in which they need each other."""
 
 MOST_SAMPLES = 5000
 """Instants of a motion in a page; a screen shows no more."""
@@ -57,20 +57,29 @@ def spread(count: int, per_sample: float) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
-def save(page: dict[str, Any], path: Path) -> None:
-    """Write the page, never half of it; SinkError."""
+def save(page: dict[str, Any], path: Path, kind: str = "page", body: str = "") -> None:
+    """Write the page, never half of it; SinkError.
+
+    page: its data and title. kind: "page", a motion in 3D; or "report", curves in the HTML `body`.
+    """
     data = json.dumps(page, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     data = data.replace("<", "\\u003c")  # `</script>` and `<!--` in a name would end the data
+    scripts = [(ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS[kind]]
     parts = {
         "title": _escaped(page["title"]),
         "style": (ASSETS / "page.css").read_text(encoding="utf-8"),
-        "script": "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS),
+        "body": body,
         "data": data,
+        "script": "\n".join(scripts),
     }
-    text = (ASSETS / "page.html").read_text(encoding="utf-8")
-    for name, part in parts.items():
-        head, _, tail = text.partition("{{" + name + "}}")
-        text = head + part + tail
+    text = (ASSETS / f"{kind}.html").read_text(encoding="utf-8")
+    written = []
+    for name, part in parts.items():  # in the order of the template: a part may have braces
+        head, found, tail = text.partition("{{" + name + "}}")
+        if found:
+            written += [head, part]
+            text = tail
+    text = "".join([*written, text])
     draft = path.with_name(f".{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -81,36 +81,17 @@ RESOLUTION = 1e-8
 LEAST = 1e-18
 """Residuals below are drawn as this."""
 
-BODY_TITLES = {
-    "position": "{}: position of the centre of mass, world",
-    "angles": "{}: roll, pitch, yaw about the world's x, y, z",
-    "orientation": "{}: orientation, quaternion body to world",
-    "velocity": "{}: velocity of the centre of mass, world",
-    "angular_velocity": "{}: angular velocity, body axes",
-}
-"""Of the panels of a body, by the entity's name in a recording."""
-
-JOINT_TITLES = {
-    "rad": "{}: angle from the first sample",
-    "m": "{}: displacement from the first sample",
-}
-"""Of a joint, by the unit of its position."""
-
-COMMAND_TITLES = (
-    "{}: commanded force, world axes",
-    "{}: commanded torque about the body origin, world axes",
-)
-
-FORCE_TITLE = "{}: reaction force on {}, world axes"
-TORQUE_TITLE = "{}: reaction torque about its anchor"
-
 _ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
 
 
 class Panel(NamedTuple):
-    """One pair of axes. values: shape (n, number of labels), from a block."""
+    """One pair of axes of plots.png and of a recording. values: shape (n, number of labels), from a
+    block."""
 
+    entity: str
+    """its path below `plots` in a recording."""
     title: str
+    """without the unit."""
     unit: str
     labels: tuple[str, ...]
     colors: tuple[str, ...]
@@ -127,14 +108,14 @@ class Panel(NamedTuple):
     held: bool = False
     """whether a value holds since the sample before, and does not lead there in a line."""
 
+    @property
+    def heading(self) -> str:
+        """The title with its unit."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
 
 Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
 """Linear accelerations, world axes, and angular ones, body axes, of shape (n, bodies, 3)."""
-
-ACCELERATION_TITLES = (
-    "{}: acceleration of the centre of mass, world",
-    "{}: angular acceleration, body axes",
-)
 
 
 def panels_of(
@@ -153,20 +134,26 @@ def panels_of(
 
 def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.bodies):
-        titles = {key: title.format(name) for key, title in BODY_TITLES.items()}
-        yield _xyz(titles["position"], "m", "position", i, "length", name)
-        names = ("roll", "pitch", "yaw")
-        yield Panel(titles["angles"], "deg", names, AXES[:3], Angles(i), "angle", name)
-        column = _column("orientation", i)
-        title = titles["orientation"]
-        yield Panel(title, "", tuple("xyzw"), AXES, column, "attitude", name)
-        yield _xyz(titles["velocity"], "m/s", "linear_velocity", i, "speed", name, jumps=True)
-        title = titles["angular_velocity"]
-        yield _xyz(title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+        title = f"{name}: position of the centre of mass, world"
+        yield _xyz(f"{name}/position", title, "m", "position", i, "length", name)
+        title = f"{name}: roll, pitch, yaw about the world's x, y, z"
+        yield Panel(f"{name}/angles", title, "°", ANGLES, AXES[:3], Angles(i), "angle", name)
+        title = f"{name}: orientation, quaternion body to world"
+        column, labels = _column("orientation", i), tuple("xyzw")
+        yield Panel(f"{name}/orientation", title, "", labels, AXES, column, "attitude", name)
+        title = f"{name}: velocity of the centre of mass, world"
+        entity = f"{name}/velocity"
+        yield _xyz(entity, title, "m/s", "linear_velocity", i, "speed", name, jumps=True)
+        title = f"{name}: angular velocity ω, body axes"
+        entity = f"{name}/angular_velocity"
+        yield _xyz(entity, title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
+
+
+ANGLES = ("roll φ", "pitch θ", "yaw ψ")
 
 
 class Angles:
-    """Roll, pitch and yaw of a body [deg], which go on from block to block beyond a turn."""
+    """Roll, pitch and yaw of a body [°], which go on from block to block beyond a turn."""
 
     def __init__(self, body: int) -> None:
         self._body, self._last = body, None
@@ -178,7 +165,7 @@ class Angles:
 
 
 class Joints:
-    """Positions of the joints of a scene [deg, m] by name, and their units and bodies."""
+    """Positions of the joints of a scene [°, m] by name, and their units and bodies."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._table = JointTable(scene, layout)
@@ -201,18 +188,20 @@ def _joint_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     for j, (name, unit, body) in enumerate(
         zip(joints.names, joints.units, joints.bodies, strict=True)
     ):
-        shown, kind = ("deg", "angle") if unit == "rad" else ("m", "length")
-        title = JOINT_TITLES[unit].format(name)
-        yield Panel(title, shown, ("",), (AXES[3],), partial(joints, j=j), kind, body)
+        what, shown, kind = ("angle", "°", "angle") if unit == "rad" else ("way", "m", "length")
+        title, values = f"{name}: {what} from the first sample", partial(joints, j=j)
+        yield Panel(f"joints/{name}", title, shown, (name,), (AXES[3],), values, kind, body)
 
 
 def _command_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.commanded):
+        about = {"force": ", world axes", "torque": " about the body origin, world axes"}
         parts = (("N", "force", slice(3)), ("N m", "torque", slice(3, 6)))
-        for title, (unit, kind, part) in zip(COMMAND_TITLES, parts, strict=True):
+        for unit, kind, part in parts:
             columns = partial(_commanded, i=i, part=part)
-            titled = title.format(name)
-            yield Panel(titled, unit, tuple("xyz"), AXES[:3], columns, kind, name, held=True)
+            entity, title = f"command/{name}/{kind}", f"{name}: commanded {kind}{about[kind]}"
+            labels, colors = tuple("xyz"), AXES[:3]
+            yield Panel(entity, title, unit, labels, colors, columns, kind, name, held=True)
 
 
 def _commanded(block: SampleBlock, i: int, part: slice) -> Array:
@@ -230,35 +219,52 @@ def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Pan
 
         return values
 
-    kinds = (("m/s^2", "acceleration"), ("rad/s^2", "turning"))
+    kinds = (
+        ("m/s²", "acceleration", "acceleration of the centre of mass, world"),
+        ("rad/s²", "turning", "angular acceleration, body axes"),
+    )
     for i, name in enumerate(layout.bodies):
-        for k, (unit, kind) in enumerate(kinds):
-            title = ACCELERATION_TITLES[k].format(name)
-            columns = part(k, i)
-            yield Panel(title, unit, tuple("xyz"), AXES[:3], columns, kind, name, jumps=True)
+        for k, (unit, kind, what) in enumerate(kinds):
+            labels, colors, values = tuple("xyz"), AXES[:3], part(k, i)
+            title = f"{name}: {what}"
+            yield Panel(
+                f"{name}/{kind}", title, unit, labels, colors, values, kind, name, jumps=True
+            )
 
 
 def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
     for k, name in enumerate(layout.reactions):
         body = layout.reaction_bodies[k]
         c = layout.contacts.index(name) if name in layout.contacts else None
-        title = FORCE_TITLE.format(name, body)
-        force = _xyz(title, "N", "reaction_force", k, "force", body, jumps=True)
+        title = f"{name}: reaction force on {body}, world axes"
+        force = _xyz(
+            f"reactions/{name}/force", title, "N", "reaction_force", k, "force", body, jumps=True
+        )
         yield force._replace(contact=c)
-        title = TORQUE_TITLE.format(name)
-        yield _xyz(title, "N m", "reaction_torque", k, "torque", body, jumps=True)
+        title = f"{name}: reaction torque about its anchor"
+        yield _xyz(
+            f"reactions/{name}/torque",
+            title,
+            "N m",
+            "reaction_torque",
+            k,
+            "torque",
+            body,
+            jumps=True,
+        )
 
 
 def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     labels = ("kinetic", "potential", "total")
-    yield Panel("energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
-    labels, colors = ("E - E(0)", "work"), (ENERGIES["total"], ENERGIES["work"])
-    title = "change of total energy, and work of forces without potential"
-    yield Panel(title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
-    title = "power of forces without potential"
-    yield Panel(title, "W", ("power",), (AXES[3],), _power, "power", jumps=True)
+    yield Panel("energy", "energy", "J", labels, _ENERGIES, _energies, "energy", jumps=True)
+    labels, colors = ("E − E(0)", "work"), (ENERGIES["total"], ENERGIES["work"])
+    title, of = "energy change, work of forces without potential", "balance"
+    yield Panel(of, title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
+    title, grey = "power of forces without potential", (AXES[3],)
+    yield Panel("power", title, "W", ("power",), grey, _power, "power", jumps=True)
     title = "worst violation of a constraint, relative to the scene's scale"
-    yield Panel(title, "", ("residual",), (AXES[3],), _residual, "residual", logarithmic=True)
+    labels = ("residual",)
+    yield Panel("residual", title, "", labels, grey, _residual, "residual", logarithmic=True)
 
 
 class Balance:
@@ -304,10 +310,10 @@ class Balance:
 
 
 def _xyz(
-    title: str, unit: str, field: str, index: int, kind: str, body: str, jumps: bool = False
+    entity: str, title: str, unit: str, field: str, index: int, kind: str, body: str, **more: Any
 ) -> Panel:
-    values = _column(field, index)
-    return Panel(title, unit, tuple("xyz"), AXES[:3], values, kind, body, jumps=jumps)
+    values, labels = _column(field, index), tuple("xyz")
+    return Panel(entity, title, unit, labels, AXES[:3], values, kind, body, **more)
 
 
 def _column(field: str, index: int) -> Callable[[SampleBlock], Array]:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SinkError
-from rb_sim.base.palette import EVENT, FAINT, GRID, SLIPPING, STICKING
+from rb_sim.base.palette import AXES, EVENT, FAINT, GRID, SLIPPING, STICKING
 from rb_sim.io.decimate import Envelope
-from rb_sim.io.plots.panels import RESOLUTION, Accelerating, Panel, panels_of, scales
+from rb_sim.io.plots.panels import ANGLES, RESOLUTION, Accelerating, Panel, panels_of, scales
 from rb_sim.io.sink import Timeline
 
 if TYPE_CHECKING:
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 _DPI = 110
 _WIDTH = 13.0
 _ROW = 2.2
-_TOP, _BOTTOM = 0.8, 0.5
+_TOP, _BOTTOM = 1.05, 0.5
 _LINE = 0.2
 """Of a line of text below the panels [inch]."""
 
-_STATES = {1.0: (SLIPPING, "slips"), 2.0: (STICKING, "sticks")}
+_STATES = {1.0: (SLIPPING, "slips"), 2.0: (STICKING, "sticks or rolls")}
 """Colour and name in the strip of a contact that slips, and that sticks or rolls."""
 
 _STRIP = 0.035
@@ -65,7 +65,7 @@ class Curves(NamedTuple):
 
 def resolved(curves: Curves, scale: float) -> Curves | None:
     """The curves as they are to be seen: a component that is constant to within the resolution is
-    drawn as constant. None where all of them are zero to within it.
+    drawn as constant. None where all of them are: a line of text says that as well.
 
     scale: of this kind of quantity in the run; 0 where there is none.
     """
@@ -76,11 +76,11 @@ def resolved(curves: Curves, scale: float) -> Curves | None:
     if not finite.size:
         return curves
     least = RESOLUTION * scale
-    if float(np.abs(finite).max()) <= least and panel.kind != "attitude":
-        return None
     if len(finite) < len(values):
         return curves
     flat = np.ptp(values, axis=0) <= least
+    if flat.all() and len(values) > 1:
+        return None
     shown = np.where(flat, np.median(values, axis=0), values)
     return Curves(panel, t, np.where(flat & (np.abs(shown) <= least), 0.0, shown))
 
@@ -128,8 +128,8 @@ def page(title: str, curves: list[Curves], notes: list[str], contacts: Contacts 
     height = _ROW * rows + _TOP + below
     figure = Figure(figsize=(_WIDTH, height), dpi=_DPI)
     FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.012, y=1 - 0.3 * _TOP / height, ha="left", va="top", fontsize=13)
-    margins = {"left": 0.06, "right": 0.925, "wspace": 0.37, "hspace": 0.36}
+    figure.suptitle(title, x=0.012, y=1 - 0.2 * _TOP / height, ha="left", va="top", fontsize=13)
+    margins = {"left": 0.05, "right": 0.985, "wspace": 0.13, "hspace": 0.36}
     margins |= {"top": 1 - _TOP / height, "bottom": below / height}
     if rows:
         axes = figure.subplots(rows, 2, sharex=True, squeeze=False, gridspec_kw=margins).ravel()
@@ -140,9 +140,35 @@ def page(title: str, curves: list[Curves], notes: list[str], contacts: Contacts 
         for ax in axes[max(0, len(curves) - 2) : len(curves)]:
             ax.set_xlabel("time [s]")
             ax.tick_params(labelbottom=True)
+        handles = _legend([each.panel for each in curves], contacts)
+        corner = (0.004, 1 - 0.42 * _TOP / height)
+        style = {"frameon": False, "fontsize": 9, "handlelength": 1.4, "ncols": len(handles) or 1}
+        figure.legend(handles=handles, loc="upper left", bbox_to_anchor=corner, **style)
     for k, note in enumerate(reversed(notes)):
         figure.text(0.012, (0.06 + _LINE * k) / height, note, fontsize=8, color=FAINT)
     return figure
+
+
+def _legend(panels: list[Panel], contacts: Contacts | None) -> list[Any]:
+    """What the colours of axes mean, in all panels, and the marks of contacts."""
+    from matplotlib.lines import Line2D
+
+    axes = [panel.labels for panel in panels if panel.colors[:3] == AXES[:3]]
+    angles = any(labels == ANGLES for labels in axes)
+    names = [f"{axis}, {angle}" if angles else axis for axis, angle in zip("xyz", ANGLES)]  # noqa: B905
+    names = [*names, *(["w"] if any(len(labels) == 4 for labels in axes) else [])] if axes else []
+    found = [Line2D([], [], color=color, label=name) for name, color in zip(names, AXES)]  # noqa: B905
+    states = [panel.contact for panel in panels if panel.contact is not None]
+    if contacts is not None and states:
+        seen = contacts.states[:, states]
+        for state, (color, label) in _STATES.items():
+            if (seen == state).any():
+                found.append(Line2D([], [], color=color, label=label, linewidth=5))
+        shown = {contacts.names[c] for c in states}
+        if any(event.kind == "impact" and event.contact in shown for event in contacts.events):
+            mark = {"marker": "v", "color": EVENT, "linestyle": "none", "markersize": 5}
+            found.append(Line2D([], [], label="impact", **mark))
+    return found
 
 
 def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
@@ -155,8 +181,7 @@ def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
         style = "--" if label.startswith("work") else "-"
         steps = "steps-pre" if panel.held else "default"
         ax.plot(t, values[:, k], style, color=color, label=label, linewidth=1.2, drawstyle=steps)
-    ax.set_title(panel.title, loc="left", fontsize=10, fontweight="bold")
-    ax.set_ylabel(f"[{panel.unit}]" if panel.unit else "")
+    ax.set_title(panel.heading, loc="left", fontsize=10, fontweight="bold")
     ax.grid(color=GRID, linewidth=0.6)
     ax.margins(x=0)
     ax.set_axisbelow(True)
@@ -167,16 +192,11 @@ def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
         ax.set_ylim(*_decades(values))
     else:
         _widen(ax, values)
-        ax.ticklabel_format(axis="y", scilimits=(-3, 4), useOffset=False)
+        ax.ticklabel_format(axis="y", scilimits=(-3, 6), useOffset=False)
         ax.yaxis.get_offset_text().set_fontsize(8)
-    if len(panel.labels) > 1:
-        ax.legend(
-            loc="center left",
-            bbox_to_anchor=(1.0, 0.5),
-            frameon=False,
-            fontsize=9,
-            handlelength=1.2,
-        )
+    if len(panel.labels) > 1 and panel.colors[:2] != AXES[:2]:  # not in the figure's legend
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(panel.labels),
+                  frameon=False, fontsize=9, handlelength=1.2, borderpad=0.1)  # fmt: skip
     if contacts is not None and panel.contact is not None:
         draw_contact(ax, contacts, panel.contact)
 
@@ -186,38 +206,39 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
     t, states = contacts.t, contacts.states[:, c]
     borders = np.concatenate([[0], np.flatnonzero(np.diff(states)) + 1, [len(t) - 1]])
     across = ax.get_xaxis_transform()
-    labels = []
-    for state, (color, label) in _STATES.items():
+    for state, (color, _) in _STATES.items():
         edges = zip(borders, borders[1:], strict=False)
         spans = [(t[a], t[b] - t[a]) for a, b in edges if states[a] == state]
         ax.broken_barh(spans, (0.0, _STRIP), transform=across, facecolors=color, zorder=3)
-        labels += [(0.08 * (len(labels)), label, color)] if spans else []
     mine = [event for event in contacts.events if event.contact == contacts.names[c]]
     struck = [event.t for event in mine if event.kind == "impact"]
     for when in {event.t for event in mine} - set(struck):
         ax.axvline(when, color="#999999", linewidth=0.7, linestyle=":", zorder=1)
     ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=EVENT, markersize=4)
-    labels += [(0.94, "impact", EVENT)] if struck else []
-    for height, label, color in labels:
-        ax.text(1.01, height, label, transform=ax.transAxes, color=color, fontsize=7)
 
 
-def told(zero: list[Curves]) -> list[str]:
-    """Lines about what is not drawn: quantities that are zero throughout, and the residual."""
+def told(still: list[Curves], scale: dict[str, float]) -> list[str]:
+    """Lines about what is not drawn: what is zero or constant throughout, and the residual."""
     from textwrap import wrap
 
-    names = []
-    lines = []
-    for panel, _, values in zero:
+    zero, constant, lines = [], [], []
+    for panel, _, values in still:
         worst = float(np.nanmax(np.abs(values))) if values.size else 0.0
+        name = panel.title.partition(", world")[0]
         if panel.logarithmic:
             lines.append(f"{panel.title}: at most {worst:.0e}")
-        elif panel.kind == "energy" and worst > 0.0:
+        elif panel.kind == "energy" and 0.0 < worst and np.ptp(values) > 0.0:
             lines.append(f"{panel.title}: at most {worst:.1e} J")
+        elif worst <= RESOLUTION * scale[panel.kind]:
+            zero.append(name)
         else:
-            names.append(panel.title.partition(", world")[0])
-    if names:
-        lines = wrap(f"zero throughout: {'; '.join(names)}", _WRAP) + lines
+            middle = np.median(values, axis=0)
+            middle[np.abs(middle) <= RESOLUTION * scale[panel.kind]] = 0.0
+            numbers = ", ".join(f"{value:.4g}" for value in middle)
+            constant.append(f"{name} ({numbers}) {panel.unit}".strip())
+    for what, names in (("constant", constant), ("zero", zero)):
+        if names:
+            lines = wrap(f"{what} throughout: {'; '.join(names)}", _WRAP) + lines
     return lines
 
 
@@ -301,8 +322,8 @@ class Plots:
         if self._layout.contacts:
             contacts = Contacts(*self._states.curves(), self._layout.contacts, self._events)
         if len(drawn) <= MOST_PANELS:
-            return {"": page(self._title(), drawn, told(zero), contacts)}
-        notes, bodies = told(_of(zero, None)), self._layout.bodies
+            return {"": page(self._title(), drawn, told(zero, scale), contacts)}
+        notes, bodies = told(_of(zero, None), scale), self._layout.bodies
         if len(bodies) > MOST_PAGES:
             notes.append(
                 f"pages of the first {MOST_PAGES} of {len(bodies)} bodies; the others are in the "
@@ -311,7 +332,7 @@ class Plots:
         pages = {"": page(self._title(), _of(drawn, None), notes, contacts)}
         for body in bodies[:MOST_PAGES]:
             title = f"{self._scene.name}: {body}"
-            pages[body] = page(title, _of(drawn, body), told(_of(zero, body)), contacts)
+            pages[body] = page(title, _of(drawn, body), told(_of(zero, body), scale), contacts)
         return pages
 
     def _title(self) -> str:

@@ -8,14 +8,14 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from rb_sim.base.palette import AXES, COMMAND, CYCLE, ENERGIES, REACTION, VELOCITY, rgb
+from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
-from rb_sim.io.messages.joints import JointTable
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
 from rb_sim.numerics.rotations import rotate
 
 if TYPE_CHECKING:
+    from rb_sim.io.plots.panels import Panel
     from rb_sim.io.rerun.arrow_scales import Scales
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
@@ -185,11 +185,8 @@ AXIS = 1.4
 
 TRAIL = (150, 160, 175)
 BODIES = tuple(map(rgb, CYCLE))
-LINES = tuple(map(rgb, AXES))
-"""Of x, y, z and the scalar part w."""
-
-ENERGY = (rgb(ENERGIES["kinetic"]), rgb(ENERGIES["potential"]), (240, 240, 240))
-"""The total is black elsewhere, where the ground is white."""
+LIGHT = (240, 240, 240)
+"""What is black elsewhere, where the ground is white."""
 
 ARROW = 2.5
 """Radius of an arrow in pixels: its length has a scale of its own, which its width has not."""
@@ -220,8 +217,8 @@ class Static:
     def _log(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity_path(entity), archetype, static=True)
 
-    def log(self) -> None:
-        """Send all of it."""
+    def log(self, panels: list[Panel]) -> None:
+        """Send all of it; of the panels the names and colours of their curves."""
         self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         for i, name in enumerate(self._layout.bodies):
             body = self._scene.bodies[name]
@@ -242,24 +239,14 @@ class Static:
             style = rr.LineStrips3D.from_fields(colors=[TRAIL], radii=[width])
             self._log(f"world/trail/{name}", style)
             self._log_arrow(f"world/velocity/{name}", VELOCITY)
-            self._log_plot(f"plots/{name}/position", "xyz")
-            self._log_plot(f"plots/{name}/orientation", "xyzw")
-            self._log(f"plots/{name}/angles", _lines(["roll", "pitch", "yaw"], LINES[:3]))
-            self._log_plot(f"plots/{name}/velocity", "xyz")
-            self._log_plot(f"plots/{name}/angular_velocity", "xyz")
         for name in self._layout.contacts:
             size: Any = rr.Radius.ui_points(7.0)
             self._log(f"world/contact/{name}", rr.Points3D.from_fields(radii=[size]))
         for name in self._layout.commanded:
             self._log_arrow(f"world/command/{name}", COMMAND)
-            for part in ("force", "torque"):
-                style = _lines(list("xyz"), LINES[:3], interpolation_mode="StepBefore")
-                self._log(f"plots/command/{name}/{part}", style)
         for k, name in enumerate(self._layout.reactions):
             if k in self._drawn:
                 self._log_arrow(f"world/reaction/{name}", REACTION)
-            self._log_plot(f"plots/reactions/{name}/force", "xyz")
-            self._log_plot(f"plots/reactions/{name}/torque", "xyz")
         self.log_supports(self._scales.center, self._scales.size)
         for c, name in enumerate(self._layout.contacts):
             style = rr.SeriesLines(
@@ -269,11 +256,9 @@ class Static:
                 aggregation_policy="Max",
             )
             self._log(f"plots/contacts/{name}", style)
-        names = ["kinetic", "potential", "total"]
-        self._log("plots/energy", _lines(names, ENERGY))
-        for name in JointTable(self._scene, self._layout).names:
-            self._log(f"plots/joints/{name}", _lines([name], [LINES[3]]))
-        self._log("plots/residual", _lines(["residual"], [LINES[3]]))
+        for panel in panels:
+            more = {"interpolation_mode": "StepBefore"} if panel.held else {}
+            self._log(f"plots/{panel.entity}", _lines(panel, **more))
 
     def log_supports(self, center: Array, size: float) -> None:
         """What holds the bodies: surfaces of contacts and planes, in the world or on a parent, and
@@ -327,9 +312,6 @@ class Static:
         radius: Any = rr.Radius.ui_points(ARROW)
         self._log(f"{entity}/arrow", rr.Arrows3D.from_fields(colors=[rgb(color)], radii=[radius]))
 
-    def _log_plot(self, entity: str, names: str) -> None:
-        self._log(entity, _lines(list(names), LINES[: len(names)]))
-
 
 def entity_path(entity: str) -> str:
     """The path with what Rerun does not take as it is, a space for one, escaped."""
@@ -345,5 +327,7 @@ def has_plane(scene: Scene) -> bool:
     return any(spec.surface.type == "plane" for spec in surfaces)
 
 
-def _lines(names: list[str], colors: Any, **more: Any) -> Any:
-    return rr.SeriesLines(names=names, colors=list(colors), widths=[1.5] * len(names), **more)
+def _lines(panel: Panel, **more: Any) -> Any:
+    colors = [LIGHT if color == BLACK else rgb(color) for color in panel.colors]
+    widths = [1.5] * len(colors)
+    return rr.SeriesLines(names=list(panel.labels), colors=colors, widths=widths, **more)

@@ -33,15 +33,7 @@ import rerun.blueprint as rrb
 from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import half_box
-from rb_sim.io.plots.panels import (
-    BODY_TITLES,
-    COMMAND_TITLES,
-    FORCE_TITLE,
-    JOINT_TITLES,
-    TORQUE_TITLE,
-    Angles,
-    Joints,
-)
+from rb_sim.io.plots.panels import Panel, panels_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,
@@ -57,6 +49,8 @@ from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import rotate
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from rb_sim.io.rerun.arrow_scales import Scales
@@ -72,7 +66,7 @@ if TYPE_CHECKING:
 def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -> str:
     """What is drawn, and at which scale. forces: whether reactions are."""
     lines = [f"## {scene.name}", scene.description, ""]
-    lines += [f"**velocity** (green): 1 m of arrow is {1 / scales.per_speed:g} m/s  "]
+    lines += [f"**velocity** (light blue): 1 m of arrow is {1 / scales.per_speed:g} m/s  "]
     if forces:
         newton = f"{1 / scales.per_newton:g} N"
         lines += [f"**reaction** on the body (orange): 1 m of arrow is {newton}  "]
@@ -149,15 +143,6 @@ class Trail:
 # How the Rerun viewer lays a recording out: 3D and text on the left, plots on the right.
 
 
-UNITS = {
-    "position": " [m]",
-    "angles": " [deg]",
-    "orientation": "",
-    "velocity": " [m/s]",
-    "angular_velocity": " [rad/s]",
-}
-"""Beside the titles of the plots."""
-
 _EYE = np.array([0.48, -0.72, 0.45])
 """From the centre of the scene to the eye, in sizes of the scene."""
 
@@ -166,7 +151,7 @@ class Shown(NamedTuple):
     """What the viewer is to lay out."""
 
     layout: SampleLayout
-    joints: Joints
+    panels: list[Panel]
     plane: bool
     """whether a plane of the world is drawn."""
     center: Array
@@ -175,9 +160,16 @@ class Shown(NamedTuple):
     zero: frozenset[str] = frozenset()
     """plots of what is zero throughout, which have no panel."""
 
-    def plots(self, titles: dict[str, str]) -> list[Any]:
-        """Views by their entities and titles."""
-        return [_plot(of, title) for of, title in titles.items() if of not in self.zero]
+    def plots(self, panels: Iterable[Panel]) -> list[Any]:
+        """Views of these panels, but of those of zeros."""
+        return [
+            _plot(
+                f"plots/{panel.entity}",
+                f"log10 of the {panel.entity}" if panel.logarithmic else panel.heading,
+            )
+            for panel in panels
+            if f"plots/{panel.entity}" not in self.zero
+        ]
 
 
 def motion_blueprint(shown: Shown) -> Any:
@@ -201,7 +193,7 @@ def blueprint(shown: Shown) -> Any:
         told = rrb.TextLogView(origin="/events", name="contact events")
         about = rrb.Horizontal(about, told)
     left = rrb.Vertical(_spatial_view(shown), about, row_shares=[5, 2])
-    energy = shown.plots({"plots/energy": "energy [J]", "plots/residual": "log10 of the residual"})
+    energy = shown.plots(panel for panel in shown.panels if panel.body is None)
     columns = _forces(shown)
     forces = [rrb.Vertical(_tabs(columns), row_shares=[1])] if columns else []
     states = [_plot("plots/contacts", "contacts: 0 open, 1 slip, 2 stick")]
@@ -244,45 +236,30 @@ def _spatial_view(shown: Shown, titled: bool = True) -> Any:
     )
 
 
+ACTING = ("reactions/", "command/")
+"""How the entities of what acts on a body begin."""
+
+
 def _bodies(shown: Shown) -> Any:
     """The motion of each body and of the joints that hold it, behind tabs if there are several."""
-    joints, columns = shown.joints, []
+    columns = []
     for name in shown.layout.bodies:
-        titles = {
-            f"plots/joints/{joint}": JOINT_TITLES[unit].format(joint) + _JOINT_UNITS[unit]
-            for joint, unit, body in zip(joints.names, joints.units, joints.bodies, strict=True)
-            if body == name
-        }
-        titles |= {
-            f"plots/{name}/{key}": title.format(name) + UNITS[key]
-            for key, title in BODY_TITLES.items()
-        }
-        columns.append(rrb.Vertical(*shown.plots(titles), name=name))
+        mine = [p for p in shown.panels if p.body == name and not p.entity.startswith(ACTING)]
+        mine.sort(key=lambda panel: not panel.entity.startswith("joints/"))
+        columns.append(rrb.Vertical(*shown.plots(mine), name=name))
     return _tabs(columns)
-
-
-_JOINT_UNITS = {"rad": " [deg]", "m": " [m]"}
 
 
 def _forces(shown: Shown) -> list[Any]:
     """Force and torque of each reaction, and of each command."""
-    layout = shown.layout
-    found = [
-        (name, {
-            f"plots/reactions/{name}/force": FORCE_TITLE.format(name, body) + " [N]",
-            f"plots/reactions/{name}/torque": TORQUE_TITLE.format(name) + " [N m]",
-        })
-        for name, body in zip(layout.reactions, layout.reaction_bodies, strict=True)
-    ]  # fmt: skip
-    force, torque = COMMAND_TITLES
-    found += [
-        (f"command {name}", {
-            f"plots/command/{name}/force": force.format(name) + " [N]",
-            f"plots/command/{name}/torque": torque.format(name) + " [N m]",
-        })
-        for name in layout.commanded
-    ]  # fmt: skip
-    views = [(name, shown.plots(titles)) for name, titles in found]
+    groups: dict[str, list[Panel]] = {}
+    for panel in shown.panels:
+        if panel.entity.startswith(ACTING):
+            groups.setdefault(panel.entity.rpartition("/")[0], []).append(panel)
+    views = [
+        (name.removeprefix("reactions/").replace("command/", "command ", 1), shown.plots(panels))
+        for name, panels in groups.items()
+    ]
     return [rrb.Vertical(*plots, name=name) for name, plots in views if plots]
 
 
@@ -293,14 +270,14 @@ def _tabs(columns: list[Any]) -> Any:
 
 def _plot(entity: str, name: str) -> Any:
     return rrb.TimeSeriesView(
-        origin=entity_path(f"/{entity}"), name=name, plot_legend=rrb.Corner2D.LeftTop
+        origin=entity_path(f"/{entity}"), name=name, plot_legend=rrb.Corner2D.RightTop
     )
 
 
 TIMELINE = "sim_time"
 
-LEAST = 1e-18
-"""Residuals below are drawn as this."""
+NOT_SHOWN = ("balance", "power")
+"""Panels of plots.png that a recording has not."""
 
 STATES = np.array([(120, 120, 120), rgb(SLIPPING), rgb(STICKING)], dtype=np.uint8)
 """Of a contact that is open, slips, sticks or rolls."""
@@ -332,16 +309,16 @@ class View:
         self._forces_seen, self._speeds_seen = Lengths(), Lengths()
         self._resolved = Resolved(self._scales.size)
         self._blueprint = motion_blueprint if motion_only else blueprint
-        self._angles = [Angles(i) for i in range(len(layout.bodies))]
-        self._joints = Joints(scene, layout)
+        panels = panels_of(scene, layout)
+        self._panels = [panel for panel in panels if panel.entity not in NOT_SHOWN]
         self._most: dict[str, tuple[str, float]] = {}
         """by plot its kind, and the largest number so far."""
         self._static = Static(recording, scene, layout, self._scales, first)
-        self._static.log()
+        self._static.log(self._panels)
         self._log_scales()
         self._log("about", markdown(self._about()))
         center, size = self._scales.center, self._scales.size
-        self._shown = Shown(layout, self._joints, has_plane(scene), center, size)
+        self._shown = Shown(layout, self._panels, has_plane(scene), center, size)
         recording.send_blueprint(self._blueprint(self._shown))
 
     def send(self, block: SampleBlock) -> None:
@@ -423,25 +400,13 @@ class View:
         return clear_of(half_box(shape), center, q, point, arrow)
 
     def _send_plots(self, block: SampleBlock) -> None:
-        for i, name in enumerate(self._layout.bodies):
-            self._show("length", f"plots/{name}/position", block.position[:, i])
-            self._show("angle", f"plots/{name}/angles", self._angles[i](block))
-            self._show("attitude", f"plots/{name}/orientation", block.orientation[:, i])
-            self._show("speed", f"plots/{name}/velocity", block.linear_velocity[:, i])
-            self._show("spin", f"plots/{name}/angular_velocity", block.angular_velocity[:, i])
-        for k, name in enumerate(self._layout.reactions):
-            self._show("force", f"plots/reactions/{name}/force", block.reaction_force[:, k])
-            self._show("torque", f"plots/reactions/{name}/torque", block.reaction_torque[:, k])
-        for i, name in enumerate(self._layout.commanded):
-            for kind, part in (("force", slice(3)), ("torque", slice(3, 6))):
-                self._show(kind, f"plots/command/{name}/{kind}", block.command[:, i, part])
-        for j, name in enumerate(self._joints.names):
-            kind = "angle" if self._joints.units[j] == "rad" else "length"
-            self._show(kind, f"plots/joints/{name}", self._joints(block, j))
-        energy = np.c_[block.kinetic_energy, block.potential_energy, block.energy]
-        self._show("energy", "plots/energy", energy)
-        self._note_most("residual", "plots/residual", block.residual)
-        self._plot("plots/residual", np.log10(np.maximum(block.residual, LEAST))[:, None])
+        for panel in self._panels:
+            entity, values = f"plots/{panel.entity}", panel.values(block)
+            if panel.logarithmic:
+                self._note_most(panel.kind, entity, values)
+                self._plot(entity, np.log10(values))
+            else:
+                self._show(panel.kind, entity, values)
 
     def _show(self, kind: str, entity: str, values: Array) -> None:
         """Numbers without their round-off."""

@@ -156,7 +156,6 @@ def test_errors_of_constraints_from_poses(tmp_path):
     assert wall["largest"] == pytest.approx(5e-4, rel=1e-9)
     assert wall["at"] == pytest.approx(t[100], abs=1e-5)
     assert told["velocity"]["wall"]["largest"] > 0.01  # the filter makes a speed of it
-    pytest.importorskip("plotly")
     write_report(analyze(bag, scene=made), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "<td>wall</td><td>position [m or rad]</td><td>0.0005</td><td>1</td>" in text

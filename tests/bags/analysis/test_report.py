@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from rb_sim.bags.analysis import report
-from rb_sim.bags.analysis.figures import COLUMNS, Figures, sizes_of
+from rb_sim.bags.analysis.figures import COLUMNS, Figures, unit_of
+from rb_sim.bags.analysis.report import _Page
 from rb_sim.bags.analysis.result import Analysis
+from rb_sim.base.palette import BAD
+from tests.browser import ask
+from tests.io.test_page import numbers
 
-graph = pytest.importorskip("plotly.graph_objects")
 RATE, COUNT = 50.0, 400
 T = np.arange(COUNT) / RATE
 
@@ -25,36 +28,125 @@ def figures_of(kind: str, **columns: np.ndarray) -> Figures:
     return figures
 
 
-def spectra(figures: Figures, **others: Figures):
-    plots = [("x", figures), *others.items()]
-    sizes = sizes_of(plots, 0.0)
-    return report._spectra(graph, "x", figures, sizes)
+def plots_of(length: float = 0.0, **sources: Figures) -> list[dict]:
+    """The plots of the page of these sources."""
+    kinds = dict.fromkeys(sources, "scalar")
+    return _Page(Analysis("bag", figures=sources, kinds=kinds, length=length)).data()["plots"]
+
+
+def spectra(figures: Figures, **others: Figures) -> list[dict]:
+    plots = plots_of(x=figures, **others)
+    return [plot for plot in plots if plot["section"] == "spectra" and plot["title"] == "x"]
 
 
 def test_what_stands_still_has_no_curve_in_a_spectrum() -> None:
     """A number that is constant to rounding would draw the axis down by thirty decades."""
     still = 0.3 + 1e-16 * np.cos(40.0 * T)
-    (figure,) = spectra(figures_of("twist", vx=np.sin(30.0 * T), vy=still))
-    assert [curve.name for curve in figure.data] == ["vx"]
+    (plot,) = spectra(figures_of("twist", vx=np.sin(30.0 * T), vy=still))
+    assert [line["name"] for line in plot["lines"]] == ["vx"]
 
 
 def test_a_spectrum_ends_where_rounding_begins() -> None:
     """Beside what is a million times faster 1e-3 m/s is rounding: the axis ends at the density of
     noise of that size, which lies above what a tone leaves elsewhere."""
     tone = np.cos(2.0 * np.pi * 10.0 * T)
-    (figure,) = spectra(figures_of("twist", vx=tone), fast=figures_of("twist", vx=1e6 * tone))
-    assert min(figure.data[0].y) == pytest.approx(2.0 * 1e-3**2 / RATE, rel=1e-3, abs=0.0)
-    assert max(figure.data[0].y) > 1e-2
+    (plot,) = spectra(figures_of("twist", vx=tone), fast=figures_of("twist", vx=1e6 * tone))
+    density = 10.0 ** numbers(plot["lines"][0]["y"]).astype(float)
+    assert density.min() == pytest.approx(2.0 * 1e-3**2 / RATE, rel=1e-3, abs=0.0)
+    assert density.max() > 1e-2
+
+
+def test_a_peak_stays_where_frequencies_are_joined() -> None:
+    """A tone between many frequencies has the height that all of them have."""
+    t = np.arange(8192) / 1000.0
+    figures = Figures(("value",))
+    figures.add(t, (np.sin(2.0 * np.pi * 377.0 * t))[:, None])
+    (plot,) = spectra(figures)
+    found = figures.spectrum()
+    assert found is not None
+    shown = numbers(plot["lines"][0]["y"])
+    assert len(shown) < len(found[0]) and shown.max() == pytest.approx(np.log10(found[1].max()))
 
 
 def test_numbers_without_a_unit_are_not_compared_with_other_topics() -> None:
     """A counter up to 1e7 says nothing of how far a quaternion of another topic turns."""
     turns = figures_of("pose", qx=1e-3 * np.sin(30.0 * T), qw=np.ones(COUNT))
     count = figures_of("scalar", value=1e7 * T)
-    sizes = sizes_of([("x", turns), ("/count", count)], 0.0)
-    _, attitude = report._by_unit(graph, "x", turns, sizes)
-    assert attitude.layout.yaxis.range is None
-    assert len(spectra(turns, **{"/count": count})) == 1
+    plots = plots_of(x=turns, count=count)
+    assert any(plot["section"] == "time" and plot["title"] == "x" for plot in plots)
+    assert len(spectra(turns, count=count)) == 1
+
+
+@pytest.mark.parametrize("worst", [0.0, 1e-15, 1e-3])
+def test_rounding_of_residuals_is_not_enlarged(worst: float) -> None:
+    """Their axis goes from 1e-17 to 1e-8 at least, and to what is more."""
+    (plot,) = plots_of(residual=figures_of("scalar", value=np.where(T == T[3], worst, 0.0)))
+    assert plot["logarithmic"] == "y" and plot["bounds"] == [-17.0, -8.0]
+    curve = numbers(plot["lines"][0]["y"])
+    assert curve.min() == -17.0 and curve.max() == pytest.approx(np.log10(max(worst, 1e-17)))
+
+
+def test_rounding_beside_the_scene_is_no_motion() -> None:
+    """A tip that stands still to 1e-13 m/s, on a body that reaches 1 m; at 1e-3 m/s it moves."""
+    for speed, units in ((1e-13, ["rad/s"]), (1e-3, ["m/s", "rad/s"])):
+        moves = figures_of("twist", vx=speed * np.sin(30.0 * T), wz=3.0 * np.cos(30.0 * T))
+        plots = plots_of(1.0, x=moves)
+        assert [plot["unit"] for plot in plots if plot["section"] == "time"] == units
+        densities = [plot["unit"] for plot in plots if plot["section"] == "spectra"]
+        assert densities == [f"({unit})²/Hz" for unit in units]
+
+
+def test_a_plot_for_each_unit_in_its_section() -> None:
+    """150 rad/s beside 1 m/s; energies are first, their densities in J² per Hz."""
+    waves = {name: np.sin((k + 1) * T) for k, name in enumerate(COLUMNS["twist"])}
+    twist, energy = figures_of("twist", **waves), figures_of("scalar", value=np.sin(9.0 * T))
+    shown = [
+        (plot["section"], plot["title"], plot["unit"], [line["name"] for line in plot["lines"]])
+        for plot in plots_of(top=twist, energy=energy)
+    ]
+    assert ("time", "top", "m/s", ["vx", "vy", "vz"]) in shown
+    assert ("time", "top", "rad/s", ["wx", "wy", "wz"]) in shown
+    assert ("energy", "energy", "J", [""]) in shown
+    assert ("spectra", "energy", "J²/Hz", [""]) in shown
+    assert unit_of("/somebody/energy", "value") == ""
+
+
+def test_the_page_is_light_and_its_time_axes_are_one(tmp_path) -> None:
+    """Thirty poses at 20,000 instants in less than 2 MB; zooming one plot zooms all over time."""
+    rng = np.random.default_rng(0)
+    found = Analysis("bag")
+    for k in range(30):
+        figures = Figures(COLUMNS["pose"])
+        figures.add(np.arange(20000) / 100.0, rng.normal(size=(20000, 7)).cumsum(axis=0))
+        found.figures[f"/f{k}"], found.kinds[f"/f{k}"] = figures, "pose"
+    page = tmp_path / "r.html"
+    report.write_report(found, page)
+    assert page.stat().st_size < 2e6
+    spans = ask(page, """
+        const { s, Hz } = rb_sim.shared;
+        s.plots[0].zoom(3, 5);
+        return [s.plots.map((p) => [p.from, p.to]), Hz.plots.map((p) => p.from), s.plots.length];
+    """)  # fmt: skip
+    assert spans[0] == [[3, 5]] * 60 and spans[2] == 60
+    assert all(start < 0.0 for start in spans[1])  # decades of 100/2048 Hz: none was touched
+
+
+def test_gaps_and_paths_are_drawn(tmp_path) -> None:
+    """A circle of 2 m, recorded with a gap of 3 s."""
+    t = np.concatenate([np.arange(100) / 50.0, 5.0 + np.arange(100) / 50.0])
+    figures = Figures(COLUMNS["pose"])
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (200, 1))
+    figures.add(t, np.c_[np.cos(t), np.sin(t), 0.0 * t, still])
+    found = Analysis("bag", figures={"/b": figures}, kinds={"/b": "pose"})
+    report.write_report(found, tmp_path / "r.html")
+    text = (tmp_path / "r.html").read_text()
+    assert "/b: 1 gaps, the longest 3.02 s" in text and 'class="verdict bad"' in text
+    assert text.count(f'fill="{BAD}"') == 1
+    drawn = re.search(r'path of /b.*?points="([^"]*)"', text)
+    assert drawn is not None
+    x, y = np.array([p.split(",") for p in drawn[1].split()], float).T
+    radius = np.hypot(x - 0.5 * (x.min() + x.max()), y - 0.5 * (y.min() + y.max()))
+    assert np.ptp(x) == pytest.approx(np.ptp(y), rel=0.03) and np.ptp(radius) < 0.2 * radius.mean()
 
 
 def test_thousands_of_sources_are_not_all_drawn(monkeypatch, tmp_path) -> None:
@@ -66,6 +158,6 @@ def test_thousands_of_sources_are_not_all_drawn(monkeypatch, tmp_path) -> None:
     report.write_report(found, tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text()
     assert "Of 3 of 5 sources; <code>--topic NAME</code> chooses others." in text
-    drawn = set(re.findall(r'"text":"(/f\d)"', text.replace("\\u002f", "/")))
+    drawn = set(re.findall(r'"title":"(/f\d)"', text))
     assert drawn == {"/f0", "/f1", "/f2"}
     assert all(f"<td>/f{k}</td>" in text for k in range(5))
