@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
+from rb_sim.base.diagnostic import Finding
 from rb_sim.catalogue.constraints.rows import VelocityRow
 from rb_sim.catalogue.contacts.friction import straight_on, traction
 from rb_sim.catalogue.geometry.pairs import Touch, carried_point, touching
@@ -191,3 +195,25 @@ class Last:
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Nothing is kept open."""
+
+
+# A check: whether a body is farther from its start than a leash is long.
+
+LEASH = 0.505
+"""[m]."""
+
+
+def leash(run: Any) -> Any:
+    """The first sample in which the first body is farther from its start than LEASH."""
+    start: list[Any] = []
+
+    def look(seen: Any) -> Iterator[Finding]:
+        position = seen.block.position[:, 0]
+        start.extend(position[:1] if not start else ())
+        distance = np.linalg.norm(position - start[0], axis=1)
+        for i in np.flatnonzero(distance > LEASH)[:1]:
+            t, name = float(seen.block.t[i]), run.layout.bodies[0]
+            what, advice = "distance from the start [m]", "a shorter duration"
+            yield Finding("leash", t, float(distance[i]), LEASH, what, name, advice)
+
+    return look

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from rb_sim import SceneError, Simulation, Trajectory, load_scene
+from rb_sim.base import diagnostic
 from rb_sim.catalogue import constraints, effects
 from rb_sim.catalogue.contacts.contact import LAWS
 from rb_sim.catalogue.contacts.surfaces import SURFACES
+from rb_sim.checks import check_list
 from tests import adding
 
 G, MASS, SPEED = 10.0, 2.0, 1.0
@@ -27,6 +29,10 @@ def listed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setitem(effects.SPECS, "ramp", adding.Ramp)
     monkeypatch.setitem(constraints.SPECS, "conveyor", adding.Conveyor)
     monkeypatch.setitem(SURFACES, "cone", adding.Cone)
+    words = diagnostic.Check("distance from the start [m]", "0.505", "it moves", "hold it")
+    monkeypatch.setitem(diagnostic.CHECKS, "leash", words)
+    added = (*check_list.CHECKS, (("leash",), adding.leash))
+    monkeypatch.setattr(check_list, "CHECKS", added)
     for name, law in (
         ("oil", adding.OilLaw),
         ("weakening", adding.WeakeningLaw),
@@ -169,3 +175,13 @@ def test_a_sink(setting: dict[str, Any]) -> None:
     found = run(slab(**setting), sink)
     assert sink.samples == len(found.t) == 101
     assert sink.position["slab"] == found.position["slab"][-1].tolist()
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+@pytest.mark.parametrize("setting", [EVENTS, STEPS])
+def test_a_check(setting: dict[str, Any]) -> None:
+    """A slab at 1 m/s passes 0.505 m between two samples, one at 0.4 m/s does not."""
+    (finding,) = [one for one in run(slab(**setting)).findings if one.watch == "leash"]
+    assert finding.where == "slab" and finding.t == pytest.approx(0.51)
+    assert finding.figure == pytest.approx(0.51, rel=1e-9)
+    assert "leash" not in {one.watch for one in run(slab(speed=0.4, **setting)).findings}
