@@ -287,16 +287,12 @@ def free_velocities(tables, workspace, y, h):
 
 
 @inline
-def is_slow(tables, B):
-    """Whether a body in this state is slower than QUIET."""
-    return norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B) <= QUIET * tables.scales[1]
-
-
-@inline
 def is_quiet(tables, y):
     """Whether all bodies are slow."""
     for i in range(tables.bodies.shape[0]):
-        if not is_slow(tables, state_of(y, i)):
+        B = state_of(y, i)
+        speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
+        if speed > QUIET * tables.scales[1]:
             return False
     return True
 

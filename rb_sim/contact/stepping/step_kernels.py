@@ -48,7 +48,6 @@ from rb_sim.contact.stepping.step import (
     after_turn,
     drift,
     fastest_of,
-    is_slow,
     load_gravity,
     move,
     solve_step,
@@ -205,10 +204,10 @@ def find_supports(tables, memory, links, order):
 def book_lift(tables, memory, workspace, y):
     """What the loads lose where bodies were moved apart is work of the contacts, the last of y.
 
-    Bodies that are slow pay for it with their velocities instead, so that they come to rest, but
-    where driven supports lift them; what they cannot pay counts as made by contacts.  What paying
-    takes of momenta goes through the contacts that bear the bodies to the world, and is part of the
-    impulses of these: an impulse that is told is the change of a momentum.
+    Bodies that contacts bear pay for it with their velocities instead, so that they come to rest,
+    but where driven supports lift them; what they cannot pay counts as made by contacts.  What
+    paying takes of momenta goes through the contacts that bear the bodies to the world, and is part
+    of the impulses of these: an impulse that is told is the change of a momentum.
     """
     n = tables.bodies.shape[0]
     before, carried = workspace.before, np.zeros(n)
@@ -220,7 +219,7 @@ def book_lift(tables, memory, workspace, y):
         lifted = 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
-        if lifted > 0.0 and carried[i] == 0.0 and is_slow(tables, B):
+        if lifted > 0.0 and carried[i] == 0.0:
             if reached < 0:
                 reached = find_supports(tables, memory, links, order)
             if links[i] >= 0:
