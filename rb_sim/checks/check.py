@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rb_sim.base.diagnostic import Finding
     from rb_sim.checks.balance import Ledger
     from rb_sim.checks.effort import Effort
-    from rb_sim.checks.imbalance import Resolutions
+    from rb_sim.checks.resolution import Resolutions
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene

@@ -12,10 +12,12 @@ import numpy as np
 from rb_sim.base.diagnostic import Finding, tell
 from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Run, Seen
-from rb_sim.checks.effort import Effort, chatter, effort_of, steps, turns
-from rb_sim.checks.imbalance import Resolutions, energy, momentum
+from rb_sim.checks.effort import Effort, effort_of
+from rb_sim.checks.imbalance import energy, momentum
+from rb_sim.checks.resolution import Resolutions
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
+from rb_sim.checks.steps import chatter, steps, turns
 from rb_sim.checks.violation import inside, residual
 from rb_sim.mechanics.samples import ARRAYS
 

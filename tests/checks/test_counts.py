@@ -10,8 +10,8 @@ import pytest
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.balance import FIRST_EVENTS, Events, Exchanged, farthest
 from rb_sim.checks.check import Seen
-from rb_sim.checks.effort import CHATTER, chatter
 from rb_sim.checks.sample_integrals import EARLY, CheckedQuadrature, Gaps
+from rb_sim.checks.steps import CHATTER, chatter
 from rb_sim.mechanics.samples import ContactEvent
 from tests.checks.blocks import Block
 

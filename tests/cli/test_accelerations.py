@@ -43,9 +43,9 @@ def test_the_plots_show_them():
     plots = Plots(scene, layout, accelerating(scene, layout))
     plots.add(block)
     (figure,) = plots.figures().values()
+    notes = "; ".join(text.get_text() for text in figure.texts)
+    assert "box: acceleration of the centre of mass (0, 0, -9.81) m/s²" in notes  # constant
     titles = {axes.get_title(loc="left"): axes for axes in figure.axes}
-    fall = "box: acceleration of the centre of mass, world [m/s²]"
-    np.testing.assert_allclose(titles[fall].lines[2].get_ydata(), -9.81, rtol=1e-12)
     assert "box: angular acceleration, body axes [rad/s²]" in titles
     plain = Plots(scene, layout)
     plain.add(block)

@@ -52,12 +52,12 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
     "flatter than the bowl": (
         body({"type": "ellipsoid", "semi_axes": [0.5, 0.5, 0.05]}, [0, 0, 0.9]),
         touch(surface={"type": "sphere", "center": [0, 0, 1], "radius": 0.6, "side": "inside"}),
-        ("curves more", "0.6 m", "5 m", "two of its points"),
+        ("largest radius of curvature", "0.6 m", "5 m", "two of its points"),
     ),
     "flatter than the pipe": (
         body({"type": "ellipsoid", "semi_axes": [0.5, 0.5, 0.25]}, [0, 0, 0.1]),
         touch(surface={"type": "cylinder", "axis": [1, 0, 0], "radius": 1.0}),
-        ("curves more", "1 m", "two of its points"),
+        ("largest radius of curvature", "1 m", "two of its points"),
     ),
     "cylinder on a cylinder": (
         body(CYLINDER, [0, 0, 1]),

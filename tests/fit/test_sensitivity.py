@@ -159,5 +159,5 @@ def test_what_has_no_derivative_is_refused(scene_at: Any, why: str) -> None:
 
 
 def test_a_number_at_the_edge_of_what_is_possible_is_refused() -> None:
-    with pytest.raises(NotSmoothError, match="not possible: .*mass"):
+    with pytest.raises(NotSmoothError, match="neighbouring scene is invalid: .*mass"):
         TangentSimulation(oscillator, np.array([50.0, 0.001, 0.3, 0.7]), [50.0, 1.0, 1.0, 1.0])

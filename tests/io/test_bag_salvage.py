@@ -190,7 +190,9 @@ def test_both_lengths_of_a_chunk(tmp_path):
                 assert found == messages
                 line = scan.missing.lines()[0]
                 assert "one of its two lengths is broken" in line
-                assert "no message is missing" in line and len(scan.missing.lines()) == 2 - index
+                assert (
+                    "no known message is missing" in line and len(scan.missing.lines()) == 2 - index
+                )
 
 
 def _is_chunk(data: bytes, at: int) -> bool:

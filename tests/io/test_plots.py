@@ -59,7 +59,7 @@ def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
             np.testing.assert_array_equal(line.get_ydata(), column)
     assert drawn["energy"].get_title(loc="left") == "energy [J]"
     # one legend of the figure for the axes, none in their panels
-    (legend,) = drawn["energy"].figure.legends
+    (legend,) = drawn["ball: position of the centre of mass, world"].figure.legends
     names = [text.get_text() for text in legend.get_texts()]
     assert names[:3] == ["x, roll φ", "y, pitch θ", "z, yaw ψ"] or names[:3] == list("xyz")
     assert drawn["ball: position of the centre of mass, world"].get_legend() is None
@@ -211,11 +211,11 @@ def test_a_heap_has_pages_of_its_first_bodies_and_says_so(tmp_path, monkeypatch)
     assert f"pages of the first 24 of {len(names)} bodies" in seen[scene.name][-1]
 
 
-def test_round_off_is_not_drawn_but_told(tmp_path, monkeypatch, scene, layout, samples, drawn):
+def test_round_off_is_not_drawn_but_named(tmp_path, monkeypatch, scene, layout, samples, drawn):
     """A torque of 1e-13 of force times length, a residual of round-off, a speed that rounds."""
     notes = []
-    original = plots.told
-    monkeypatch.setattr(plots, "told", lambda *a: notes.extend(original(*a)) or notes)
+    original = plots.not_drawn
+    monkeypatch.setattr(plots, "not_drawn", lambda *a: notes.extend(original(*a)) or notes)
     block = samples(50)
     block.reaction_torque[:, 0] = 1e-13 * block.reaction_force[:, 0]
     block.linear_velocity[:, 0, 2] = 0.5 + 1e-13 * np.sin(block.t)

@@ -301,7 +301,7 @@ class Cursor:
         self._at += -(self._at - len(HEADER)) % alignment
         start, self._at = self._at, self._at + size
         if self._at > len(self._data):
-            raise ValueError(f"a message of {len(self._data)} bytes is no {self._type}")
+            raise ValueError(f"a message of {len(self._data)} bytes is not a {self._type}")
         self.fixed[before : self._at if numbers else start] = False
         return start
 

@@ -188,7 +188,9 @@ def _joint_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     for j, (name, unit, body) in enumerate(
         zip(joints.names, joints.units, joints.bodies, strict=True)
     ):
-        what, shown, kind = ("angle", "°", "angle") if unit == "rad" else ("way", "m", "length")
+        what, shown, kind = (
+            ("angle", "°", "angle") if unit == "rad" else ("displacement", "m", "length")
+        )
         title, values = f"{name}: {what} from the first sample", partial(joints, j=j)
         yield Panel(f"joints/{name}", title, shown, (name,), (AXES[3],), values, kind, body)
 

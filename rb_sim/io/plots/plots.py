@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Draws the panels of a run as matplotlib figures: what moves is drawn, what does not is told.
+# Draws the panels of a run as matplotlib figures: what varies is drawn, the rest is named.
 
 
 _DPI = 110
@@ -209,6 +209,8 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
     for state, (color, _) in _STATES.items():
         edges = zip(borders, borders[1:], strict=False)
         spans = [(t[a], t[b] - t[a]) for a, b in edges if states[a] == state]
+        if not spans:
+            continue
         ax.broken_barh(spans, (0.0, _STRIP), transform=across, facecolors=color, zorder=3)
     mine = [event for event in contacts.events if event.contact == contacts.names[c]]
     struck = [event.t for event in mine if event.kind == "impact"]
@@ -217,8 +219,8 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
     ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=EVENT, markersize=4)
 
 
-def told(still: list[Curves], scale: dict[str, float]) -> list[str]:
-    """Lines about what is not drawn: what is zero or constant throughout, and the residual."""
+def not_drawn(still: list[Curves], scale: dict[str, float]) -> list[str]:
+    """Lines that name what is zero or constant throughout, and the residual."""
     from textwrap import wrap
 
     zero, constant, lines = [], [], []
@@ -322,8 +324,8 @@ class Plots:
         if self._layout.contacts:
             contacts = Contacts(*self._states.curves(), self._layout.contacts, self._events)
         if len(drawn) <= MOST_PANELS:
-            return {"": page(self._title(), drawn, told(zero, scale), contacts)}
-        notes, bodies = told(_of(zero, None), scale), self._layout.bodies
+            return {"": page(self._title(), drawn, not_drawn(zero, scale), contacts)}
+        notes, bodies = not_drawn(_of(zero, None), scale), self._layout.bodies
         if len(bodies) > MOST_PAGES:
             notes.append(
                 f"pages of the first {MOST_PAGES} of {len(bodies)} bodies; the others are in the "
@@ -332,7 +334,7 @@ class Plots:
         pages = {"": page(self._title(), _of(drawn, None), notes, contacts)}
         for body in bodies[:MOST_PAGES]:
             title = f"{self._scene.name}: {body}"
-            pages[body] = page(title, _of(drawn, body), told(_of(zero, body), scale), contacts)
+            pages[body] = page(title, _of(drawn, body), not_drawn(_of(zero, body), scale), contacts)
         return pages
 
     def _title(self) -> str:

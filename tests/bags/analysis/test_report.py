@@ -141,7 +141,7 @@ def test_gaps_and_paths_are_drawn(tmp_path) -> None:
     report.write_report(found, tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text()
     assert "/b: 1 gaps, the longest 3.02 s" in text and 'class="verdict bad"' in text
-    assert text.count(f'fill="{BAD}"') == 1
+    assert text.count(f'height="13" fill="{BAD}"/>') == 1
     drawn = re.search(r'path of /b.*?points="([^"]*)"', text)
     assert drawn is not None
     x, y = np.array([p.split(",") for p in drawn[1].split()], float).T

@@ -10,9 +10,9 @@ import pytest
 from benchmarks.contact.random_scenes import random_scene
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError, StepTooLargeError
-from rb_sim.contact.events import limits, stepping
+from rb_sim.contact.events import event_motion, limits
+from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
 from rb_sim.contact.events.limits import STALLED_EVENTS, STALLED_TIME, Progress
-from rb_sim.contact.events.stepping import STALLED_SPAN, STALLED_STEPS
 from rb_sim.contact.problem.impacts import ENDLESS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
@@ -138,7 +138,7 @@ def test_steps_that_do_not_advance_end_the_run(setting: dict[str, Any]) -> None:
 
 def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a slip that ends, steps of rk4 from one as long as this kept 1 nm/s alive for days."""
-    monkeypatch.setattr(stepping, "STALLED_STEPS", 10_000)
+    monkeypatch.setattr(event_motion, "STALLED_STEPS", 10_000)
     mapping, _ = random_scene(11, 0)
     mapping["simulation"] = {"duration": 0.5, "rate": 200.0, "method": "rk4", "step": 0.05}
     simulation = Simulation(load_scene(mapping))

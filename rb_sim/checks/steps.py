@@ -1,0 +1,214 @@
+"""The checks of what the steps of a run show: turns, local errors, contacts, chatter."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.check import Look, Run, Seen
+from rb_sim.checks.effort import LARGEST_SHARE, LOCAL_TURN, below, round_down, try_step
+from rb_sim.numerics.rotations import norms
+
+if TYPE_CHECKING:
+    from rb_sim.checks.effort import Effort
+    from rb_sim.mechanics.samples import SampleBlock
+
+ULPS = 16.0
+"""A step or a sample period below this many units in the last place of the time is distorted."""
+
+RESTRUCK = 2e-2
+"""Share of the energy exchanged that contacts may take which bear already; it is of first order."""
+
+MADE = 1e-2
+"""Share of the energy exchanged that rigid contacts may make, which take some or none by their
+laws: at most 1e-3 in steps that follow the motion of single bodies, 5e-3 in heaps."""
+
+ASTRAY = 5e-2
+"""Speed, over the scene's, that an impulse of time stepping may give in a direction which its
+normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
+
+ENOUGH = 1e-6
+"""Relative change of an impulse above which a step of time stepping is told as unsolved."""
+
+MOST_TURN = np.pi
+"""Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
+
+ADVISED_TURN = 0.5
+"""Angle in one step that methods of order 4 and above resolve [rad]."""
+
+EPS = float(np.finfo(float).eps)
+
+
+def steps(run: Run) -> Look:
+    """What the steps of the run show."""
+    rate = run.scene.simulation.rate
+    return lambda seen: found_in(seen.block, seen.effort, rate, seen.ledger.exchanged)
+
+
+def found_in(
+    block: SampleBlock, effort: Effort, rate: float, exchanged: float
+) -> Iterator[Finding]:
+    """What the effort of the run up to the end of the block tells.
+
+    rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
+    """
+    yield from _of_time(block, effort, rate)
+    yield from _of_steps(block, effort)
+    yield from _of_contact_steps(block, effort, exchanged)
+    yield from _of_choices(effort)
+
+
+def _of_time(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
+    t = float(block.t[-1])
+    shortest = 1.0 / rate
+    if effort.steps:
+        shortest = min(shortest, t / effort.steps)
+    if t > 0.0 and ULPS * EPS * t > shortest:
+        advice = "times this large cannot resolve such short steps; start the time at 0"
+        what = "rounding of the time relative to the step or sample period"
+        yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
+
+
+def turns(run: Run) -> Look:
+    """Whether a fixed step leaps over turns; balances are silent then, for samples do as well."""
+    return lambda seen: turned(seen.block, seen.effort, run.layout.bodies)
+
+
+def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Iterator[Finding]:
+    """The first turn of more than MOST_TURN in one fixed step.
+
+    An adaptive method compares two formulas in every step, and may take a constant spin in one; a
+    step that `auto` chose has been measured beside such a method.
+    """
+    if effort.step is None or effort.tolerance is not None or block.t[-1] <= effort.kept_to:
+        return
+    step = effort.step
+    if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
+        step = min(step, float(block.t[-1]) / (effort.steps - 1))
+    spin = norms(block.angular_velocity)
+    beyond = np.argwhere(spin * step > MOST_TURN)
+    if not len(beyond):
+        return
+    i, body = int(beyond[0, 0]), int(beyond[0, 1])
+    fastest = float(spin[i, body])
+    what = f"rotation in one step of {step:.3g} s [rad]"
+    # a spin that blows up may be no number, and says nothing of a step that resolves it
+    finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
+    t = float(block.t[i])
+    yield Finding("turn", t, fastest * step, MOST_TURN, what, bodies[body], try_step(finer), finer)
+
+
+def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
+    """Whether a fixed step follows the motion; symplectic ones keep the energy all the same.
+
+    Of a step that `auto` chose the error of the motion has been measured.
+    """
+    found, bounds, last = effort.local, effort.bounds, float(block.t[-1])
+    if effort.step is None or last <= effort.kept_to:
+        return
+    step = f"{effort.step:.3g} s"
+    for figure, bound, t, body, what in (
+        (found.share, bounds.local, found.t, found.body,
+         f"velocity error of one step of {step}, relative to its change,"),
+        (found.turn, LOCAL_TURN, found.turn_t, found.turn_body,
+         f"attitude error of four steps of {step} [rad]"),
+        (found.grown, bounds.grown, last, found.grown_body,
+         f"relative velocity error summed over all steps of {step}"),
+    ):  # fmt: skip
+        if figure > bound:
+            finer = effort.finer_step(figure, bound)
+            yield Finding("step", t, figure, bound, what, body, effort.advice(finer), finer)
+            return
+
+
+def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
+    """Whether every step of time stepping solved and followed its contacts; the first that fails.
+
+    Energy that contacts make or take is among their work, so that no balance shows it.
+    """
+    step, steps, last = effort.step, effort.steps, float(block.t[-1])
+    if step is None or effort.tolerance is not None:
+        return
+    energy = exchanged if exchanged > 0.0 else math.inf
+    restruck, made = effort.restruck / energy, effort.made / energy
+    astray, t_astray, contact = effort.astray
+    unsolved = effort.solver_residual if effort.unsolved else 0.0
+
+    def part(count: int) -> float:
+        return count / max(1, steps)
+
+    def of(count: int) -> str:
+        return f"{count} of {steps} steps"
+
+    def shorter(figure: float, bound: float) -> float:
+        return bound / min(max(figure, bound), LARGEST_SHARE)
+
+    # figure, bound, time, where, part of the step to try, what the figure is, what it means
+    for figure, bound, t, where, try_part, what, why in (
+        (unsolved, ENOUGH, last, of(effort.unsolved), 0.5,
+         "residual of the contact solver relative to the largest impulse",
+         "the contact forces of these steps have this error"),
+        (part(effort.circling), 0.0, last, of(effort.circling), 0.1,
+         "share of the steps in which a contact point ran around its body",
+         "each such step loses energy in a spurious impact"),
+        (restruck, RESTRUCK, last, "", shorter(restruck, RESTRUCK),
+         "energy lost in closed contacts relative to the energy exchanged",
+         "contact points that move within a step cause spurious impacts"),
+        (made, MADE, last, "", shorter(made, MADE),
+         "energy gained in contacts relative to the energy exchanged",
+         "steps are too long for slips that stop or reverse"),
+        (astray, ASTRAY, t_astray, contact, 0.5 * shorter(astray, ASTRAY),
+         "speed given along a normal that rotated within the step, relative to the scene's,",
+         "the normal rotates too far in one step"),
+        (part(effort.paradox), 0.0, last, of(effort.paradox), None,
+         "share of the steps with several solutions (Painleve's paradox)",
+         "the motion from here is not unique; an event-driven method names the branch"),
+        (part(effort.slipping), 0.0, last, of(effort.slipping), None,
+         "share of the steps in which a perfectly rough contact slips",
+         "friction that stops the slip would lift the body; try an event-driven method"),
+    ):  # fmt: skip
+        if figure > bound:
+            finer = None if try_part is None else round_down(try_part * step)
+            advice = why if finer is None else f"{why}: {try_step(finer)}"
+            yield Finding("contact steps", t, figure, bound, what, where, advice, finer)
+            return
+
+
+def _of_choices(effort: Effort) -> Iterator[Finding]:
+    """Whether the laws of contact left more open than the setting tells apart; a second run makes
+    the same choice."""
+    chosen, bound = effort.left_open, effort.outcome_bound
+    if chosen is not None and chosen.figure > bound:
+        figure, t, contact, what, by_setting, advice = chosen
+        finer = below(effort.step) if by_setting and effort.step else None
+        advice = effort.advice(finer) if by_setting else advice
+        yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)
+
+
+# Whether a contact chatters: opens and closes so often that its events say nothing any more.
+
+
+MOST_EVENTS_PER_SAMPLE = 50.0
+CHATTER = 1000
+"""Events, all in all and on average between two samples, that say: a contact chatters."""
+
+
+def chatter(run: Run) -> Look:
+    """Whether a contact has more events than samples can show."""
+    events: Counter[str] = Counter()
+
+    def look(seen: Seen) -> Iterator[Finding]:
+        events.update(event.contact for event in seen.block.events)
+        for name, count in events.most_common(1):
+            mean = count / seen.samples
+            if count > CHATTER and mean > MOST_EVENTS_PER_SAMPLE:
+                advice = "the contact chatters; try method time_stepping"
+                what, t = "number of contact events between two samples", float(seen.block.t[-1])
+                yield Finding("events", t, mean, MOST_EVENTS_PER_SAMPLE, what, name, advice)
+
+    return look
