@@ -32,7 +32,7 @@ from rb_sim.accuracy.choice import counted_time
 from rb_sim.accuracy.differences import motion_size, motions_apart
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
-from rb_sim.checks.effort import finer_step, round_down, try_step
+from rb_sim.checks.check import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import WatchEndedError

@@ -13,8 +13,8 @@ from rb_sim.catalogue.constraints import rows
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.numerics.vectors import scale
 
 SCENE = {

@@ -15,8 +15,8 @@ from rb_sim.base.diagnostic import Finding
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact import contact_laws as contact_loops
 from rb_sim.mechanics.contact.contact_projection import bring_to_manifold

@@ -9,7 +9,7 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.base.errors import SimulationError, StepTooLargeError
-from rb_sim.checks.continuation import zero_of
+from rb_sim.checks.singular_configuration import zero_of
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.test_dead_point import driven_to_the_end, four_bar
 

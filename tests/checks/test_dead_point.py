@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim.checks import singular_configuration
+from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort
 from rb_sim.checks.singular_configuration import Conditioning, has_loops
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.scene.load import scene_from_mapping

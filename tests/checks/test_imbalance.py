@@ -15,11 +15,11 @@ from rb_sim.checks.balance import (
     ends_of_tables,
     external_wrench,
     jumps_of_tables,
+    liveliest,
     may_work,
     unknown_force,
 )
-from rb_sim.checks.effort import Effort
-from rb_sim.checks.imbalance import liveliest
+from rb_sim.checks.check import Effort
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.blocks import Block

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rb_sim.checks.imbalance import DOUBTS
+from rb_sim.checks.balance import DOUBTS
 from rb_sim.checks.sample_integrals import CheckedQuadrature, Quadrature
 
 RNG = np.random.default_rng(38)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
-from rb_sim.checks.resolution import Resolution
+from rb_sim.checks.sample_integrals import Resolution
 
 T = np.linspace(0.0, 1.0, 51)
 

@@ -11,8 +11,8 @@ import pytest
 from rb_sim import Simulation, SimulationError, load_scene
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks import step_search as search
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.cli.verbs.run import FAILED, RunOptions
 from rb_sim.cli.verbs.run import run as command
 

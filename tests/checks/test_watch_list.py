@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.runs import trajectory
