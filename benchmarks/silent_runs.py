@@ -8,8 +8,7 @@ each scene runs at random settings; with --no-check without a second run.  The t
 dopri853 at a tolerance of 1e-12, used where one at 1e-11 agrees to 1e-4 of the motion.  The error
 of a run is the largest pose error at its samples, over the largest way of a body or turn times
 radius of gyration (and rad as they are); right is below 1e-3, wrong above 1e-2, grossly wrong above
-0.1.  Stated errors are compared with true ones where either is above 1e-4; below, both count as
-1e-4.
+0.1.  Where stated errors are compared with true ones, either counts as 1e-4 if it is smaller.
 """
 
 from __future__ import annotations
@@ -88,7 +87,7 @@ def judged(
     check: bool | None,
 ) -> None:
     """Count the runs of one scene by their true error and by whether anything is reported, and add
-    the ratios of true to stated error of those that are above SAME."""
+    the ratios of true to stated error, of which neither counts as less than SAME."""
     began = time.process_time()
     tight = {"method": "dopri853", "tolerance": 1e-12}
     try:
@@ -117,10 +116,9 @@ def judged(
             and math.isfinite(stated.relative)
             and stated.upto is None
         ):
-            if SAME < max(error, stated.relative):
-                ratios.append(error / max(stated.relative, SAME))
-                if not 0.01 <= ratios[-1] <= 3.0 and stated.relative < 1.0:
-                    print(f"ratio: {kind}, {error:.2g}, {setting}, {stated}", flush=True)
+            ratios.append(max(error, SAME) / max(stated.relative, SAME))
+            if not 0.01 <= ratios[-1] <= 3.0 and stated.relative < 1.0:
+                print(f"ratio: {kind}, {error:.2g}, {setting}, {stated}", flush=True)
         names = ["right"] if error < RIGHT else []
         names += ["wrong"] if error > WRONG else []
         names += ["gross"] if error > GROSS else []
