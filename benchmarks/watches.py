@@ -32,8 +32,8 @@ import numpy as np
 
 from benchmarks import many_body_scenes
 from rb_sim import Simulation, load_scene
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.scene.load import as_run_text
 
 CASES: tuple[tuple[Any, dict[str, Any]], ...] = (

@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks.fuzz.newton_euler import broken_law
 from rb_sim import load_scene
 from rb_sim.base.errors import RbSimError
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.motion.pieces import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping

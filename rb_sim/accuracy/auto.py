@@ -25,9 +25,8 @@ from rb_sim.accuracy.checked import (
     sharpest_adaptive,
 )
 from rb_sim.accuracy.choice import Choice, Setting, evaluations
-from rb_sim.accuracy.counted import CountedRunner, affordable_times
 from rb_sim.accuracy.differences import distances, pose_difference
-from rb_sim.accuracy.runs import dividing, ulp_growth
+from rb_sim.accuracy.runs import CountedRunner, affordable_times, dividing, ulp_growth
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.graph.taylor import NoSeriesError

@@ -12,9 +12,8 @@ import numpy as np
 from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
 from rb_sim.accuracy.choice import Setting, listed
-from rb_sim.accuracy.counted import CountedRunner
 from rb_sim.accuracy.differences import FORCE, POSITION, ROTATION, distances, parts
-from rb_sim.accuracy.runs import EPS, dividing, one_ulp_apart, sample_times, sizes_of
+from rb_sim.accuracy.runs import EPS, CountedRunner, dividing, one_ulp_apart, sample_times, sizes_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing

@@ -9,13 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.choice import (
+    ADAPTIVE,
+    EVENT,
+    Setting,
+    evaluations,
+    overdetermined,
+    seconds_of_evaluation,
+)
 from rb_sim.accuracy.differences import Errors, compare
 from rb_sim.base.errors import SimulationError
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.methods import METHODS
+from rb_sim.mechanics.samples import Array, row_width
 from rb_sim.mechanics.system import CONFIGURATION
-from rb_sim.motion.motion import Motion
+from rb_sim.motion.motion import Motion, nothing
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
@@ -194,3 +202,194 @@ def sizes_of(rows: Array, compiled: Compiled) -> Array:
         for i in np.flatnonzero(largest):
             sizes[BODY * i + part.start : BODY * i + part.stop] = largest[i]
     return sizes
+
+
+# Runs whose time is counted, not measured: the same scene, the same figures, on any machine.
+
+
+INSTANTS, UNSEEN = 4, 5e-4
+"""Instants of a run between two looks at what it has spent, at least, and the counted time that as
+many more of them may be worth [s]: a look takes longer than some steps of one body."""
+
+ITERATED = "collocation"
+"""The family of methods that iterate to their stages where bodies are in contact."""
+
+SAMPLING, FEWEST_DEAR = 0.05, 64
+"""Counted time that the samples of a run should cost at most [s], and how many there are at least:
+a sample is a step, and a box at rest on its face, whose run is one step, took 0.2 s for 400."""
+
+
+def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
+    """The instants of `sample_times`, evenly fewer where each is dear [s]."""
+    times = sample_times(options)
+    one = ADAPTIVE["dopri853"] * seconds_of_evaluation(compiled)
+    most = max(FEWEST_DEAR, int(SAMPLING / one))
+    return times if len(times) <= most else options.duration * np.linspace(0.0, 1.0, most + 1)
+
+
+class CountedRunner(Runner):
+    """As Runner, but `spent`, `limit` and `cost` are in counted seconds: work at written prices.
+
+    No setting is run twice from the same start; what it gave is kept.
+    look: called now and then during a run; what it raises but SimulationError ends all.
+    """
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        duration: float,
+        times: Array,
+        look: Callable[[], None] = nothing,
+    ) -> None:
+        super().__init__(compiled, duration, times)
+        self._look = look
+        self.runs = 0
+        """runs made so far."""
+        self._unit = seconds_of_evaluation(compiled)
+        self._costs: dict[Setting, float] = {}
+        self._rows: dict[Setting, tuple[Array, int]] = {}
+        self._impacts: dict[Setting, Array] = {}
+        self.purse = math.inf
+        """Counted time that all runs together may take [s]."""
+        self._allowed = math.inf
+        self.broken_off = False
+        """whether the last run ended at `limit`, or where the purse was empty."""
+        self._begun_runs: dict[type, tuple[Setting, Array]] = {}
+        """of each class of methods the run that was broken off last, and its rows so far."""
+        self._current: tuple[Setting, Motion] | None = None
+        self._sharing = overdetermined(compiled) > 0
+        self._loses_slips = False
+
+    def motion(self, setting: Setting) -> Motion:
+        motion = super().motion(setting)
+        self._current = setting, motion
+        motion.watch = self._in_time
+        self._begun_runs.pop(type(motion.method), None)
+        return motion
+
+    def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
+        """As of Runner; no run goes beyond the limit or the purse, none is begun that has to.
+
+        Of a run broken off at the limit nothing is known but how far it came.
+        """
+        if y is None and setting in self._rows:
+            return self._rows[setting]
+        self.broken_off = self.beyond(setting)
+        if self.broken_off:
+            self._costs.setdefault(setting, math.inf)
+            return np.full((len(self.times), row_width(self.compiled.layout)), np.nan), 0
+        self._allowed = min(self.limit, self.purse - self.spent - self._looking(setting))
+        before = self.spent
+        rows, steps = super().sampled(setting, y)
+        motion = self.motion_of(setting)
+        if y is None and self.broken_off:
+            self._begun_runs[type(motion.method)] = setting, rows
+        return self._noted(setting, rows, steps, before, kept=y is None)
+
+    def carried_on(self, setting: Setting) -> tuple[Array, int]:
+        """As `sampled`, but a run of this setting that was broken off goes on from there."""
+        kind = type(setting.build(self.duration))
+        begun = self._begun_runs.pop(kind, None)
+        if begun is None or begun[0] != setting:
+            return self.sampled(setting)
+        motion, rows = self._motions[kind], begun[1]
+        self._current, self.broken_off = (setting, motion), False
+        before = self.spent - self._counted(setting, motion) - self._looking(setting)
+        self._allowed = min(self.limit, self.purse - before - self._looking(setting))
+        done = int(np.isfinite(rows).all(axis=1).argmin())
+        try:
+            self._carry(motion, rows, done)
+        except SimulationError:
+            rows[-1] = np.nan
+        if self.broken_off:
+            self._begun_runs[kind] = setting, rows
+        return self._noted(setting, rows, motion.steps, before, kept=True)
+
+    def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
+        """As of Runner, but what was spent is looked at after every few instants, too: two thousand
+        implicit steps of many bodies may take seconds."""
+        assert self._current is not None
+        one = self._unit * self._evaluations(self._current[0])
+        some = max(INSTANTS, int(UNSEEN / one))
+        for first in range(done, len(self.times), some):
+            motion.run_to(self.times[first : first + some], rows[first : first + some])
+            if first + some < len(self.times):
+                self._in_time()
+
+    def _noted(
+        self, setting: Setting, rows: Array, steps: int, before: float, kept: bool
+    ) -> tuple[Array, int]:
+        """What a run gave and what it was worth; kept: the run is from the scene's own start."""
+        self.runs += 1
+        stepping = self._counted(setting, self.motion_of(setting))
+        if kept:
+            ended = bool(np.isfinite(rows[-1]).all())
+            self._costs[setting] = stepping / self.duration if ended else math.inf
+            if not self.broken_off:
+                self._rows[setting] = rows, steps
+                events = self.motion_of(setting).events
+                self._impacts[setting] = np.unique([e.t for e in events if any(e.impulse)])
+                self._see_slips(setting, ended, any(event.kind == "sticks" for event in events))
+        self.spent = before + stepping + self._looking(setting)
+        return rows, steps
+
+    def _see_slips(self, setting: Setting, ended: bool, stuck: bool) -> None:
+        """Note whether an iteration would be lost on the way: where a load is shared, and friction
+        turns a slip ever faster to its end, it has no solution close to there, and looking for one
+        in ever shorter steps took a second and more, which no price of a step tells."""
+        if METHODS[setting.name].family == ITERATED:
+            self._sharing = self._sharing and not ended
+        self._loses_slips = self._sharing and (self._loses_slips or stuck)
+
+    def beyond(self, setting: Setting) -> bool:
+        if self._loses_slips and METHODS[setting.name].family == ITERATED:
+            return True
+        known = 0.0
+        if setting.step is not None:
+            known = self.duration / setting.step * self._unit * self._evaluations(setting)
+        return known > self.limit or known + self._looking(setting) > self.purse - self.spent
+
+    def known_cost(self, setting: Setting) -> float:
+        cost = self._costs.get(setting, 0.0)  # infinite of one that does not come to the end
+        return cost * self.duration if math.isfinite(cost) else 0.0
+
+    def _looking(self, setting: Setting) -> float:
+        """What the samples are worth [s]: one between two steps is a step of its own."""
+        return len(self.times) * self._unit * self._evaluations(setting)
+
+    def impacts(self, setting: Setting) -> Array:
+        """Times of the impacts of the setting's last run from the scene's own start [s]; none of
+        one that was not made, or whose method knows no events."""
+        return self._impacts.get(setting, np.zeros(0))
+
+    def forget(self) -> None:
+        """Drop the rows that are kept: `times` are others from now on."""
+        self._rows.clear()
+
+    def motion_of(self, setting: Setting) -> Motion:
+        """The motion that ran last, of this setting."""
+        assert self._current is not None and self._current[0] == setting
+        return self._current[1]
+
+    def cost(self, setting: Setting, budget: float = 0.0) -> float:
+        """Counted seconds per simulated second of stepping alone; runs a setting not yet seen."""
+        if setting not in self._costs:
+            self.sampled(setting)
+        return self._costs[setting]
+
+    def _counted(self, setting: Setting, motion: Motion) -> float:
+        """What the steps, and events, of the motion so far are worth [s]."""
+        attempts = motion.steps + motion.rejected_steps
+        worth = attempts * self._unit * self._evaluations(setting)
+        return worth + EVENT * len(motion.events)
+
+    def _evaluations(self, setting: Setting) -> float:
+        """Right sides that a step is worth."""
+        return evaluations(setting.name, setting.tolerance, self.compiled)
+
+    def _in_time(self) -> None:
+        self._look()
+        assert self._current is not None
+        if self._counted(*self._current) > self._allowed:
+            self.broken_off = True
+            raise SimulationError(f"stopped after {self._allowed:.3g} counted seconds")

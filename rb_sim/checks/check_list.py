@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding, tell
-from rb_sim.checks.balance import Ledger
-from rb_sim.checks.check import Check, Run, Seen
-from rb_sim.checks.effort import Effort, effort_of
-from rb_sim.checks.imbalance import energy, momentum
-from rb_sim.checks.resolution import Resolutions
+from rb_sim.checks.balance import Ledger, bodies_at_work, energy, momentum
+from rb_sim.checks.check import Check, Effort, Run, Seen, effort_of
+from rb_sim.checks.sample_integrals import Resolutions
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
 from rb_sim.checks.steps import chatter, steps, turns
@@ -130,7 +128,7 @@ class WatchList:
     def _begin_anew(self) -> None:
         """Draw balances from the next sample on."""
         self._ledger = Ledger(self._run.scene, self._run.layout)
-        self._resolution = Resolutions(self._run.scene, self._run.layout)
+        self._resolution = Resolutions(self._run.layout, bodies_at_work(self._run.scene))
 
     def _jumps(self, block: SampleBlock) -> list[int]:
         """Samples of the block that show another command than the one before."""

@@ -1,14 +1,20 @@
-"""Integrals over the samples of a run, as they come, in bounded memory."""
+"""Integrals over the samples of a run, in bounded memory, and whether the samples resolve it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rb_sim.integrate.quadrature import GAP, SIGNED, SIZE, SUM, UNTOLD, Integral, Samples
 from rb_sim.mechanics.samples import Array
+from rb_sim.numerics.rotations import cross, norms, turn_between
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
 
 # Intervals between samples so long that nobody knows what was in between.
 
@@ -169,3 +175,151 @@ class CheckedQuadrature:
         if self._gaps is not None:
             gaps = self._gaps.total()
         return total, np.abs(total - half.total()) + gaps + self._all.untold()
+
+
+# Whether the samples of a run resolve its motion, so that integrals over them mean something.
+
+
+#     x(t1) - x(t0) = (t1 - t0) (v(t0) + v(t1)) / 2 + O(dt^3)
+#
+# holds to a fraction where they do; a body that turns by much between two samples is not resolved.
+# So does its turn between them about each of its axes, up to what turns about two axes make of each
+# other,
+#
+#     2 (q(t0)^-1 q(t1))_xyz = (t1 - t0) (w(t0) + w(t1)) / 2 + O(dt^2),
+#
+# for a thin rod may swing about its own axis without turning far: the power of a damper there goes
+# to and fro between samples. Where a body hardly moves the fraction says little, and where a coarse
+# method parts positions from velocities it is not the samples' fault: what all intervals miss is
+# held against the whole way, too.
+
+
+PART = 0.2
+"""Share of the way that the trapezoid of the velocities may miss."""
+
+PART_OF_ALL = 0.1
+"""Share of the whole way of a body that all its intervals together may miss."""
+
+TURN = 0.5
+"""Angle between two samples [rad]."""
+
+MOST = 0.02
+"""Share of the intervals that may be unresolved: impacts and other jumps."""
+
+MANY = 256
+"""Intervals of one block from which on every fourth stands for all."""
+
+
+class Resolutions:
+    """The resolution of all bodies, and of those whose motion the work of loads hangs on.
+
+    Samples that do not resolve a body in a spring tell the work of a drag on another one all the
+    same, and with it whether energy is lost.
+    """
+
+    def __init__(self, layout: SampleLayout, names: list[str] | None) -> None:
+        """names: of the bodies whose motion tells the power of all loads; None: it takes all."""
+        self.of_all = self.at_work = Resolution()
+        self._at_work: list[int] = []
+        if names is not None and len(names) < len(layout.bodies):
+            self._at_work = [layout.bodies.index(name) for name in names]
+            self.at_work = Resolution()
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
+        self.of_all.add(block)
+        if self._at_work:
+            self.at_work.add(_of_bodies(block, self._at_work))
+
+
+def _of_bodies(block: SampleBlock, bodies: list[int]) -> SampleBlock:
+    """The samples with the motions of these bodies only; momenta stay those of all."""
+    names = "position", "linear_velocity", "orientation", "angular_velocity"
+    return replace(block, **{name: getattr(block, name)[:, bodies] for name in names})
+
+
+class Resolution:
+    """Counts the intervals between samples that do not resolve the motion."""
+
+    def __init__(self) -> None:
+        self._last: tuple[np.ndarray, ...] | None = None
+        self._intervals = self._missed = self._turned = 0
+        self._all: tuple[np.ndarray, np.ndarray] | None = None
+        """Of each body, and of each of its axes: what the intervals miss of the way [m] and of the
+        turn [rad], and these themselves, added up."""
+        self.unseen = np.zeros(2)
+        """Impulse [N s] and its moment [N m s] that the samples may not show: the change of both
+        momenta over the intervals that miss much of the motion, as where a disk that falls nearly
+        flat rises again within one."""
+
+    @property
+    def resolved(self) -> bool:
+        """Whether integrals over the samples so far can be trusted: bodies turn little between two,
+        and the velocities at the samples tell the ways between them."""
+        if self._turned > MOST * self._intervals:
+            return False
+        if self._missed <= MOST * self._intervals or self._all is None:
+            return True
+        missed, way = self._all
+        return bool((missed <= PART_OF_ALL * way).all())
+
+    def add(self, block: SampleBlock) -> None:
+        """The next samples."""
+        columns = block.t, block.position, block.linear_velocity, block.orientation
+        columns = *columns, block.angular_velocity, block.momentum, block.angular_momentum
+        last, self._last = self._last, tuple(column[-1:] for column in columns)
+        if last is not None:
+            columns = tuple(np.append(*pair, 0) for pair in zip(last, columns, strict=True))
+        t, x, v, q, w, *momenta = columns
+        if len(t) < 2:
+            return
+        stride = 1 if len(t) <= MANY else 4
+        ends, starts = slice(1, None, stride), slice(0, -1, stride)
+        dt = (t[ends] - t[starts])[:, None]
+        with np.errstate(all="ignore"):
+            moved = x[ends] - x[starts]
+            expected = 0.5 * dt[..., None] * (v[ends] + v[starts])
+            noise = 1e-12 * np.abs(x[ends]).max(axis=0).max(axis=1)
+            way = norms(moved - expected), norms(moved) + norms(expected), noise
+            turn = norms(w[ends]) * dt
+            spins = dt[..., None] * w[starts], dt[..., None] * w[ends]
+            parts = [way, turned(q[starts], q[ends], *spins)]
+            miss, size, bad = ends_of(parts)
+            turn = turn.max(axis=1)
+            fast = ~(turn <= TURN)
+        lost = bad | fast
+        # by much, not only by much of what little an interval near rest has
+        hidden = (~(miss <= PART * size.max(axis=0))).any(axis=1)
+        for k, p in enumerate(momenta):
+            self.unseen[k] += stride * norms((p[ends] - p[starts])[lost & hidden]).sum()
+        self._intervals += stride * len(bad)
+        self._missed += stride * int(lost.sum())
+        self._turned += stride * int(fast.sum())
+        sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)
+        before = self._all or (0.0, 0.0)
+        self._all = before[0] + sums[0], before[1] + sums[1]
+
+
+def turned(
+    before: np.ndarray, after: np.ndarray, spin_before: np.ndarray, spin: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """About each axis of each body what the mean of the spins, times the interval [rad], misses of
+    the turn, more than turns about two axes make of each other (Magnus 1954) and a sine of its
+    angle; both sizes; and what is rounding, in columns (n, 3 bodies)."""
+    found = turn_between(before, after)
+    expected = 0.5 * (spin_before + spin)
+    both = norms(cross(spin_before, spin)) / 6.0 + norms(expected) ** 3 / 12.0
+    miss = np.maximum(0.0, np.abs(found - expected) - both[..., None])
+    size = np.abs(found) + np.abs(expected)
+    flat = len(before), -1
+    return miss.reshape(flat), size.reshape(flat), np.full(1, 1e-12)
+
+
+def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(what is missed, sizes, whether an interval misses too much) of ways and turns together.
+
+    Rounding is no part of what is missed: of a body that is held at rest it is all of the way.
+    """
+    miss = np.concatenate([np.maximum(0.0, miss - noise) for miss, _, noise in parts], axis=1)
+    size = np.concatenate([size for _, size, _ in parts], axis=1)
+    return miss, size, np.any(~(miss <= PART * size), axis=1)

@@ -2,7 +2,9 @@
 
 The second run takes half of the steps that were really taken, or a tenth of the tolerance.  Two
 runs of order p in steps h and h/2 are apart by 1 - 2^-p of the error of the first, and two runs in
-which the error is as the tolerance by 0.9 of it.  The error at an instant is the largest of
+which the error is as the tolerance by 0.9 of it.  Fixed steps between two events of contacts may be
+the same at h and h/2, and their errors with them: there the second run is one of dopri853 at the
+default tolerance, and its difference the error.  The error at an instant is the largest of
 
     |x - x'| / S,   A turn / S,   turn / 1 rad
 
@@ -28,16 +30,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.accuracy.choice import counted_time
+from rb_sim.accuracy.choice import Setting, counted_time
 from rb_sim.accuracy.differences import motion_size, motions_apart
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import SimulationError
-from rb_sim.checks.effort import finer_step, round_down, try_step
+from rb_sim.checks.check import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import WatchEndedError
 from rb_sim.scene.compile import compile_method
 from rb_sim.scene.scales import at_its_size
+from rb_sim.scene.schema import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock
@@ -79,6 +82,9 @@ contact half of the steps may change little of an error that a quarter of them c
 SLOWEST = 16.0
 """Times the difference of two runs that their error is taken to be at most, where the next
 difference is hardly smaller."""
+
+INDEPENDENT = 1.0
+"""Share of the error of a run that it differs by from a second run that is right."""
 
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
@@ -183,7 +189,7 @@ class SecondRun:
             except SimulationError:
                 return GlobalError(math.inf, trial.time, "", math.inf, by)
             more = trial.steps > (1.5 if fixed else 1.0) * taken
-            if more or upto is not None or share < 0.0:
+            if more or upto is not None or share < 0.0 or share == INDEPENDENT:
                 break
             finer += 1
         if upto is not None:  # in time it came so far only
@@ -204,7 +210,12 @@ class SecondRun:
             second = second[at]
         found = apart(times, poses, second, simulation)
         stated = found._replace(relative=found.relative / abs(share), by=by, upto=upto)
-        if share < 0.0 or upto is not None or not DOUBTFUL * BOUND < stated.relative <= BOUND:
+        if (
+            share < 0.0
+            or share == INDEPENDENT
+            or upto is not None
+            or not DOUBTFUL * BOUND < stated.relative <= BOUND
+        ):
             return stated
         return self._by_third(stated, found.relative, finer + 1, times, second, limit, look)
 
@@ -342,7 +353,11 @@ def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
     compiled, method = simulation.motion.compiled, simulation.method
     step = getattr(method, "step", None)
     if times == 0:
-        return motion_of(compiled, method), "with the same setting", 1.0
+        return motion_of(compiled, method), "with the same setting", INDEPENDENT
+    if step is not None and simulation.motion.event_driven:
+        sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
+        span = simulation.scene.simulation.duration
+        return motion_of(compiled, sharp.build(span)), f"{sharp}", INDEPENDENT
     if getattr(method, "tolerance", None) is None:
         parts = 2**times
         order = METHODS[simulation.setting.name].order

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
+from rb_sim.checks.check import below, effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import below, effort_of
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import ADVICE, Forecast

@@ -10,12 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.check import Look, Run, Seen
-from rb_sim.checks.effort import LARGEST_SHARE, LOCAL_TURN, below, round_down, try_step
+from rb_sim.checks.check import (
+    LARGEST_SHARE,
+    LOCAL_TURN,
+    Look,
+    Run,
+    Seen,
+    below,
+    round_down,
+    try_step,
+)
 from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
-    from rb_sim.checks.effort import Effort
+    from rb_sim.checks.check import Effort
     from rb_sim.mechanics.samples import SampleBlock
 
 ULPS = 16.0

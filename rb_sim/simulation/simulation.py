@@ -13,8 +13,8 @@ import numpy as np
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import Watched
-from rb_sim.checks.continuation import dead_end, rows_ahead
 from rb_sim.checks.second_run import SecondRun
+from rb_sim.checks.singular_configuration import dead_end, rows_ahead
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink

@@ -11,8 +11,7 @@ from scipy.integrate import quad
 from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.closed_forms.special_functions import about, long
+from rb_sim.accuracy.closed_forms.exact import Exact, about, long
 from rb_sim.numerics.rotations import product, rotate
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled

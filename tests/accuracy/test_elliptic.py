@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
-from rb_sim.accuracy.closed_forms.special_functions import (
+from rb_sim.accuracy.closed_forms.exact import (
     EPS,
     Long,
     argument,

@@ -57,7 +57,7 @@ def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy)
 
 
 def test_json_is_monotone_above_the_floor(climbed: Accuracy, tmp_path: Path) -> None:
-    write_json(climbed, tmp_path / "accuracy.json")
+    write_json(as_dict(climbed), tmp_path / "accuracy.json")
     data = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))
     for quantity in ("pose", "reaction", "energy"):
         # above the rounding of a run: one ulp at the start grows to this much

@@ -1,12 +1,33 @@
 """Balances of runs with known work and impulse."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from benchmarks.contact.stick_slips import case
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.balance import Ledger
+from rb_sim.checks.balance import (
+    Impulses,
+    Ledger,
+    bodies_at_work,
+    ends_of_tables,
+    external_wrench,
+    jumps_of_tables,
+    liveliest,
+    may_work,
+    unknown_force,
+)
+from rb_sim.checks.check import Effort
+from rb_sim.mechanics.samples import SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import scene_from_mapping
+from tests.checks.blocks import Block
 
 DRAGGED = {
     "bodies": {
@@ -139,3 +160,211 @@ def test_work_that_is_done_while_nobody_looks_is_none_that_is_lost() -> None:
     run = Simulation(case(261127, 4, False).mapping, announce=None).run()
     assert not run.block.power.any() and run.block.energy[-1] > 100.0
     assert "energy" not in {finding.watch for finding in run.findings}
+
+
+# The ledger of a run, on samples by hand: what is rounding, and where a balance breaks.
+
+
+NAMES = SampleLayout(("a",), ("one", "two"), ("a", "a"), ())
+
+
+def ledger() -> Ledger:
+    """Of a body of 2 kg with two joints to the world."""
+    pin = {"type": "fixed_point", "body": "a"}
+    body = {"mass": 2.0, "inertia": [0.1, 0.2, 0.25]}
+    scene = {"bodies": {"a": body}, "constraints": {"one": pin, "two": pin}}
+    return Ledger(scene_from_mapping(scene), NAMES)
+
+
+def samples(t: list[float], speed: float, force: float = 3.0, **columns: Any) -> SampleBlock:
+    """Of the body that drifts along x while both joints push against each other at x = 5 m."""
+    block = empty_block(len(t), NAMES)
+    block.t[:] = t
+    block.linear_velocity[:, 0, 0], block.momentum[:, 0] = speed, 2.0 * speed
+    block.orientation[:, 0, 3] = 1.0
+    block.reaction_force[:, 0, 2], block.reaction_force[:, 1, 2] = force, -force
+    block.anchor[:, :, 0] = 5.0
+    return replace(block, **{name: np.array(values) for name, values in columns.items()})
+
+
+@pytest.mark.parametrize(("part", "known"), [(0.97, False), (1.03, True)])
+def test_momentum_that_may_be_rounding_of_impulses_has_no_scale(part: float, known: bool) -> None:
+    """1e-13 of 6 N over 20 s, from the first sample of the run to the last of the block, is
+    1.2e-11 N s."""
+    speed = part * 0.5 * 1.2e-11
+    book = ledger()
+    book.add(samples([10.0, 11.0, 12.0, 13.0], speed))
+    book.add(samples([14.0, 20.0, 25.0, 30.0], speed))
+    balances = book.momentum()
+    assert balances is not None
+    assert (balances["linear"]["relative"] is not None) is known
+    assert balances["angular"]["relative"] is None  # nothing turns
+
+
+@pytest.mark.parametrize(("lost", "first"), [(0.0, 4), (0.1, 3), (1.0, 2)])
+def test_where_energy_breaks_its_balance_in_a_block(lost: float, first: int) -> None:
+    """Of 10 J at the start with a power of 2 W: from the third sample on some are lost, more from
+    the fourth on; the bound is a hundredth of what is exchanged, 18 J. The last where none is."""
+    t = np.arange(5.0)
+    kinetic = 10.0 + 2.0 * t - lost * np.array([0.0, 0.0, 0.5, 5.0, 5.0])
+    book = ledger()
+    block = samples(t.tolist(), 1.0, kinetic_energy=kinetic, power=np.full(5, 2.0))
+    book.add(block)
+    energy = book.energy()
+    assert energy is not None and energy["work"] == pytest.approx(8.0)
+    assert energy["scale"] == pytest.approx(18.0)
+    assert energy["error"] == pytest.approx(-5.0 * lost, abs=1e-12)
+    assert book.first_beyond(block, 0.01) == first
+
+
+# Balances that pass their bounds, on ledgers by hand; and the wrench from outside by formulas.
+
+
+RUN = Effort("rk4", 0.1, None, 100)
+"""A bound of 1e-3 on balances, and of 1e-2 on those of momentum."""
+BALANCES = SampleLayout(("a", "b"), (), (), ())
+SAMPLES: Any = Block(
+    [0.0, 1.0, 2.0],
+    energy=[1.0, 1.0, 1.0],
+    linear_velocity=[[[5, 0, 0], [0, 0, 1]], [[0, 3, 0], [0, 4, 0]], [[2, 0, 0], [0, 0, 0]]],
+    angular_velocity=[[[0, 0, 0], [0, 0, 3]], [[3, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 3, 0]]],
+)
+
+
+def test_the_body_that_moves_most() -> None:
+    """By speed and spin: 5 beside 1 + 3, 3 + 3 beside 4 + 1, 2 beside 3."""
+    assert [liveliest(SAMPLES, BALANCES, i) for i in range(3)] == ["a", "a", "b"]
+    blown: Any = Block(**vars(SAMPLES))
+    blown.linear_velocity[0, 1, 0] = np.nan
+    assert liveliest(blown, BALANCES, 0) == "b"
+
+
+BODY = {"mass": 2.0, "inertia": [0.1, 0.2, 0.25]}
+OFFSET = {"mass": 3.0, "inertia": [0.1, 0.2, 0.25], "center_of_mass": [0.1, -0.2, 0.3]}
+SPRING = {"type": "spring", "body": "b", "parent": "a", "stiffness": 9.0}
+
+
+def scene_of(effects: dict[str, Any], **constraints: Any) -> Any:
+    bodies = {"a": BODY, "b": OFFSET | {"position": [1.0, 2.0, 3.0]}}
+    return scene_from_mapping({"bodies": bodies, "effects": effects, "constraints": constraints})
+
+
+def drawn(seed: int, reactions: int = 0) -> Any:
+    """Two samples of both bodies, with reactions and a command on b."""
+    rng = np.random.default_rng(seed)
+    block: Any = Block(
+        [0.0, 1.0],
+        position=rng.normal(size=(2, 2, 3)),
+        orientation=Rotation.random(4, random_state=seed).as_quat().reshape(2, 2, 4),
+        command=rng.normal(size=(2, 1, 6)),
+    )
+    for name in ("reaction_force", "reaction_torque", "anchor"):
+        setattr(block, name, rng.normal(size=(2, reactions, 3)))
+    return block
+
+
+def test_what_acts_from_outside_by_hand() -> None:
+    """A weight, a wrench in body axes at a point of b, a command at the origin of b, the reaction
+    of a joint to the world; not a spring or a joint between both, nor parts of a reaction."""
+    g, f, tau, point = (np.array(v) for v in ([0, 1, -9.0], [1, 2, 3], [4, 5, -6], [0.3, 0.1, 2]))
+    effects = {
+        "weight": {"type": "gravity", "acceleration": g.tolist()},
+        "jet": {
+            "type": "wrench", "body": "b", "frame": "body", "point_B": point.tolist(),
+            "force": f.tolist(), "torque": tau.tolist(),
+        },
+        "wind": {"type": "wrench", "body": "a", "force": f.tolist(), "torque": tau.tolist()},
+        "joystick": {"type": "commanded_wrench", "body": "b"},
+        "spring": SPRING,
+    }  # fmt: skip
+    pin = {"type": "fixed_point", "body": "a"}
+    scene = scene_of(effects, pin=pin, link=pin | {"body": "b", "parent": "a"})
+    names = SampleLayout(("a", "b"), ("pin", "link", "pin/A"), ("a", "b", "a"), ("b",))
+    block = drawn(3, 3)
+    found = external_wrench(block, scene, names)
+    center = np.array(OFFSET["center_of_mass"])
+    for k in range(2):
+        turn, (p_a, p_b) = Rotation.from_quat(block.orientation[k, 1]), block.position[k]
+        at, origin = p_b + turn.apply(point - center), p_b - turn.apply(center)
+        push, pull = block.command[k, 0, :3], block.reaction_force[k, 0]
+        force = 5.0 * g + turn.apply(f) + f + push + pull
+        torque = np.cross(2.0 * p_a + 3.0 * p_b, g) + np.cross(at, turn.apply(f)) + turn.apply(tau)
+        torque += np.cross(p_a, f) + tau + np.cross(origin, push) + block.command[k, 0, 3:]
+        torque += np.cross(block.anchor[k, 0], pull) + block.reaction_torque[k, 0]
+        assert_allclose(found[k], [*force, *torque], rtol=1e-13, atol=1e-12)
+
+
+def test_a_weight_of_one_body_alone() -> None:
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -1.0], "bodies": ["b"]}
+    names, block = SampleLayout(("a", "b"), (), (), ()), drawn(4)
+    found = external_wrench(block, scene_of({"weight": weight}), names)
+    arms = np.cross(block.position[:, 1], [0.0, 0.0, -3.0])
+    assert_allclose(found, np.hstack([[[0.0, 0.0, -3.0]] * 2, arms]), atol=1e-15)
+
+
+def momentum_block(t: Any, p: Any) -> Any:
+    """Of bodies on which a weight of 5 N acts where they are, at x = 1 m."""
+    n = len(t)
+    turning = np.outer(np.array(t) - t[0], [0.0, 5.0, 0.0]) + [0.0, 0.0, 7.0]
+    block: Any = Block(t, momentum=p, angular_momentum=turning)
+    block.position = np.tile([[1.0, 0.0, 0.0]], (n, 2, 1))
+    block.reaction_force = block.reaction_torque = block.anchor = np.zeros((n, 0, 3))
+    return block
+
+
+def test_momentum_less_impulse_is_what_no_weight_explains() -> None:
+    """-5 N over 1 s along z, and as much about -y; what momentum changes by beside that, 1 along x,
+    is missed."""
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -1.0]}
+    watch = Impulses(scene_of({"weight": weight}), BALANCES)
+    zero, t = [0.0, 0.0, 0.0], np.linspace(0.0, 1.0, 5)
+    assert not watch.finish()[0].any()
+    watch.add(momentum_block(t, np.outer(t, [1.0, 0.0, -5.0])))
+    missed, impulse, doubt = watch.finish()
+    assert_allclose(missed, [1.0, *zero, 0.0, 0.0], atol=1e-12)
+    assert_allclose(impulse, [0.0, 0.0, -5.0, 0.0, 5.0, 0.0], atol=1e-12)
+    assert_allclose(doubt, 0.0, atol=1e-12)
+    assert_allclose(watch.largest, [np.hypot(1.0, 5.0), np.hypot(5.0, 7.0)])
+
+
+def test_what_nothing_acts_on_keeps_its_momentum() -> None:
+    watch = Impulses(scene_of({}), BALANCES)
+    watch.add(momentum_block([0.0, 1.0], [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    watch.add(momentum_block([4.0, 5.0], [[1.0, 2.0, 0.0], [1.0, 2.0, 0.0]]))
+    assert_allclose(watch.finish()[0], [0.0, 2.0, 0.0, 0.0, 5.0, 0.0])
+
+
+TABLE = {"type": "wrench_table", "body": "a", "forces": [[1, 0, 0]] * 3}
+
+
+def test_what_a_scene_says_of_its_loads() -> None:
+    tables = {
+        "late": TABLE | {"times": [0.5, 1.0, 3.0]},
+        "soon": TABLE | {"times": [0.0, 1.0, 2.0]},
+    }
+    scene = scene_of(tables)
+    assert jumps_of_tables(scene) == [0.0, 0.5, 1.0, 2.0, 3.0]
+    assert sorted(ends_of_tables(scene)) == [2.0, 3.0]
+    assert may_work(scene) and bodies_at_work(scene) == ["a"] and unknown_force(scene) == "late"
+    hinge = {"type": "fixed_axis", "body": "a", "axis_B": [0.0, 0.0, 1.0]}
+    assert not may_work(scene_of({}, hinge=hinge)) and bodies_at_work(scene_of({})) == []
+    quiet = scene_of({"weight": {"type": "gravity"}, "spring": SPRING})
+    assert not may_work(quiet) and bodies_at_work(quiet) == [] and unknown_force(quiet) == ""
+    damped = scene_of({"spring": SPRING | {"damping": 0.1}})
+    assert may_work(damped) and bodies_at_work(damped) == ["a", "b"]
+    ball = {"type": "contact", "body": "a", "points": [[0.0, 0.0, 0.0]]}
+    assert bodies_at_work(scene_of(tables, floor=ball)) == ["a"]
+    drive = {"type": "velocity", "body": "a", "linear": [1.0, 0.0, 0.0], "rate": 2.0}
+    assert bodies_at_work(scene_of({}, drive=drive)) is None and may_work(scene_of({}, drive=drive))
+    ground = {k: v for k, v in SPRING.items() if k != "parent"}
+    assert unknown_force(scene_of({"weight": {"type": "gravity"}, "ground": ground})) == "ground"
+
+
+@pytest.mark.parametrize(
+    ("sine", "known"),
+    [({}, True), ({"sine_force": [1.0, 0, 0]}, False), ({"sine_torque": [0, 1.0, 0]}, False)],
+)
+def test_a_wrench_that_swings_is_not_told_by_samples(sine: dict[str, Any], known: bool) -> None:
+    swing = {"angular_frequency": 2.0} if sine else {}
+    wrench = {"type": "wrench", "body": "a", "force": [1.0, 0.0, 0.0]} | sine | swing
+    assert unknown_force(scene_of({"push": wrench})) == ("" if known else "push")

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Any
 
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.constraints import rows
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
-from rb_sim.numerics.vectors import scale
+from rb_sim.integrate.layout import held
+from rb_sim.mechanics.contact import contact_laws as contact_loops
+from rb_sim.mechanics.contact.contact_projection import bring_to_manifold
+from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.numerics.kernels import by_address
+from rb_sim.numerics.vectors import scale, sin, where
+from rb_sim.scene.compiled import forget
+from tests.checks.test_singular_configuration import four_bar
 
 SCENE = {
     "bodies": {
@@ -91,3 +100,112 @@ def test_a_truncated_tolerance_is_seen() -> None:
     """The watches hold the run to 1e-10, it is integrated to 1e-3."""
     found = findings(lambda effort: effort._replace(tolerance=1e-10), tolerance=1e-3)
     assert "energy" in found
+
+
+# A part of the simulator is spoilt while a scene runs: its watch tells when and where.
+#
+# Every spoilt run has a sound one beside it, which is passed without a word.
+
+
+SINKS = 1e-7
+"""How much a spoilt way back lets a ball down in every step [m]."""
+
+
+def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
+    """By watch, of a run of the scene, whose laws are made of what is spoilt."""
+    forget()
+    simulation = Simulation(load_scene(mapping, **options), announce=None)
+    setting = simulation.scene.simulation
+    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    for block in simulation.blocks(setting.duration, setting.rate):
+        watches.add(block, partial(effort_of, simulation))
+    return {finding.watch: finding for finding in watches.findings}
+
+
+def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rod holds its bob by its acceleration alone: its error grows from the first steps on."""
+    setting = {"method": "rk4", "step": 5e-3}
+    assert told(SCENE, **setting) == {}
+
+    def astray(self: MultiBodyLaws) -> Any:
+        return self.traced(lambda system, t, y: [*y, 0.0])
+
+    spoilt = cached_property(astray)
+    spoilt.__set_name__(MultiBodyLaws, "back")
+    monkeypatch.setattr(MultiBodyLaws, "back", spoilt)
+    found = told(SCENE, **setting)["residual"]
+    assert found.where == "rod" and 0.0 < found.t < 0.5
+
+
+@by_address
+def sinking(t, y, p, out):
+    bring_to_manifold(held(p), t, y)
+    y[2] -= SINKS
+
+
+def on_a_floor(**start: Any) -> dict[str, Any]:
+    """A ball of 10 cm above a floor without friction."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}} | start
+    return {
+        "bodies": {"ball": ball},
+        "constraints": {
+            "floor": {"type": "contact", "body": "ball", "friction": {"type": "smooth"}}
+        },
+        "effects": {"weight": {"type": "gravity", "acceleration": [0, 0, -9.81]}},
+        "simulation": {"duration": 0.5, "rate": 100.0, "method": "rk4", "step": 1e-2},
+    }
+
+
+def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 1e-7 m in each of the steps: beyond 1e-6 of the scene's size after ten of them, or so."""
+    scene = on_a_floor(position=[0, 0, 0.1], linear_velocity=[1, 0, 0])
+    assert told(scene) == {}
+    monkeypatch.setattr(contact_loops, "bring_back", sinking)
+    found = told(scene)["residual"]
+    assert 0.0 < found.t <= 0.15 and found.figure > 1e-6
+
+
+def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A weight that jumps by a thousandth some hundred times on the way."""
+    setting = {"duration": 1.0}
+    assert told(SCENE, **setting) == {}
+    whole = wrench.kernels[GravityRow]
+
+    def jumping(row: Any, t: Any, inertial: Any, B: Any, A: Any) -> Any:
+        force, torque = whole(row, t, inertial, B, A)
+        return scale(where(sin(400.0 * t) > 0.0, 1.001, 1.0), force), torque
+
+    monkeypatch.setitem(wrench.kernels, GravityRow, jumping)
+    found = told(SCENE, **setting)
+    assert found["energy"].where == "bob" and found["energy"].t < 0.1
+
+
+def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line of the coupler turns into the last one of a hinge, which it is at 0.5 s."""
+    scene = four_bar(2.0, rocker=1.5)
+    for body in scene["bodies"].values():
+        body |= {"angular_velocity": [0, 0, 0], "linear_velocity": [0, 0, 0]}
+    assert told(scene) == {}
+    whole = fill.kernels[DistanceRow]
+
+    def turning(row: Any, t: Any, B: Any, A: Any, G: Any, k: Any) -> None:
+        whole(row, t, B, A, G, k)
+        for i in range(6):
+            G[k, i] = (1.0 - 2.0 * t) * G[k, i] + 2.0 * t * G[k - 1, i]
+            G[k, 6 + i] = (1.0 - 2.0 * t) * G[k, 6 + i]
+
+    monkeypatch.setitem(fill.kernels, DistanceRow, turning)
+    found = told(scene)["singular configuration"]
+    assert found.where == "coupler" and found.t == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(("height", "chatters"), [(1e-2, False), (1e-6, True)])
+def test_contacts_that_change_without_end_are_told(height: float, chatters: bool) -> None:
+    """A ball that hops for ever, by a micrometre 1,100 times a second, is sampled ten times."""
+    scene = on_a_floor(position=[0, 0, 0.1 + height])
+    scene["constraints"]["floor"]["restitution"] = 1.0
+    scene["simulation"] = {"duration": 2.0, "rate": 10.0}
+    found = told(scene)
+    assert set(found) == ({"events"} if chatters else set())
+    if chatters:
+        assert found["events"].where == "floor" and found["events"].t <= 2.0

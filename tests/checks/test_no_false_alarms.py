@@ -10,8 +10,8 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.checks.balance import Ledger
+from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort
 
 FRICTION = {"type": "coulomb", "static": 0.5}
 WEIGHT = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}

@@ -12,11 +12,11 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.test_dead_point import driven_to_the_end
+from tests.checks.test_singular_configuration import driven_to_the_end
 
 BLOCK = 1024
 BLOCKS = 300

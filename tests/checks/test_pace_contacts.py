@@ -10,8 +10,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
+from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort
 from rb_sim.checks.steps import CHATTER
 from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
 from tests.checks.test_pace import after, pieces

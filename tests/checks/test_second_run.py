@@ -85,6 +85,28 @@ def test_steps_that_knots_of_a_table_cut_are_halved_too() -> None:
     assert run.global_error.relative == pytest.approx(1.5 * error, rel=0.01)
 
 
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_steps_that_events_of_contacts_cut_do_not_agree_by_themselves() -> None:
+    """A body of 1 kg flies out at 1 m/s until an elastic string of 1 m turns it round in 0.01 s: to
+    both 0.04 s and half of it that is one step, in which rk4 loses the motion."""
+    taut = 0.01
+    elastic = {"stiffness": (math.pi / taut) ** 2}
+    string = {"type": "string", "body": "b", "point_A": [0, 0, 0], "length": 1.0}
+    body = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "linear_velocity": [1.0, 0.0, 0.0]}
+    scene = {
+        "bodies": {"b": body},
+        "constraints": {"s": string | {"compliance": elastic}},
+        "simulation": {"duration": 2.0, "rate": 100.0, "method": "rk4", "step": 0.04},
+    }
+    run = Simulation(scene).run()
+    back = 1.0 - (run.t - 1.0 - taut)
+    exact = np.where(run.t < 1.0 + 0.5 * taut, np.minimum(run.t, 1.0), back)
+    error = float(np.abs(run.position["b"][:, 0] - exact).max())
+    assert error > 0.05
+    assert run.global_error is not None
+    assert run.global_error.relative == pytest.approx(error, rel=0.2)
+
+
 def test_a_motion_that_samples_do_not_show_is_compared_between_them() -> None:
     """Sampled once a period the run stands still, and the second one as well."""
     simulation = {"method": "dopri853", "tolerance": 1e-6, "duration": 100.0, "rate": 1.0}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rb_sim import AccuracyWarning, Simulation, load_scene
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import effort_of
 from rb_sim.checks.step_search import quiet_step
 
 W = 1e3

@@ -13,7 +13,7 @@ from rb_sim.ros.pacing import Pacer, Priority
 from rb_sim.ros.topics.check_sink import BATCH, WatchSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
-from tests.checks.test_watch_list import TOP
+from tests.checks.test_check_list import TOP
 from tests.interpreted import interpreted
 
 

@@ -6,14 +6,16 @@ from typing import Any, NamedTuple
 
 from scipy.optimize import nnls
 
-from rb_sim.accuracy.closed_forms.exact import Exact, gravity_of, only_gravity
-from rb_sim.accuracy.closed_forms.special_functions import (
+from rb_sim.accuracy.closed_forms.exact import (
+    Exact,
     Long,
     LongArray,
     Spin,
     attitudes,
+    gravity_of,
     long,
     np,
+    only_gravity,
     steady_spin,
     unturned,
 )

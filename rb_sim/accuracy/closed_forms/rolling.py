@@ -4,17 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rb_sim.accuracy.closed_forms.exact import Exact
-from rb_sim.accuracy.closed_forms.impacts_and_sliding import (
-    Ball,
-    ball_of,
-    coordinates_of,
-    normal_of,
-    small,
-)
-from rb_sim.accuracy.closed_forms.rotors import PI, about_hanging
-from rb_sim.accuracy.closed_forms.special_functions import (
+from rb_sim.accuracy.closed_forms.exact import (
     EPS,
+    Exact,
     Long,
     LongArray,
     Spin,
@@ -24,6 +16,14 @@ from rb_sim.accuracy.closed_forms.special_functions import (
     np,
     unturned,
 )
+from rb_sim.accuracy.closed_forms.impacts_and_sliding import (
+    Ball,
+    ball_of,
+    coordinates_of,
+    normal_of,
+    small,
+)
+from rb_sim.accuracy.closed_forms.rotors import PI, about_hanging
 from rb_sim.catalogue.contacts.friction import Rough, Smooth
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow

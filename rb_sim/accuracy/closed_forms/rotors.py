@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from rb_sim.accuracy.closed_forms.exact import Exact, gravity_of, only_gravity, parabola
-from rb_sim.accuracy.closed_forms.special_functions import (
+from rb_sim.accuracy.closed_forms.exact import (
+    Exact,
     Long,
     LongArray,
     about,
     argument,
     gauss_legendre,
+    gravity_of,
     jacobi,
     long,
     np,
+    only_gravity,
+    parabola,
     quarter_period,
     tensor,
     unturned,

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.report import print_report, write_json
+from rb_sim.accuracy.report import as_dict, print_report, write_json
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
 from rb_sim.scene.load import load_scene
@@ -44,7 +44,7 @@ def accuracy(
 
         try:
             out.mkdir(parents=True, exist_ok=True)
-            write_json(result, out / "accuracy.json", target)
+            write_json(as_dict(result, target), out / "accuracy.json")
             save_picture(result, out / "accuracy.png", target)
         except OSError as error:
             raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
@@ -59,7 +59,7 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
     Returns the exit code 0. Raises RbSimError for a scene that cannot be read and a folder that
     cannot be written.
     """
-    from rb_sim.accuracy.statics_errors import measure, print_statics, write_statics
+    from rb_sim.accuracy.report import measure, print_statics, statics_as_dict
     from rb_sim.statics import load_statics
 
     described = load_statics(scene)
@@ -74,7 +74,7 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
         path = out / "accuracy.json"
         try:
             out.mkdir(parents=True, exist_ok=True)
-            write_statics(result, path)
+            write_json(statics_as_dict(result), path)
         except OSError as error:
             raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
         console.print(f"wrote {path}")

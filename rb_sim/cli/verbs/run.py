@@ -18,8 +18,8 @@ from rb_sim.simulation.signals import BrokenOffError, Interruption
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from rb_sim.checks.check import Effort
     from rb_sim.checks.check_list import WatchList
-    from rb_sim.checks.effort import Effort
     from rb_sim.cli.summary import Clocks
     from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
@@ -230,7 +230,7 @@ class _Run:
 
     def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
-        from rb_sim.checks.effort import effort_of
+        from rb_sim.checks.check import effort_of
         from rb_sim.checks.step_search import forecast_for
         from rb_sim.cli.summary import Clocks
 

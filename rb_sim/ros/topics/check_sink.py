@@ -7,8 +7,8 @@ from queue import Queue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rb_sim.checks.check import Effort, effort_of
 from rb_sim.checks.check_list import WatchList
-from rb_sim.checks.effort import Effort, effort_of
 from rb_sim.mechanics.samples import block_of_rows, concatenate
 
 if TYPE_CHECKING:

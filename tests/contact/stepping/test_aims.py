@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.effort import effort_of
+from rb_sim.checks.check import effort_of
 from rb_sim.checks.steps import ASTRAY, found_in
 from rb_sim.contact.stepping.geometry import IMPULSE, TWIST
 from rb_sim.contact.stepping.step_kernels import add_up

@@ -10,7 +10,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
-from rb_sim.checks.effort import Effort, effort_of
+from rb_sim.checks.check import Effort, effort_of
 from rb_sim.checks.step_doubling import LocalError
 from rb_sim.checks.steps import found_in, turned
 from rb_sim.contact.grid_motion import LeftOpen
