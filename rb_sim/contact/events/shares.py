@@ -156,7 +156,8 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     """Choose the self-stress of the contacts at rest and write it into the system's table.
 
     recent: take the widest margin even where the least reactions will do.  False if there is none
-    to choose, or no reactions within all bounds: then the least ones stand.
+    to choose, or no margin, where something may give: shares just within all bounds stand then, and
+    the least ones where there are none.
     """
     at.system.vectors[SHARES] = 0.0
     reactions = reactions_of(at)
@@ -168,14 +169,15 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     if not recent and cones.admits(none):
         note_shares(at, reactions, cones, none)
         return True
-    best = widest(cones).y
-    if cones.slack(best).min() < LEAST_MARGIN:
-        return False
-    y = moderate(cones, best).y
-    note_shares(at, reactions, cones, y)
-    x = reactions.least + reactions.self_stress @ y
-    at.system.vectors[SHARES, reactions.held] = reactions.unit * x
-    return True
+    y = widest(cones).y
+    stands = bool(cones.slack(y).min() >= LEAST_MARGIN)
+    if stands:
+        y = moderate(cones, y).y
+        note_shares(at, reactions, cones, y)
+    if stands or cones.admits(y):
+        x = reactions.least + reactions.self_stress @ y
+        at.system.vectors[SHARES, reactions.held] = reactions.unit * x
+    return stands
 
 
 def reactions_of(at: Instant) -> Reactions | None:
