@@ -60,7 +60,7 @@ from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
 from rb_sim.contact.events.tasks import ACCELERATE, BEGIN, LINES, SETTLE, Tasks
 from rb_sim.contact.grid_motion import GridMotion, LeftOpen
 from rb_sim.contact.problem.assembly import velocities
-from rb_sim.contact.problem.bounces import AT_ONCE, GRIP, Chatter, forget_bounces
+from rb_sim.contact.problem.bounces import AT_ONCE, Chatter, forget_bounces
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     LEAPS,
@@ -418,10 +418,6 @@ class ContactMotion(GridMotion):
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
-        if self._chatter.begins_to_grip(t, code[1]):
-            given = self.compiled.contact_laws
-            self.laws = tuple(law._replace(static=(1.0 + GRIP) * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
         if self._chatter.is_endless(t):
             self._leap(code[0])
         else:

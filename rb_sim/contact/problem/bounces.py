@@ -14,20 +14,16 @@ from rb_sim.contact.problem.event_workspace import (
     touches,
 )
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.contact_bodies import SLIP_BEGINS, SLIP_ENDS, line_of
+from rb_sim.mechanics.contact.contact_bodies import line_of
 from rb_sim.mechanics.contact.contact_table import CLOSED, DRAGS, GAP, GAP_RATE, RESTITUTION
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, PUSH
 from rb_sim.numerics.kernels import inline
 
 # Changes of contacts that follow each other as if without end, and what is done about them.
 #
-# Where rounding chooses between rest and slip over and over, friction at its very bound is taken to
-# hold a little more; other changes are leapt over (see `instant.leap`).
+# They are leapt over (see `instant.leap`).
 
 
-GRIP = 1e-9
-"""Part by which friction holds more at rest once a slip was over within DENSE: rounding must not
-choose between rest and slip over and over."""
 AT_ONCE = 50
 """Rounds of impacts at one instant that are taken to have no end."""
 CHANGES_IN_LEAP = 10
@@ -43,22 +39,10 @@ class Chatter:
     """
 
     def __init__(self, unit: float) -> None:
-        self.grips = False
-        """whether friction holds more at rest than it is given."""
         self._short = DENSE * unit
         self._longest = LONGEST_LEAP * unit
-        self._slipped = -math.inf
         self._changes: deque[float] = deque(maxlen=CHANGES_IN_LEAP)
         self._leapt = (-math.inf, 0.0)
-
-    def begins_to_grip(self, t: float, kind: int) -> bool:
-        """True once: at the first slip that is over before it has moved anything."""
-        if kind == SLIP_BEGINS:
-            self._slipped = t
-        if self.grips or kind != SLIP_ENDS or t - self._slipped >= self._short:
-            return False
-        self.grips = True
-        return True
 
     def is_endless(self, t: float) -> bool:
         """Count a change at t; True where changes follow each other as if without end."""
