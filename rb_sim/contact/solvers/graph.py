@@ -18,16 +18,6 @@ from rb_sim.numerics.kernels import inline
 
 
 @inline
-def times(A, x, out):
-    """out = A x."""
-    for i in range(A.shape[0]):
-        s = 0.0
-        for j in range(A.shape[1]):
-            s += A[i, j] * x[j]
-        out[i] = s
-
-
-@inline
 def copy(to, of):
     """The numbers of a vector, in `to`."""
     for i in range(of.shape[0]):

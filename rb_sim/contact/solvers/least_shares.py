@@ -16,7 +16,13 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import PROXIMAL, give_joints, relax_joints
+from rb_sim.contact.solvers.gauss_seidel import (
+    PROXIMAL,
+    give_joints,
+    relax_joints,
+    sweep_against_joints,
+    within_circle,
+)
 from rb_sim.contact.solvers.graph import (
     BOUND,
     GIVE,
@@ -30,8 +36,6 @@ from rb_sim.contact.solvers.graph import (
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.hybrid import sweep_against_joints, take_over
-from rb_sim.contact.solvers.one_contact import within_circle
 from rb_sim.numerics.kernels import inline
 
 MOST_CONTACTS = 20
@@ -332,6 +336,17 @@ def settle_friction(graph, chosen, W, r, v, settled):
             change_of(W, r, v, k + 1, dy)
         if not change > settled:
             break
+
+
+@inline
+def take_over(graph, u, x, chosen, r):
+    """Replace the impulses of the chosen contacts by r; u changes with them."""
+    for m in range(chosen.shape[0]):
+        i = chosen[m]
+        for p in range(3):
+            k = LINES * i + p
+            push(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[3 * m + p] - x[k])
+            x[k] = r[3 * m + p]
 
 
 @inline

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from rb_sim.contact.solvers.gauss_seidel import ROUGH
 from rb_sim.contact.solvers.graph import BOUND, LIGHT_A, LIGHT_B, LINES, TURN_A, TURN_B, rate_of
-from rb_sim.contact.solvers.one_contact import ROUGH
 from rb_sim.contact.stepping.constraint_rows import six, speed_at
 from rb_sim.contact.stepping.geometry import (
     AIM,

@@ -25,11 +25,11 @@ from rb_sim.contact.solvers.gauss_seidel import (
     fill_block,
     gauss_seidel,
     is_plain,
+    sweep_against_joints,
 )
 from rb_sim.contact.solvers.graph import LINES, push, rate_of
-from rb_sim.contact.solvers.hybrid import solve_exactly, sweep_against_joints, sweep_near
 from rb_sim.contact.solvers.least_shares import take_least_shares
-from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton
+from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.after import gained_by, keep_impulses, quieten, work_done
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
 from rb_sim.contact.stepping.geometry import MOVES, NORMAL, triple
@@ -320,9 +320,9 @@ def solve_impulses(tables, workspace, graph, x, y):
 def some_impulses(tables, workspace, graph, x, y):
     """As `solve_impulses`, with any shares.
 
-    A heap that rests is solved to the last digits by Newton's method on its contacts; it costs
-    their cube, so that after it some steps go without, more where it did not get there.  One that
-    moves is left to sweeps and, where they do not do, to Newton's method on its bodies.
+    A heap that rests is solved to the last digits by many sweeps and Newton's method, after which
+    some steps go without, more where they did not get there.  One that moves gets few sweeps and,
+    where they do not do, Newton's method as far as the step needs it.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
@@ -331,7 +331,7 @@ def some_impulses(tables, workspace, graph, x, y):
     if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
         sweeps = FIRST_SWEEPS if notes[FRESH] == 1.0 else SWEEPS
         n = graph.ends.shape[0]
-        rest, more = solve_exactly(graph, u, x, joints, length, SETTLED, sweeps)
+        rest, more = solve_exactly(graph, tables.bodies, u, x, joints, length, SETTLED, sweeps)
         made += more
         often = OFTEN if not rest > SETTLED else SELDOM
         notes[NEXT] = notes[STEPS] + often * n * n
