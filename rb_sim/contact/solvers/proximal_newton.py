@@ -181,9 +181,10 @@ ROUNDS, STAGES, SWEEPS = 8, 12, 10
 """Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
 work."""
 SOLVED = 1e-7
-"""Size of the natural map of a proximal step, relative to the largest impulse, at which it ends;
-FINER of what the laws are to be kept to where that is less, but not below ROUND_OFF."""
-FINER, ROUND_OFF = 1e-2, 1e-11
+"""Size of the natural map of a proximal step, relative to the largest impulse, at which it has a
+solution; followed to FINER of what the laws are to be kept to where that is less, or as far as
+rounding lets it: until a round leaves more than HARDLY of what there was."""
+FINER, HARDLY = 1e-2, 0.5
 LOOSE = 1e-2
 """Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
 had is approached in smaller steps."""
@@ -342,7 +343,9 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     A, D, H, g, linked, order, done, found = workspace
     e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
     given, made = residual_of(graph, u, x, A, D) if not e > solved else 1e300, 0
-    while e > solved and given > enough and made < ROUNDS:
+    last = 1e300
+    while e > solved and given > enough and made < ROUNDS and not SOLVED > e > HARDLY * last:
+        last = e
         fill_matrix(ends, rows, bodies, D, H, linked)
         for k in range(g.shape[0]):
             g[k] = 0.0
@@ -380,14 +383,15 @@ def proximal_newton(graph, bodies, u, x, enough):
     workspace = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
     least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
-    solved = max(min(SOLVED, FINER * enough), ROUND_OFF)
+    solved = min(SOLVED, FINER * enough)
     for _ in range(STAGES):
         e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
         made += more
-        if not own > enough or not e > solved:
-            least, given = e if own > enough else 0.0, own
-            copy(best_x, x)
-            copy_rows(best_u, u)
+        if not own > enough or not e > SOLVED:
+            if own < given:
+                least, given = e if own > enough else 0.0, own
+                copy(best_x, x)
+                copy_rows(best_u, u)
             if not given > enough:
                 break
             if grip >= STIFF:  # what gives way still is taken into account
@@ -430,7 +434,7 @@ def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
     plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
     while rest > settled and made < sweeps:
         if made > 0 and plain:
-            proximal_newton(graph, bodies, u, x, max(settled, ROUND_OFF))
+            proximal_newton(graph, bodies, u, x, 0.0)
         spell = min(2 * spell if made > 0 else SPELL, sweeps - made)
         rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
         made += more

@@ -42,10 +42,10 @@ def test_spells_of_sweeps_grow_and_newtons_method_goes_between(
 ) -> None:
     """Each twice as long as the one before, until what is left has settled."""
     found, asked = solved(monkeypatch, [0.9, 0.8, 0.4], 100 * SPELL)
-    assert asked == [SPELL, "newton 0.5", 2 * SPELL, "newton 0.5", 4 * SPELL]
+    assert asked == [SPELL, "newton 0.0", 2 * SPELL, "newton 0.0", 4 * SPELL]
     assert found == (0.4, 7 * SPELL)
     found, asked = solved(monkeypatch, [0.9, 0.8, 0.7], 3 * SPELL + 1)
-    assert asked == [SPELL, "newton 0.5", 2 * SPELL, "newton 0.5", 1]
+    assert asked == [SPELL, "newton 0.0", 2 * SPELL, "newton 0.0", 1]
     assert found == (0.7, 3 * SPELL + 1)
     assert solved(monkeypatch, [0.3], 100)[1] == [min(SPELL, 100)]
 
