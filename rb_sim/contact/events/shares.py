@@ -8,31 +8,33 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
-from rb_sim.contact.events import tasks
 from rb_sim.contact.events.instant import (
+    CHOOSE,
+    WRITE,
     Instant,
+    Tasks,
     eigenvalues,
     not_finite,
     require_finite,
     singular_values,
 )
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
-from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.assembly import inverse_mass, spread
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
-from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
+    JAMMED,
     NORMAL_SIGN,
     ROLL,
+    SHARES,
     SLIDE,
     SPIN,
     SPRING,
     STATIC,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
 from rb_sim.scene.compiled import Compiled
@@ -269,7 +271,7 @@ def choose_modes(
     """
     at.workspace.opened[list(opened)] = 1
     contact, kind = code or (-1, -1)
-    status = at.call(tasks.CHOOSE, at.t, at.y, (contact, kind, 0))
+    status = at.call(CHOOSE, at.t, at.y, (contact, kind, 0))
     at.workspace.opened[:] = 0  # what follows in the loop may close them again
     if status == TOO_LARGE:
         raise not_finite(OF)

@@ -10,9 +10,7 @@ import numpy as np
 from rb_sim.catalogue.contacts.touching import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
-from rb_sim.mechanics.contact.contact_bodies import ContactBodies, line_of
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
@@ -29,7 +27,10 @@ from rb_sim.mechanics.contact.contact_table import (
     SPIN,
     SPINNING_ARM,
     STATIC,
+    ContactBodies,
+    line_of,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.mechanics.systems.many_bodies import BODY, vec
 from rb_sim.numerics.complementarity import BOUND_WIDTH

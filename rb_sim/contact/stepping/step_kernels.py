@@ -10,25 +10,14 @@ from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
 from rb_sim.contact.stepping.constraint_rows import six, write_line
 from rb_sim.contact.stepping.geometry import (
-    AIM,
-    ANCHOR,
-    CLOSED,
     FAR,
-    GAP,
-    IMPULSE,
-    MOVES,
-    NORMAL,
-    POINT,
-    SLIDE,
-    TURNS_AT,
-    TWIST,
     find_spots,
+    note_ends,
     pushed,
     put,
     spot_at,
     triple,
 )
-from rb_sim.contact.stepping.normal_change import note_ends
 from rb_sim.contact.stepping.scene_tables import (
     ARM,
     BILATERAL,
@@ -53,22 +42,33 @@ from rb_sim.contact.stepping.step import (
     solve_step,
 )
 from rb_sim.contact.stepping.step_workspace import (
+    AIM,
+    ANCHOR,
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
+    CLOSED,
     EXACT,
     GAINED,
+    GAP,
+    IMPULSE,
     LENGTH,
     MADE,
+    MOVES,
+    NORMAL,
     OPEN,
     OPEN_AT,
     OPEN_NOW,
     OPEN_OF,
     OPEN_OF_NOW,
+    POINT,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
     SHIFT_ROUNDS,
+    SLIDE,
     STUCK,
+    TURNS_AT,
+    TWIST,
     WORK,
 )
 from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
