@@ -43,7 +43,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIP,
     SPINNING_ARM,
     STATIC,
-    STOPPED,
+    STILL,
     TOUCH_WIDTH,
     ContactBodies,
 )
@@ -358,7 +358,7 @@ def system_of(
         touch=touch_table(parts.laws, contacts),
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
-        still=STOPPED * speed,
+        still=STILL * speed,
         creep=0.0,
     )
 

@@ -78,6 +78,7 @@ from rb_sim.contact.problem.assembly import velocities
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     LEAPS,
+    NO_PUSH,
     Journal,
 )
 from rb_sim.contact.problem.event_workspace import JAMS as JAMMED_NOTE
@@ -241,8 +242,6 @@ def nearly_depend(at: Instant) -> bool:
 
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
-UNPUSHED = 1e-7
-"""Share of the largest push below which a contact does not push."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
@@ -573,7 +572,7 @@ class ContactMotion(GridMotion):
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
         push = np.abs(self.system.touch[:, NORMAL_FORCE])
-        pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
+        pushes = self.laws[code[0]].bilateral or push[code[0]] > NO_PUSH * push.max()
         if not pushes or code[0] in lifted:
             code = code[0], LIFT_OFF
         if code[1] == LIFT_OFF:

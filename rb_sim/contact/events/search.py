@@ -56,7 +56,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPIN,
     SPIN_SIGN,
     STATIC,
-    STOPPED,
+    STILL,
     keep,
     least_slip,
     line_of,
@@ -607,7 +607,7 @@ def note_slow_slips(system, kept, arms, grid):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
         followed = size > system.still or may_creep(system, c)
-        if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
+        if not rubs(touch, c) or followed or size <= STILL * system.speed:
             kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
@@ -752,7 +752,7 @@ def nearly_stopped(system):
     for c in range(system.touch.shape[0]):
         if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
             slip = norm(vec(system.touch, c, SLIP))
-            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+            if system.touch[c, STATIC] > 0.0 and slip < STILL * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 

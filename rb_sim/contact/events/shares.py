@@ -21,6 +21,7 @@ from rb_sim.contact.events.instant import (
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.assembly import inverse_mass, spread
+from rb_sim.contact.problem.event_workspace import OPEN
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
 # corners of a face that spins, the friction and with it the motion depends on them.
 
 
-OPEN = 1e-8
-"""Change of the accelerations, relative to the largest of one reaction, that is rounding."""
 FAR = 1e6
 """Reactions, relative to the largest of the least ones, that shares are not followed beyond."""
 HALVINGS = 30
@@ -289,10 +288,6 @@ def choose_modes(
 # a reaction that such an x changes (a box on four corners, a table on four legs).
 
 
-CHANGED = 1e-8
-"""Change of a reaction's wrench, relative to the largest line, above which it is undetermined."""
-
-
 MOST_CONTACTS = 24
 """Points above which their modes at the start are not sought for this: heaps are for time stepping,
 and almost all of their reactions are undetermined."""
@@ -322,6 +317,6 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     for o, name in enumerate(compiled.layout.reactions):
         own = system.members[o, 1 + part].astype(bool)
         wrench = W[own].T @ free[own]
-        if np.abs(wrench).max(initial=0.0) > CHANGED * np.abs(W).max():
+        if np.abs(wrench).max(initial=0.0) > OPEN * np.abs(W).max():
             names.append(name)
     return tuple(names)

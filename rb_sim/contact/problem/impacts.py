@@ -36,6 +36,7 @@ from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     IMPACT,
     OF_ROUND,
+    OPEN,
     RESTS,
     TOUCHING,
     Workspace,
@@ -246,8 +247,6 @@ HELD_DOWN = 1e-6
 would be pressed again at once."""
 LANDED = 2.4
 """Times to the top of a flight after which it is over, also where its fall changes a little."""
-LOW = 1e-10
-"""Height of a flight, relative to the scene's length, which rounding of the gap may hide."""
 
 
 @inline
@@ -255,7 +254,7 @@ def time_of_flights(system, workspace, t, y, fixed):
     """(time within which the flights that begin here have to be looked at [s], inf where there are
     none; 0, or 1 + a contact whose drag lifts off what falls back at once).
 
-    A flight is to end within it.  One that is so low that rounding may hide it has to be cut at
+    A flight is to end within it.  One so low that rounding of gaps may hide it has to be cut at
     its top, as any where steps are fixed.
     """
     touch, length, dragged = system.touch, math.inf, 0
@@ -267,7 +266,7 @@ def time_of_flights(system, workspace, t, y, fixed):
         fall = -acceleration_along(system, workspace, line_of(system, c))
         rise = touch[c, GAP_RATE]
         if fall > 0.0 and rise > speed_that_is_none(system):
-            hidden = fixed or 0.5 * rise * rise < LOW * fall * system.length
+            hidden = fixed or 0.5 * rise * rise < TOUCHING * fall * system.length
             length = min(length, (1.0 if hidden else LANDED) * rise / fall)
         elif touch[c, DRAGS] == 1.0 and fall > HELD_DOWN * natural and dragged == 0:
             dragged = 1 + c
@@ -283,12 +282,9 @@ def time_of_flights(system, workspace, t, y, fixed):
 
 MANY = 4
 """Contacts that have to press in an impact for their shares to be undetermined."""
-APART = 1e-8
-"""Change of a velocity, relative to the largest before an impact, by which two ends differ."""
-NONE = 1e-12
-"""Pull, relative to the largest impulse, that is round-off of none."""
-ENERGY_SLACK = 1e-12
-"""Relative gain of kinetic energy in an impact that is round-off."""
+ROUND_OFF = 1e-12
+"""Pull, relative to the largest impulse, and gain of kinetic energy, relative to what impulses
+exchange, that are round-off of none."""
 
 
 class Rule(NamedTuple):
@@ -373,7 +369,7 @@ def keeps_pushing(workspace, pressing, x):
     for i in range(x.shape[0]):
         most = max(most, abs(x[i]))
     for i in range(x.shape[0]):
-        if pressing[i] == 1.0 and x[i] < workspace.least[i] - NONE * most:
+        if pressing[i] == 1.0 and x[i] < workspace.least[i] - ROUND_OFF * most:
             return False
     return True
 
@@ -386,7 +382,7 @@ def leave_open(workspace, A, b, terms, x, other):
         largest = max(largest, terms[i])
         apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
         most = max(most, abs(apart))
-    if most > APART * largest:
+    if most > OPEN * largest:
         workspace.undetermined[0] = max(workspace.undetermined[0], most / largest)
 
 
@@ -428,7 +424,7 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
         possible = keeps_pushing(workspace, pressing, found)
         for i in range(n):
             parts = velocity_after(A, b, i, found)
-            possible = possible and not (pressing[i] == 1.0 and abs(parts) > APART * terms[i])
+            possible = possible and not (pressing[i] == 1.0 and abs(parts) > OPEN * terms[i])
         if possible:
             leave_open(workspace, A, b, terms, x, found)
 
@@ -482,7 +478,7 @@ def gains_energy(system, workspace, u, x):
         size += abs(p[j]) * abs(u[j])
     for k in range(x.shape[0]):
         work -= x[k] * workspace.line_rate[k]
-    return work > ENERGY_SLACK * size
+    return work > ROUND_OFF * size
 
 
 @inline

@@ -49,6 +49,9 @@ FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = 
 """Columns of Graph.rows."""
 LINES = 6
 """Of each contact."""
+ENOUGH = 1e-7
+"""Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
+far below what the step itself leaves, of its order."""
 BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
 """Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
 support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,

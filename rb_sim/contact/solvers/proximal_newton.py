@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from rb_sim.contact.solvers.gauss_seidel import ROUGH, gauss_seidel, is_plain, push_three
-from rb_sim.contact.solvers.graph import BOUND, GIVE, LINES, copy, copy_rows, rate_of
+from rb_sim.contact.solvers.graph import BOUND, ENOUGH, GIVE, LINES, copy, copy_rows, rate_of
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.numerics.kernels import inline
 
@@ -180,11 +180,10 @@ SOFT, FIRMER = 1000.0, 10.0
 ROUNDS, STAGES, SWEEPS = 8, 12, 10
 """Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
 work."""
-SOLVED = 1e-7
-"""Size of the natural map of a proximal step, relative to the largest impulse, at which it has a
-solution; followed to FINER of what the laws are to be kept to where that is less, or as far as
-rounding lets it: until a round leaves more than HARDLY of what there was."""
 FINER, HARDLY = 1e-2, 0.5
+"""A proximal step whose natural map is below ENOUGH has a solution; it is followed to FINER of what
+the laws are to be kept to where that is less, or as far as rounding lets it: until a round leaves
+more than HARDLY of what there was."""
 LOOSE = 1e-2
 """Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
 had is approached in smaller steps."""
@@ -344,7 +343,7 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
     given, made = residual_of(graph, u, x, A, D) if not e > solved else 1e300, 0
     last = 1e300
-    while e > solved and given > enough and made < ROUNDS and not SOLVED > e > HARDLY * last:
+    while e > solved and given > enough and made < ROUNDS and not ENOUGH > e > HARDLY * last:
         last = e
         fill_matrix(ends, rows, bodies, D, H, linked)
         for k in range(g.shape[0]):
@@ -383,11 +382,11 @@ def proximal_newton(graph, bodies, u, x, enough):
     workspace = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
     least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
-    solved = min(SOLVED, FINER * enough)
+    solved = min(ENOUGH, FINER * enough)
     for _ in range(STAGES):
         e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
         made += more
-        if not own > enough or not e > SOLVED:
+        if not own > enough or not e > ENOUGH:
             if own < given:
                 least, given = e if own > enough else 0.0, own
                 copy(best_x, x)

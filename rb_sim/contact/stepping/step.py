@@ -30,6 +30,7 @@ from rb_sim.contact.solvers.gauss_seidel import (
 )
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    ENOUGH,
     LIGHT_A,
     LIGHT_B,
     LINES,
@@ -58,7 +59,6 @@ from rb_sim.contact.stepping.step_workspace import (
     ALL_SWEEPS,
     ANCHOR,
     CLOSED,
-    ENOUGH,
     FEW_SWEEPS,
     FINE,
     FIRST_SWEEPS,

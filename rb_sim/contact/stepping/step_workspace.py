@@ -25,9 +25,8 @@ world axes), with which the step ended, in its middle and at its end."""
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 SETTLED = 1e-12
 """Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
-FEW_SWEEPS, ENOUGH = 5, 1e-7
-"""Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
-natural map) at which the solver ends: far below what the step itself leaves, of its order."""
+FEW_SWEEPS = 5
+"""Sweeps of a moving heap that are made in any case."""
 FINE = 1e-4
 """Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
 no Newton's method, and in it contacts need not grip firmer: what is left is told as GAVE alone."""

@@ -30,7 +30,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     POINT,
     RANK,
     REDUNDANT,
-    ROUNDING,
     SECOND_ORDER,
     SHARES,
     SLIDE,
@@ -63,6 +62,7 @@ from rb_sim.mechanics.systems.multipliers import (
     row_times_push,
 )
 from rb_sim.mechanics.systems.multipliers import inverse_mass_times as inverse_mass_row
+from rb_sim.numerics.complementarity import ROUNDING
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate

@@ -169,12 +169,10 @@ FREE = 1e300
 """Event function of what has no bound."""
 NUDGE = 1e-6
 """Time over which rates of event functions are found, in natural units."""
-ROUNDING = 1e-14
-"""Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
-STOPPED = 1e-10
-"""Slip, relative to the scene's speed, that is none."""
+STILL = 1e-10
+"""Speed, relative to the scene's, that is none: of approach, of slip, of turning."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 NEAR_JAM = 1e-3
