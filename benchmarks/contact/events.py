@@ -36,14 +36,14 @@ def run(name: str) -> tuple[float, float, float, int, int]:
     """CPU seconds of the costliest sample, of a simulated second, and of that in the loop; instants
     of changes in the run, and in that sample."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.events import stepping
+    from rb_sim.contact.events import event_motion
 
     scene = load_scene(name)
     interval, duration = 1.0 / scene.simulation.rate, scene.simulation.duration
     simulation = Simulation(scene)
     simulation.warm()
-    loop = Timed(stepping.record_contacts)
-    stepping.record_contacts = loop  # type: ignore[assignment]
+    loop = Timed(event_motion.record_contacts)
+    event_motion.record_contacts = loop  # type: ignore[assignment]
     costs, told = np.empty(round(duration / interval)), [len(simulation.events)]
     try:
         for i in range(len(costs)):
@@ -52,7 +52,7 @@ def run(name: str) -> tuple[float, float, float, int, int]:
             costs[i] = time.process_time() - began
             told.append(len(simulation.events))
     finally:
-        stepping.record_contacts = loop.function
+        event_motion.record_contacts = loop.function
     i, events = int(costs.argmax()), simulation.events
     everywhere, here = ({e.t for e in some} for some in (events, events[told[i] : told[i + 1]]))
     worst, second = float(costs[i]), float(costs.sum()) / duration

@@ -31,8 +31,8 @@ NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
 SOLVED = 1e-12
 """Residual, relative to the size of x, at which a solution counts."""
 ROUNDING = 1e-14
-"""Of b, relative to the terms that it is the sum of: lines that depend on each other contradict
-each other by that much."""
+"""Of b, or of an acceleration, relative to the terms that it is the sum of: lines that depend on
+each other contradict each other by that much."""
 
 
 class Equations(NamedTuple):

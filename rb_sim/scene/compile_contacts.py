@@ -24,23 +24,18 @@ from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_LINES,
     AMONG_POSITIONS,
-    CHANGING,
-    DEPENDENT,
-    LINE_WIDTH,
-    MOST_RANK,
-    STOPPED,
-    ContactBodies,
-)
-from rb_sim.mechanics.contact.contact_projection import bring_positions, bring_to_manifold
-from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
+    CHANGING,
     CLOSED,
     COMPLIANT,
+    DEPENDENT,
     DRAGS,
     GAP,
     KINETIC,
     LEAN_BEFORE,
     LEAN_SIGN,
+    LINE_WIDTH,
+    MOST_RANK,
     NORMAL_SIGN,
     RESTITUTION,
     RIM,
@@ -48,8 +43,11 @@ from rb_sim.mechanics.contact.contact_table import (
     SLIP,
     SPINNING_ARM,
     STATIC,
+    STILL,
     TOUCH_WIDTH,
+    ContactBodies,
 )
+from rb_sim.mechanics.contact.motion_kernels import bring_positions, bring_to_manifold
 from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
@@ -360,7 +358,7 @@ def system_of(
         touch=touch_table(parts.laws, contacts),
         pushes=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
-        still=STOPPED * speed,
+        still=STILL * speed,
         creep=0.0,
     )
 

@@ -19,7 +19,7 @@ from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact import contact_laws as contact_loops
-from rb_sim.mechanics.contact.contact_projection import bring_to_manifold
+from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.numerics.kernels import by_address
 from rb_sim.numerics.vectors import scale, sin, where

@@ -56,7 +56,7 @@ def contact_balance(
     """The Balance of a contact in these modes, and its normal force."""
     from rb_sim import load_scene
     from rb_sim.contact.events.search import begin_step
-    from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
+    from rb_sim.mechanics.contact.contact_bodies import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.scene.compile import compile_scene
 
     shape, surface = GEOMETRIES[geometry]
@@ -79,7 +79,7 @@ def contact_balance(
 def together(system: Any, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Random places and attitudes of the two, the body shifted until it touches."""
     from rb_sim.mechanics.contact.accelerations import contact_accelerations
-    from rb_sim.mechanics.contact.contact_table import GAP, NORMAL
+    from rb_sim.mechanics.contact.contact_bodies import GAP, NORMAL
 
     y = y.copy()
     for i in range(2):

@@ -107,7 +107,7 @@ def scene_of(meeting: Meeting, **law: Any) -> dict[str, Any]:
 def met(compiled: Any, meeting: Meeting, rng: np.random.Generator) -> np.ndarray:
     """Random places and attitudes; the body shifted and turned until the points touch."""
     from rb_sim.mechanics.contact.accelerations import contact_accelerations
-    from rb_sim.mechanics.contact.contact_table import GAP
+    from rb_sim.mechanics.contact.contact_bodies import GAP
 
     system, y = compiled.system, compiled.y.copy()
     y[0:3], y[3:7] = rng.normal(size=3), unit(rng, 4)
@@ -142,7 +142,7 @@ class Found(NamedTuple):
 def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     from rb_sim import load_scene
     from rb_sim.contact.events.search import begin_step
-    from rb_sim.mechanics.contact.contact_table import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
+    from rb_sim.mechanics.contact.contact_bodies import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
     from rb_sim.mechanics.system import rate_into
     from rb_sim.scene.compile import compile_scene
 
@@ -169,7 +169,7 @@ def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
 def held_velocities(system: Any, points: list[int], mode: float, y: np.ndarray) -> Any:
     """A function of a state near y: what stays zero there."""
     from rb_sim.mechanics.contact.accelerations import contact_accelerations
-    from rb_sim.mechanics.contact.contact_table import GAP_RATE, SLIP
+    from rb_sim.mechanics.contact.contact_bodies import GAP_RATE, SLIP
 
     columns = [GAP_RATE, *(range(SLIP, SLIP + 3) if mode == STICKS else ())]
 

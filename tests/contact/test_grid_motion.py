@@ -11,7 +11,7 @@ import pytest
 
 from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder, RimOnPlane
 from rb_sim.contact.grid_motion import GridMotion
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     COMPLIANT,
     DRAGS,

@@ -14,8 +14,7 @@ from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
 from rb_sim.catalogue.contacts.friction import straight_on
 from rb_sim.mechanics.contact.constraint_tables import write_contacts
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     GAP,
     GAP_RATE,
@@ -28,6 +27,7 @@ from rb_sim.mechanics.contact.contact_table import (
     SLIP_DIRECTION,
     SPIN,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.scene.compile import compile_scene
 from tests.catalogue.geometry.test_pairs import FEW, SEEDS

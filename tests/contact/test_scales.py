@@ -12,7 +12,7 @@ from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
 from rb_sim.contact.tunnelling import thickness
-from rb_sim.mechanics.contact.contact_table import GAP, LEAN_SIGN, SLIP, TOUCH_WIDTH
+from rb_sim.mechanics.contact.contact_bodies import GAP, LEAN_SIGN, SLIP, TOUCH_WIDTH
 from rb_sim.scene import compile_contacts
 from rb_sim.scene.compile_contacts import contact_scales, overlaps, placed_part
 

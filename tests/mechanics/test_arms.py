@@ -16,7 +16,7 @@ from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.contact.stepping.stepping_motion import Joints
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.attempt import position_error
-from rb_sim.mechanics.contact.contact_projection import HoldingLines
+from rb_sim.mechanics.contact.motion_kernels import HoldingLines
 from rb_sim.mechanics.systems.multibody import residual_of
 from rb_sim.mechanics.systems.multipliers import AllLines, write_rows
 from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws

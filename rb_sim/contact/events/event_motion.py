@@ -16,17 +16,22 @@ import numpy as np
 
 from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.catalogue.contacts.touching import ContactLaw
-from rb_sim.contact.events import tasks
-from rb_sim.contact.events.flat_rims import (
-    aim_under_the_load,
-    aim_where_it_turns,
-    letting_go,
-    refuse_to_lie,
-    rims_of,
-)
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import (
+    ACCELERATE,
+    ARRIVE,
+    AT_IMPACTS,
+    BEGIN,
+    DONE,
+    IMPACTS,
+    LEAVE,
+    LINES,
+    NOTE,
+    PASS,
+    SETTLE,
+    STRIKE,
     Instant,
+    Tasks,
     bring_back,
     impulses_of_jam,
     leap,
@@ -38,11 +43,16 @@ from rb_sim.contact.events.instant import (
 from rb_sim.contact.events.limits import (
     TOOL,
     Progress,
+    aim_under_the_load,
+    aim_where_it_turns,
+    letting_go,
     pairs_of_solids,
     refuse_drag,
     refuse_edges,
     refuse_rough,
     refuse_to_be_dragged_off,
+    refuse_to_lie,
+    rims_of,
     slipping_rough,
 )
 from rb_sim.contact.events.search import KEPT
@@ -55,19 +65,33 @@ from rb_sim.contact.events.shares import (
     widest_kept,
     widest_of,
 )
-from rb_sim.contact.events.stepping import paced, slow_slips, stepping_of
-from rb_sim.contact.events.steps import EVENT, kind_of, record_contacts
-from rb_sim.contact.events.tasks import ACCELERATE, BEGIN, LINES, SETTLE, Tasks
+from rb_sim.contact.events.steps import (
+    EVENT,
+    kind_of,
+    paced,
+    record_contacts,
+    slow_slips,
+    stepping_of,
+)
 from rb_sim.contact.grid_motion import GridMotion, LeftOpen
 from rb_sim.contact.problem.assembly import velocities
-from rb_sim.contact.problem.bounces import AT_ONCE, GRIP, Chatter, forget_bounces
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     LEAPS,
+    NO_PUSH,
     Journal,
 )
 from rb_sim.contact.problem.event_workspace import JAMS as JAMMED_NOTE
-from rb_sim.contact.problem.impacts import ENDLESS, GOES_ON, NO_IMPULSES, NOTHING, OVERFLOWN
+from rb_sim.contact.problem.impacts import (
+    AT_ONCE,
+    ENDLESS,
+    GOES_ON,
+    NO_IMPULSES,
+    NOTHING,
+    OVERFLOWN,
+    Chatter,
+    forget_bounces,
+)
 from rb_sim.contact.problem.modes import find_held
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
@@ -79,34 +103,32 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WORK_ROWS,
 )
+from rb_sim.mechanics.contact.accelerations import SLOWER
 from rb_sim.mechanics.contact.contact_bodies import (
-    JAMS,
-    LIES_FLAT,
-    LIFT_OFF,
-    NEAR_JAM,
-    ROLL_BEGINS,
-    ROLL_ENDS,
-    SLIP_BEGINS,
-    SLIP_ENDS,
-    SPIN_BEGINS,
-    TOUCH_DOWN,
-)
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_laws import ContactLaws
-from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
     CREEPS,
     EVENT_FUNCTIONS_BEFORE,
+    JAMS,
+    LIES_FLAT,
+    LIFT_OFF,
+    NEAR_JAM,
     NORMAL_FORCE,
     RELATIVE_SPIN,
     ROLL,
+    ROLL_BEGINS,
+    ROLL_ENDS,
     SLIDE,
     SLIP,
+    SLIP_BEGINS,
+    SLIP_ENDS,
+    SPIN_BEGINS,
     STATIC,
+    TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.creep import SLOWER
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
@@ -220,8 +242,6 @@ def nearly_depend(at: Instant) -> bool:
 
 JAMS_AT_ONCE = 5
 """Times that what jams may jam again when it has been dealt with."""
-UNPUSHED = 1e-7
-"""Share of the largest push below which a contact does not push."""
 AIMS = 5
 """Rounds in which what lies flat finds the point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
@@ -418,10 +438,6 @@ class ContactMotion(GridMotion):
         self._due = -1
         t = self._grid.t1
         self._progress.add(t, self.names[code[0]])
-        if self._chatter.begins_to_grip(t, code[1]):
-            given = self.compiled.contact_laws
-            self.laws = tuple(law._replace(static=(1.0 + GRIP) * law.static) for law in given)
-            self.system.touch[:, STATIC] = [law.static for law in self.laws]
         if self._chatter.is_endless(t):
             self._leap(code[0])
         else:
@@ -433,13 +449,13 @@ class ContactMotion(GridMotion):
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
         if code is not None and code[1] == TOUCH_DOWN and self._by_laws_alone:
-            done = self._call(tasks.PASS, t, y, (code[0], int(self._fixed), 0))
-            if done == tasks.DONE:
+            done = self._call(PASS, t, y, (code[0], int(self._fixed), 0))
+            if done == DONE:
                 self._begin_flights(t, y)
                 return
             instant = Instant(self.laws, self._call, t, y)
             self._journal.take(instant.workspace)
-            if done == tasks.AT_IMPACTS:
+            if done == AT_IMPACTS:
                 self._strike(instant)
             self._go_on(instant, code)
             return
@@ -503,7 +519,7 @@ class ContactMotion(GridMotion):
 
     def _leave(self, instant: Instant) -> None:
         """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
-        dragged = self._call(tasks.LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
+        dragged = self._call(LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
         if dragged:
             self._journal.take(instant.workspace)
             refuse_drag(instant.t, self.names[dragged - 1])
@@ -556,7 +572,7 @@ class ContactMotion(GridMotion):
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
         push = np.abs(self.system.touch[:, NORMAL_FORCE])
-        pushes = self.laws[code[0]].bilateral or push[code[0]] > UNPUSHED * push.max()
+        pushes = self.laws[code[0]].bilateral or push[code[0]] > NO_PUSH * push.max()
         if not pushes or code[0] in lifted:
             code = code[0], LIFT_OFF
         if code[1] == LIFT_OFF:
@@ -564,7 +580,7 @@ class ContactMotion(GridMotion):
         return code
 
     def _instant(self, t: float, y: Array) -> Instant:
-        return Instant(self.laws, self._call, t, y, tasks.ARRIVE)
+        return Instant(self.laws, self._call, t, y, ARRIVE)
 
     def _strike(self, instant: Instant) -> None:
         """Impacts until nothing approaches; an endless series of bounces is closed."""
@@ -573,7 +589,7 @@ class ContactMotion(GridMotion):
         while status != NOTHING:
             aim_where_it_turns(instant, self.rims)
             to = min(n + 1, last) if self.rims else last  # rims aim anew before each round
-            status = self._call(tasks.IMPACTS, instant.t, instant.y, (n, to, single))
+            status = self._call(IMPACTS, instant.t, instant.y, (n, to, single))
             n = int(self._call.found)
             self._journal.take(instant.workspace)
             self._refuse_impacts(instant, status, n >= last)
@@ -595,7 +611,7 @@ class ContactMotion(GridMotion):
     def _stop_at_once(self, instant: Instant) -> None:
         """One impact without rebound."""
         instant.workspace.plastic[:], instant.workspace.together[:] = 1, 0
-        status = self._call(tasks.STRIKE, instant.t, instant.y)
+        status = self._call(STRIKE, instant.t, instant.y)
         self._journal.take(instant.workspace)
         self._refuse_impacts(instant, status, False)
 
@@ -608,7 +624,7 @@ class ContactMotion(GridMotion):
                 if x is None:
                     break
                 instant.apply(x)
-                self._call(tasks.NOTE, instant.t, instant.y, (JAMMED_NOTE, 0, 0))
+                self._call(NOTE, instant.t, instant.y, (JAMMED_NOTE, 0, 0))
                 self._journal.take(instant.workspace)
                 return
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]

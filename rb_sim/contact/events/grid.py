@@ -11,37 +11,39 @@ from rb_sim.contact.grid_motion import Grid
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS, address
 from rb_sim.integrate.loop import next_length
+from rb_sim.mechanics.contact.accelerations import slides_on_what_gives
 from rb_sim.mechanics.contact.contact_bodies import (
-    EVENT_KINDS,
-    FREE,
-    NUDGE,
-    ROLL_ENDS,
-    SHARP,
-    SLIP_ENDS,
-    least_slip,
-    line_of,
-)
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING
-from rb_sim.mechanics.contact.contact_table import (
     AT_ROLL,
     AT_SLIP,
     CLOSED,
     CREEPS,
     EVENT_FUNCTIONS_BEFORE,
+    EVENT_KINDS,
     EVENT_RATES_BEFORE,
+    FREE,
+    NUDGE,
     POINT,
     ROLL,
     ROLL_DIRECTION,
+    ROLL_ENDS,
     ROLLING_ARM,
+    SHARP,
     SLIDE,
     SLIP,
     SLIP_DIRECTION,
+    SLIP_ENDS,
     STATIC,
     STIFF,
+    least_slip,
+    line_of,
 )
-from rb_sim.mechanics.contact.creep import slides_on_what_gives
-from rb_sim.mechanics.contact.event_functions import natural_force, natural_turning, rolling
-from rb_sim.mechanics.contact.near_flat_rims import step_of_swings
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
+from rb_sim.mechanics.contact.event_functions import (
+    natural_force,
+    natural_turning,
+    rolling,
+    step_of_swings,
+)
 from rb_sim.mechanics.system import settle
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
 from rb_sim.numerics.kernels import call_step, inline, part, pointer

@@ -13,20 +13,14 @@ from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
 from rb_sim.contact.events.grid import Grid, branch, copy, note_stiffness, reach, stop_that_is_due
 from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
-from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.contact_bodies import (
-    EVENT_KINDS,
-    FREE,
-    ROLL_ENDS,
-    SLIP_ENDS,
-    STOPPED,
-    keep,
-    least_slip,
-    line_of,
-    may_creep,
+from rb_sim.mechanics.contact.accelerations import (
+    SOON,
+    contact_accelerations,
+    fastest_creep,
+    note_creep,
+    rubs,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     AROUND,
     AT_ROLL,
     AT_SLIP,
@@ -35,9 +29,11 @@ from rb_sim.mechanics.contact.contact_table import (
     EVENT_FUNCTION_KINDS,
     EVENT_FUNCTIONS,
     EVENT_FUNCTIONS_BEFORE,
+    EVENT_KINDS,
     EVENT_RATES_BEFORE,
     FASTEST,
     FASTEST_BEFORE,
+    FREE,
     GAP,
     GAP_BEFORE,
     GAP_RATE,
@@ -50,25 +46,34 @@ from rb_sim.mechanics.contact.contact_table import (
     RELATIVE_SPIN,
     ROLL,
     ROLL_DIRECTION,
+    ROLL_ENDS,
     ROLL_RATE,
     SLIDE,
     SLIP,
     SLIP_DIRECTION,
+    SLIP_ENDS,
     SLIP_RATE,
     SPIN,
     SPIN_SIGN,
     STATIC,
+    STILL,
+    keep,
+    least_slip,
+    line_of,
+    may_creep,
 )
-from rb_sim.mechanics.contact.creep import SOON, fastest_creep, note_creep, rubs
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.event_functions import (
+    end_for_rims,
     in_rigid_flight,
     level_rates,
     lowest_level,
+    note_lean,
     roll_level,
     rolling,
     slip_level,
+    turned_by_rounding,
 )
-from rb_sim.mechanics.contact.near_flat_rims import end_for_rims, note_lean, turned_by_rounding
 from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
@@ -567,7 +572,7 @@ PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, KEPT = range(8)
 """Columns by contact of what is kept of slips that are lost in errors: friction since then [N s],
 the body's speed then [m/s], what friction has not taken since [J]; the largest share of that speed,
 its time [s]; the largest angle [rad] by which rounding has turned the lean of a rim (see
-`near_flat_rims`), its time [s]. KEPT: how many."""
+`mechanics.contact.event_functions`), its time [s]. KEPT: how many."""
 
 
 @inline
@@ -602,7 +607,7 @@ def note_slow_slips(system, kept, arms, grid):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
         followed = size > system.still or may_creep(system, c)
-        if not rubs(touch, c) or followed or size <= STOPPED * system.speed:
+        if not rubs(touch, c) or followed or size <= STILL * system.speed:
             kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
@@ -747,7 +752,7 @@ def nearly_stopped(system):
     for c in range(system.touch.shape[0]):
         if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
             slip = norm(vec(system.touch, c, SLIP))
-            if system.touch[c, STATIC] > 0.0 and slip < STOPPED * system.speed:
+            if system.touch[c, STATIC] > 0.0 and slip < STILL * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 

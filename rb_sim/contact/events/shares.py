@@ -8,31 +8,34 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
-from rb_sim.contact.events import tasks
 from rb_sim.contact.events.instant import (
+    CHOOSE,
+    WRITE,
     Instant,
+    Tasks,
     eigenvalues,
     not_finite,
     require_finite,
     singular_values,
 )
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
-from rb_sim.contact.events.tasks import WRITE, Tasks
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.problem.assembly import inverse_mass, spread
+from rb_sim.contact.problem.event_workspace import OPEN
 from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
-from rb_sim.mechanics.contact.contact_bodies import JAMMED, SHARES
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
+    JAMMED,
     NORMAL_SIGN,
     ROLL,
+    SHARES,
     SLIDE,
     SPIN,
     SPRING,
     STATIC,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
 from rb_sim.scene.compiled import Compiled
@@ -51,8 +54,6 @@ if TYPE_CHECKING:
 # corners of a face that spins, the friction and with it the motion depends on them.
 
 
-OPEN = 1e-8
-"""Change of the accelerations, relative to the largest of one reaction, that is rounding."""
 FAR = 1e6
 """Reactions, relative to the largest of the least ones, that shares are not followed beyond."""
 HALVINGS = 30
@@ -156,7 +157,8 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     """Choose the self-stress of the contacts at rest and write it into the system's table.
 
     recent: take the widest margin even where the least reactions will do.  False if there is none
-    to choose, or no reactions within all bounds: then the least ones stand.
+    to choose, or no margin, where something may give: shares just within all bounds stand then, and
+    the least ones where there are none.
     """
     at.system.vectors[SHARES] = 0.0
     reactions = reactions_of(at)
@@ -168,14 +170,15 @@ def share_load(at: Instant, recent: bool = False) -> bool:
     if not recent and cones.admits(none):
         note_shares(at, reactions, cones, none)
         return True
-    best = widest(cones).y
-    if cones.slack(best).min() < LEAST_MARGIN:
-        return False
-    y = moderate(cones, best).y
-    note_shares(at, reactions, cones, y)
-    x = reactions.least + reactions.self_stress @ y
-    at.system.vectors[SHARES, reactions.held] = reactions.unit * x
-    return True
+    y = widest(cones).y
+    stands = bool(cones.slack(y).min() >= LEAST_MARGIN)
+    if stands:
+        y = moderate(cones, y).y
+        note_shares(at, reactions, cones, y)
+    if stands or cones.admits(y):
+        x = reactions.least + reactions.self_stress @ y
+        at.system.vectors[SHARES, reactions.held] = reactions.unit * x
+    return stands
 
 
 def reactions_of(at: Instant) -> Reactions | None:
@@ -267,7 +270,7 @@ def choose_modes(
     """
     at.workspace.opened[list(opened)] = 1
     contact, kind = code or (-1, -1)
-    status = at.call(tasks.CHOOSE, at.t, at.y, (contact, kind, 0))
+    status = at.call(CHOOSE, at.t, at.y, (contact, kind, 0))
     at.workspace.opened[:] = 0  # what follows in the loop may close them again
     if status == TOO_LARGE:
         raise not_finite(OF)
@@ -283,10 +286,6 @@ def choose_modes(
 #
 # Multipliers x that push without effect, W^T x = 0, may be added to any reactions; undetermined is
 # a reaction that such an x changes (a box on four corners, a table on four legs).
-
-
-CHANGED = 1e-8
-"""Change of a reaction's wrench, relative to the largest line, above which it is undetermined."""
 
 
 MOST_CONTACTS = 24
@@ -318,6 +317,6 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     for o, name in enumerate(compiled.layout.reactions):
         own = system.members[o, 1 + part].astype(bool)
         wrench = W[own].T @ free[own]
-        if np.abs(wrench).max(initial=0.0) > CHANGED * np.abs(W).max():
+        if np.abs(wrench).max(initial=0.0) > OPEN * np.abs(W).max():
             names.append(name)
     return tuple(names)

@@ -20,9 +20,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import BIAS, RATE
 from rb_sim.contact.problem.event_workspace import speed_that_is_none, turn_that_is_none
 from rb_sim.mechanics.contact.accelerations import unconstrained
-from rb_sim.mechanics.contact.contact_bodies import ContactBodies, line_of
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
     KINETIC,
@@ -33,7 +31,10 @@ from rb_sim.mechanics.contact.contact_table import (
     SPINNING_ARM,
     SPRING,
     STATIC,
+    ContactBodies,
+    line_of,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, PUSH, WIDTH, six
 from rb_sim.mechanics.systems.multipliers import write_rows

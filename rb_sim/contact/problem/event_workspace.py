@@ -10,9 +10,7 @@ import numpy as np
 from rb_sim.catalogue.contacts.touching import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
-from rb_sim.mechanics.contact.contact_bodies import ContactBodies, line_of
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
@@ -29,7 +27,11 @@ from rb_sim.mechanics.contact.contact_table import (
     SPIN,
     SPINNING_ARM,
     STATIC,
+    STILL,
+    ContactBodies,
+    line_of,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.mechanics.systems.many_bodies import BODY, vec
 from rb_sim.numerics.complementarity import BOUND_WIDTH
@@ -41,8 +43,9 @@ from rb_sim.numerics.vectors import dot, norm, scale, sub
 
 TOUCHING = 1e-10
 """Gap, relative to the scene's length, at which surfaces touch."""
-STILL = 1e-10
-"""Speed, relative to the scene's, that is none: of approach, of slip, of turning."""
+OPEN = 1e-8
+"""Change of a velocity, of accelerations or of a reaction, relative to the largest, by which two
+that the laws allow differ; below is rounding."""
 
 
 @inline
@@ -221,8 +224,8 @@ KINDS = (
     IMPACT, RESTS, CLOSES, OPENS, SLIPS, STICKS, ROLLS, STOPS_ROLLING, SPINS, STOPS_SPINNING,
     REVERSES, JAMS, LEAPS, AMBIGUOUS,
 ) = range(14)  # fmt: skip
-NONE = 1e-9
-"""Part of the largest impulse that is none."""
+NO_PUSH = 1e-9
+"""Part of the largest impulse, or push, that is none."""
 OF_ROUND, CHANGES = 3, 5
 """Most notes of one contact in a round of impacts, and of its changes at one instant."""
 
@@ -251,7 +254,7 @@ def note_impulses(system, workspace, t, kind):
         most = max(most, abs(x[k]))
     for c in range(system.touch.shape[0]):
         k = line_of(system, c)
-        if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > NONE * most:
+        if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > NO_PUSH * most:
             b = 6 * system.lines[k, BODY]
             note(
                 workspace, t, c, kind,

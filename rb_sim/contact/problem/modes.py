@@ -33,16 +33,6 @@ from rb_sim.contact.problem.event_workspace import (
     turning,
 )
 from rb_sim.mechanics.contact.contact_bodies import (
-    LIFT_OFF,
-    ROLL_BEGINS,
-    SHARES,
-    SLIP_BEGINS,
-    SPIN_BEGINS,
-    keep,
-    line_of,
-)
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
     BILATERAL,
     CLOSED,
     COMPLIANT,
@@ -51,20 +41,28 @@ from rb_sim.mechanics.contact.contact_table import (
     GAP_RATE,
     KINETIC,
     LEAN_SIGN,
+    LIFT_OFF,
     NORMAL,
     NORMAL_SIGN,
     ROLL,
+    ROLL_BEGINS,
     ROLL_DIRECTION,
     ROLLING_ARM,
+    SHARES,
     SLIDE,
     SLIP,
+    SLIP_BEGINS,
     SLIP_DIRECTION,
     SPIN,
+    SPIN_BEGINS,
     SPIN_SIGN,
     SPINNING_ARM,
     SPRING,
     STATIC,
+    keep,
+    line_of,
 )
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import settle
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multipliers import write_rows

@@ -18,16 +18,6 @@ from rb_sim.numerics.kernels import inline
 
 
 @inline
-def times(A, x, out):
-    """out = A x."""
-    for i in range(A.shape[0]):
-        s = 0.0
-        for j in range(A.shape[1]):
-            s += A[i, j] * x[j]
-        out[i] = s
-
-
-@inline
 def copy(to, of):
     """The numbers of a vector, in `to`."""
     for i in range(of.shape[0]):
@@ -59,6 +49,9 @@ FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = 
 """Columns of Graph.rows."""
 LINES = 6
 """Of each contact."""
+ENOUGH = 1e-7
+"""Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
+far below what the step itself leaves, of its order."""
 BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
 """Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
 support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,

@@ -16,9 +16,16 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import PROXIMAL, give_joints, relax_joints
+from rb_sim.contact.solvers.gauss_seidel import (
+    PROXIMAL,
+    give_joints,
+    relax_joints,
+    sweep_against_joints,
+    within_circle,
+)
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    ENOUGH,
     GIVE,
     LINES,
     PULLS,
@@ -30,8 +37,6 @@ from rb_sim.contact.solvers.graph import (
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.hybrid import sweep_against_joints, take_over
-from rb_sim.contact.solvers.one_contact import within_circle
 from rb_sim.numerics.kernels import inline
 
 MOST_CONTACTS = 20
@@ -42,15 +47,11 @@ of joints (1e-9 of the scene's length), below what a mass ratio of a million mak
 ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
 """Of finding least shares and checking them by sweeps; turns of pushes and friction in each; sweeps
 of friction in a turn; sweeps of the check."""
-LEAST, FINE = 1e-7, 1e-9
-"""Change of an impulse, relative to the largest, at which shares are the least, and at which turns
-of pushes and friction end."""
+FINE = 1e-9
+"""Change of an impulse, relative to the largest, at which turns of pushes and friction end."""
 FAR, OPEN = 1e3, 1e-6
 """Times the largest impulse that other shares are not followed beyond; change of a velocity by
-other shares, relative to what impulses give, that is none (see DEPENDENT)."""
-STICKS = 1e-6
-"""Slip that is none: what solvers leave of it, over the velocity that the push of the contact would
-give along its tangents."""
+other shares, or slip, relative to what impulses give, that is none: solvers leave it."""
 
 
 @inline
@@ -111,7 +112,7 @@ def friction_of(graph, i, W, r, v, k, slow):
         per_push = graph.rules[i, VISCOUS_PER_PUSH]
         return False, -per_push * v[k + 1], -per_push * v[k + 2]
     slip = math.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
-    if slip <= slow + STICKS * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
+    if slip <= slow + OPEN * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
         return True, 0.0, 0.0
     if r[k] > 0.0:
         return False, r[k + 1] / r[k], r[k + 2] / r[k]
@@ -335,6 +336,17 @@ def settle_friction(graph, chosen, W, r, v, settled):
 
 
 @inline
+def take_over(graph, u, x, chosen, r):
+    """Replace the impulses of the chosen contacts by r; u changes with them."""
+    for m in range(chosen.shape[0]):
+        i = chosen[m]
+        for p in range(3):
+            k = LINES * i + p
+            push(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[3 * m + p] - x[k])
+            x[k] = r[3 * m + p]
+
+
+@inline
 def take_least_shares(graph, u, x, joints, size, slow, rest, look):
     """Let shares that laws leave open be the least ones, with friction that follows; after a
     solution has been found, whose last change was `rest`.
@@ -350,7 +362,7 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
         W, r, v = eliminated(graph, u, x, chosen)
         moved, open_now, at = even_out(graph, chosen, W, r, v, slow, True, look and count == 0)
         figure, of = (open_now, at) if count == 0 else (figure, of)
-        if not moved > LEAST * most:
+        if not moved > ENOUGH * most:
             break
         for _ in range(TURNS):
             settle_friction(graph, chosen, W, r, v, FINE * most)
@@ -359,6 +371,6 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
                 break
         take_over(graph, u, x, chosen, r)
         relax_joints(graph, u, joints)
-        rest, more = sweep_against_joints(graph, u, x, joints, size, LEAST, SWEEPS)
+        rest, more = sweep_against_joints(graph, u, x, joints, size, ENOUGH, SWEEPS)
         made += more
     return rest, made, figure, of

@@ -27,9 +27,8 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.solvers.gauss_seidel import gauss_seidel, push_three
-from rb_sim.contact.solvers.graph import BOUND, GIVE, LINES, copy, copy_rows, rate_of
-from rb_sim.contact.solvers.one_contact import ROUGH
+from rb_sim.contact.solvers.gauss_seidel import ROUGH, gauss_seidel, is_plain, push_three
+from rb_sim.contact.solvers.graph import BOUND, ENOUGH, GIVE, LINES, copy, copy_rows, rate_of
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.numerics.kernels import inline
 
@@ -181,10 +180,10 @@ SOFT, FIRMER = 1000.0, 10.0
 ROUNDS, STAGES, SWEEPS = 8, 12, 10
 """Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
 work."""
-SOLVED = 1e-7
-"""Size of the natural map of a proximal step, relative to the largest impulse, at which it ends;
-FINER of what the laws are to be kept to where that is less, but not below ROUND_OFF."""
-FINER, ROUND_OFF = 1e-2, 1e-11
+FINER, HARDLY = 1e-2, 0.5
+"""A proximal step whose natural map is below ENOUGH has a solution; it is followed to FINER of what
+the laws are to be kept to where that is less, or as far as rounding lets it: until a round leaves
+more than HARDLY of what there was."""
 LOOSE = 1e-2
 """Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
 had is approached in smaller steps."""
@@ -342,8 +341,10 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     rules, blocks = graph.rules, graph.blocks
     A, D, H, g, linked, order, done, found = workspace
     e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
-    given, made = own_map(graph, u, x, A, D) if not e > solved else 1e300, 0
-    while e > solved and given > enough and made < ROUNDS:
+    given, made = residual_of(graph, u, x, A, D) if not e > solved else 1e300, 0
+    last = 1e300
+    while e > solved and given > enough and made < ROUNDS and not ENOUGH > e > HARDLY * last:
+        last = e
         fill_matrix(ends, rows, bodies, D, H, linked)
         for k in range(g.shape[0]):
             g[k] = 0.0
@@ -351,14 +352,14 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
         if not eliminate(H, g, linked, order, done, found):
             return 1e300, 1e300, made
         take_impulses(ends, rows, targets, A, D, u, x, g.reshape((-1, 6)))
-        given = own_map(graph, u, x, A, D)
+        given = residual_of(graph, u, x, A, D)
         e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
         made += 1
     return e, given, made
 
 
 @inline
-def own_map(graph, u, x, A, D):
+def residual_of(graph, u, x, A, D):
     """Size of the natural map of the laws themselves over the largest impulse; A, D: workspace."""
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
@@ -381,14 +382,15 @@ def proximal_newton(graph, bodies, u, x, enough):
     workspace = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
     least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
-    solved = max(min(SOLVED, FINER * enough), ROUND_OFF)
+    solved = min(ENOUGH, FINER * enough)
     for _ in range(STAGES):
         e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
         made += more
-        if not own > enough or not e > solved:
-            least, given = e if own > enough else 0.0, own
-            copy(best_x, x)
-            copy_rows(best_u, u)
+        if not own > enough or not e > ENOUGH:
+            if own < given:
+                least, given = e if own > enough else 0.0, own
+                copy(best_x, x)
+                copy_rows(best_u, u)
             if not given > enough:
                 break
             if grip >= STIFF:  # what gives way still is taken into account
@@ -412,5 +414,46 @@ def proximal_newton(graph, bodies, u, x, enough):
     copy(x, best_x)
     copy_rows(u, best_u)
     if least == 1e300:
-        least = given = own_map(graph, u, x, A, D)
+        least = given = residual_of(graph, u, x, A, D)
     return least, given, made
+
+
+NEAR_SPELLS, NEAR_SPELL = 5, 5
+"""Spells of sweeps of a moving heap that are worth their time before Newton's method, and sweeps in
+one."""
+SPELL = 60
+"""Sweeps before the first call of Newton's method in a heap that rests; twice as many before each
+that follows."""
+
+
+@inline
+def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
+    """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all:
+    sweeps come near from anywhere, Newton's method ends them."""
+    plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
+    while rest > settled and made < sweeps:
+        if made > 0 and plain:
+            proximal_newton(graph, bodies, u, x, 0.0)
+        spell = min(2 * spell if made > 0 else SPELL, sweeps - made)
+        rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
+        made += more
+    return rest, made
+
+
+@inline
+def sweep_near(graph, u, x, enough):
+    """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
+    that NEAR_SPELLS of them would not do.
+
+    Returns (natural map of the laws over the largest impulse, sweeps made).
+    """
+    A, D = np.empty((graph.ends.shape[0], 3)), np.empty((graph.ends.shape[0], 9))
+    given, made, expected = residual_of(graph, u, x, A, D), 0, 0.0
+    for left in range(NEAR_SPELLS - 1, -1, -1):
+        if not given > enough or expected > enough:
+            break
+        last = given
+        _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, NEAR_SPELL)
+        given, made = residual_of(graph, u, x, A, D), made + more
+        expected = given * (given / last) ** left
+    return given, made

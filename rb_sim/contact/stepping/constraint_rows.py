@@ -21,22 +21,7 @@ from rb_sim.contact.solvers.graph import (
     Graph,
     rate_of,
 )
-from rb_sim.contact.stepping.geometry import (
-    CLOSED,
-    GAP,
-    IMPULSE,
-    MOVES,
-    NORMAL,
-    POINT,
-    ROLL,
-    SLIDE,
-    SPIN,
-    TURNS_AT,
-    TWIST,
-    put,
-    triple,
-)
-from rb_sim.contact.stepping.normal_change import CROWDED, find_bend, straighten_crowds
+from rb_sim.contact.stepping.geometry import CROWDED, find_bend, put, straighten_crowds, triple
 from rb_sim.contact.stepping.scene_tables import (
     BILATERAL,
     COMPLIANT,
@@ -51,14 +36,25 @@ from rb_sim.contact.stepping.scene_tables import (
     TRACTION,
 )
 from rb_sim.contact.stepping.step_workspace import (
+    CLOSED,
     EXACT,
     FRESH,
+    GAP,
+    IMPULSE,
     LEAVES,
     LENGTH,
+    MOVES,
     MOVES_AT,
     NEAR,
     NEAREST,
+    NORMAL,
+    POINT,
+    ROLL,
+    SLIDE,
+    SPIN,
     STUCK,
+    TURNS_AT,
+    TWIST,
 )
 from rb_sim.mechanics.contact.constraint_tables import traction_at
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of

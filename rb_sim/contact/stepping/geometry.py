@@ -6,32 +6,55 @@ traced from the catalogue's function (`scene_tables.spot_law`) and called by its
 
 from __future__ import annotations
 
+import math
+
 from rb_sim.catalogue.geometry.boxes import boxes_touching
+from rb_sim.contact.solvers.graph import rate_of
 from rb_sim.contact.stepping.scene_tables import (
     BODY,
     BOXES,
+    COMPLIANT,
     CONSTANT,
     FIRST,
     LAW,
     PARENT,
     RESTS,
+    STATIC,
+    TRACTION,
+)
+from rb_sim.contact.stepping.step_workspace import (
+    AIM,
+    ANCHOR,
+    CLOSED,
+    ENDS,
+    GAP,
+    MEMORY,
+    MOVES,
+    NORMAL,
+    PLACE,
+    POINT,
+    SLIDE,
+    SPOT,
+    STUCK,
+    THEN,
+    TOO_FAR,
+    USED,
 )
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.kernels import call_law, inline, part, pointer
-from rb_sim.numerics.vectors import add, dot, rotate, sub, unrotate
+from rb_sim.numerics.vectors import (
+    add,
+    cross,
+    dot,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+    unrotate,
+)
 
-GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
-"""Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
-IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM = (
-    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
-)  # fmt: skip
-"""Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
-axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
-closes nor opens then; change of velocity that the normal impulse of the step is for its body."""
-THEN, ENDS, MEMORY = 21, 25, 29
-"""The same: velocity of the body relative to its support at P, along the normal and across it (3,
-world axes), with which the step ended, in its middle and at its end."""
 FAR = 1e300
 SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""
@@ -136,3 +159,133 @@ def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
             workspace[2], workspace, A.q_WB, c_A, half_A, B.q_WB, c_B, half_B, reach
         )
         place_points(tables, memory, spots, workspace, e, count, n, B, not again)
+
+
+# How lines of contact turn within a step.
+#
+# What keeps touching has no velocity along the normal at the end of a step, n_1 . u = 0.  The
+# step gives its impulses in the middle, where the same velocity is n . u = -b: until the end the
+# normal turns on, and the point moves on along what is curved, by b = d(n . u)/dt h/2 at
+# constant velocity. With n . u = 0 in the middle each step would end with b, of either sign, and
+# the impulse N h of the next one, which acts on the mean of the velocities before and after it,
+# would do the work N h b/2: energy that a hollow takes and a hump gives, of first order in the
+# step.  With -b it does none but of third order (Hairer, Lubich, Wanner, *Geometric Numerical
+# Integration*, section VII.1.4).
+#
+# b follows from what the step before has left: its velocity at the end of it and here, half a step
+# later.  Across the normal the same holds of what sticks.  A point that jumps has another velocity
+# after it, which is no b: it is struck.
+
+
+ALIKE = 0.5
+"""Of a change of velocity in half a step: how far that of the half step before it, extrapolated,
+may be from it; farther apart they are those of a point that has jumped."""
+
+
+FREEDOMS, CROWD = 6.0, 1e300
+"""Of a body; mark of the bodies of a crowd."""
+CROWDED = 3
+"""Column of Workspace.bends: 1 of contacts between bodies of a crowd."""
+
+
+@inline
+def has_turned(memory, spots, y, c, b, h):
+    """Whether the only point of contact c, which has borne, lies in another direction from its body
+    than at the end of the last step: y is half a step later, at the velocities of that time."""
+    B = state_of(y, b)
+    now = sub(triple(spots, c, POINT), B.p_WC)
+    then = sub(triple(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
+    return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
+
+
+@inline
+def sticks(memory, laws, c):
+    """Whether the laws tell of the velocity across the normal of point c what it will be: not where
+    it slips, since corners of a face that slips and turns bend apart and cannot all be held so."""
+    return memory[c, SLIDE] == STUCK or (laws[c, TRACTION] != 0.0 and laws[c, STATIC] == 0.0)
+
+
+@inline
+def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
+    """Write the change of velocity of contact i, point c, since the end of the last step, along the
+    normal and both tangents; 0 where it did not bear, has jumped, or its support gives way.
+
+    rates: its relative velocity along the three, before loads and impulses; ratio: length of the
+    step h over that of the last one.
+    """
+    bends[i, 0] = bends[i, 1] = bends[i, 2] = 0.0
+    if memory[c, CLOSED] == 0.0 or laws[c, COMPLIANT] == 1.0:
+        return
+    if has_turned(memory, spots, y, c, b, h):
+        return
+    here = rates[0] - memory[c, ENDS]
+    if abs(ratio * (memory[c, ENDS] - memory[c, THEN]) - here) <= ALIKE * abs(here):
+        bends[i, 0] = here
+    if not sticks(memory, laws, c):
+        return
+    t1, t2 = perpendicular(triple(spots, c, NORMAL))
+    end = triple(memory, c, ENDS + 1)
+    across = sub(add(scale(rates[1], t1), scale(rates[2], t2)), end)
+    before = scale(ratio, sub(end, triple(memory, c, THEN + 1)))
+    if norm(sub(before, across)) <= ALIKE * norm(across):
+        bends[i, 1], bends[i, 2] = dot(t1, across), dot(t2, across)
+
+
+@inline
+def find_crowds(laws, active, ends, held, n):
+    """Write CROWD for bodies that touch each other, of which the lines that may hold one are more
+    than its freedoms; n contacts.  What touches fixed supports alone is none, whatever holds it."""
+    for i in range(held.shape[0]):
+        held[i] = 0.0
+    for i in range(n):
+        c, b, a = active[i], ends[i, 0], ends[i, 1]
+        lines = 3.0 if laws[c, TRACTION] != 0.0 or laws[c, STATIC] > 0.0 else 1.0
+        held[b] += lines
+        if a >= 0:
+            held[a] += lines
+    changed = True
+    while changed:
+        changed = False
+        for i in range(n):
+            b, a = ends[i, 0], ends[i, 1]
+            if a < 0 or (held[b] == CROWD and held[a] == CROWD):
+                continue
+            if max(held[b], held[a]) > FREEDOMS:
+                held[b] = held[a] = CROWD
+                changed = True
+
+
+@inline
+def straighten_crowds(laws, bends, active, ends, held, n):
+    """Take away the bends of the n contacts at bodies of a crowd, and mark these contacts: the laws
+    of a heap that moves are kept about, and what its bends ask for contradicts itself."""
+    find_crowds(laws, active, ends, held, n)
+    for i in range(n):
+        bends[i, CROWDED] = 1.0 if held[ends[i, 0]] == CROWD else 0.0
+        if bends[i, CROWDED] == 1.0:
+            bends[i, 0] = bends[i, 1] = bends[i, 2] = 0.0
+
+
+@inline
+def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
+    """Keep the relative velocity of point c with lines from k on after the impulses."""
+    n, moved = triple(spots, c, NORMAL), triple(spots, c, MOVES)
+    memory[c, THEN] = rate_of(rows, k, u, b, a) - dot(n, moved)
+    s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
+    s2 = rate_of(rows, k + 2, u, b, a) - dot(t2, moved)
+    put(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
+
+
+@inline
+def note_ends(tables, memory, workspace, y):
+    """Keep the relative velocities at the end of the step, of what bears."""
+    for c in range(memory.shape[0]):
+        if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
+            continue
+        B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
+        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
+        v = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
+        v = sub(v, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), sub(p, A.p_WC))))
+        v = sub(v, triple(workspace.spots, c, MOVES))
+        memory[c, ENDS] = dot(n, v)
+        put(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

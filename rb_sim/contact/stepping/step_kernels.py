@@ -10,25 +10,14 @@ from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
 from rb_sim.contact.stepping.constraint_rows import six, write_line
 from rb_sim.contact.stepping.geometry import (
-    AIM,
-    ANCHOR,
-    CLOSED,
     FAR,
-    GAP,
-    IMPULSE,
-    MOVES,
-    NORMAL,
-    POINT,
-    SLIDE,
-    TURNS_AT,
-    TWIST,
     find_spots,
+    note_ends,
     pushed,
     put,
     spot_at,
     triple,
 )
-from rb_sim.contact.stepping.normal_change import note_ends
 from rb_sim.contact.stepping.scene_tables import (
     ARM,
     BILATERAL,
@@ -53,22 +42,33 @@ from rb_sim.contact.stepping.step import (
     solve_step,
 )
 from rb_sim.contact.stepping.step_workspace import (
+    AIM,
+    ANCHOR,
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
+    CLOSED,
     EXACT,
     GAINED,
+    GAP,
+    IMPULSE,
     LENGTH,
     MADE,
+    MOVES,
+    NORMAL,
     OPEN,
     OPEN_AT,
     OPEN_NOW,
     OPEN_OF,
     OPEN_OF_NOW,
+    POINT,
     PUSH_ROUNDS,
     PUSH_SWEEPS,
     SHIFT_ROUNDS,
+    SLIDE,
     STUCK,
+    TURNS_AT,
+    TWIST,
     WORK,
 )
 from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
@@ -263,10 +263,9 @@ MOST_PARTS = 16
 """Of a step; what is left then is one part, as if nothing were fast."""
 LEAST_PART = 1.0 / 128.0
 """Of what is left of a step: shorter parts are none."""
-AT_END = 1e-9
-"""The same of what meets at the end of a step: it does so at the start of the next one."""
 TOUCHES, BEARS, SOON = 1e-9, 0.1, 1e-3
-"""Gap, relative to the scene's length, of what touches; part of its speed that it may come nearer
+"""Gap, relative to the scene's length, of what touches, and part of what is left of a step of what
+meets at its ends, or at the start of the next one; part of its speed that it may come nearer
 with and bear, or leave, in that part of the step; what comes nearer faster meets."""
 FAR_ENOUGH = 4.0
 """Times the way of the fastest surface in a step: a gap that was as large half a step ago is not
@@ -361,13 +360,13 @@ def next_part(tables, workspace, y, left, number):
     part, centred = left, False
     if number + 1 < MOST_PARTS and first >= 0.0:
         half = min(0.5 * LEAST_PART * left, left - first)
-        if first <= AT_END * left:
+        if first <= TOUCHES * left:
             part, centred = LEAST_PART * left, True
         elif first <= 2.0 * half:
             part, centred = min(2.0 * first, left), True
-        elif half > AT_END * left:
+        elif half > TOUCHES * left:
             part = first - half
-    if left - part <= AT_END * left:
+    if left - part <= TOUCHES * left:
         part = left
     for c in range(workspace.meets.shape[0]):
         within = number + 1 >= MOST_PARTS or (centred and workspace.meets[c] <= part)

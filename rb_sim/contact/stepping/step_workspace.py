@@ -9,15 +9,24 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
-from rb_sim.contact.stepping.geometry import MEMORY, SPOT
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 
+GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
+"""Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
+IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM = (
+    0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
+)  # fmt: skip
+"""Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
+axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
+closes nor opens then; change of velocity that the normal impulse of the step is for its body."""
+THEN, ENDS, MEMORY = 21, 25, 29
+"""The same: velocity of the body relative to its support at P, along the normal and across it (3,
+world axes), with which the step ended, in its middle and at its end."""
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 SETTLED = 1e-12
 """Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
-FEW_SWEEPS, ENOUGH = 5, 1e-7
-"""Sweeps of a moving heap that are made in any case, and the same change (after Newton's method the
-natural map) at which the solver ends: far below what the step itself leaves, of its order."""
+FEW_SWEEPS = 5
+"""Sweeps of a moving heap that are made in any case."""
 FINE = 1e-4
 """Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
 no Newton's method, and in it contacts need not grip firmer: what is left is told as GAVE alone."""

@@ -18,8 +18,14 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.solids import Box
 from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
 from rb_sim.contact.stepping import step_kernels
-from rb_sim.contact.stepping.neighbours import Neighbours, resized
-from rb_sim.contact.stepping.scene_tables import PointLaws, Tables, addresses, tables_of
+from rb_sim.contact.stepping.scene_tables import (
+    Neighbours,
+    PointLaws,
+    Tables,
+    addresses,
+    resized,
+    tables_of,
+)
 from rb_sim.contact.stepping.step_workspace import (
     ASTRAY,
     ASTRAY_AT,

@@ -10,9 +10,7 @@ from rb_sim.catalogue.contacts.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.graph.functions import leaves
 from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
-from rb_sim.mechanics.contact.contact_bodies import ContactBodies, keep, least_slip, line_of
-from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     AROUND,
     CLOSED,
     DIRECT,
@@ -35,7 +33,12 @@ from rb_sim.mechanics.contact.contact_table import (
     SPIN,
     SPIN_SIGN,
     SPRING,
+    ContactBodies,
+    keep,
+    least_slip,
+    line_of,
 )
+from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
 from rb_sim.mechanics.systems.many_bodies import (
     LOAD,
     WIDTH,

@@ -12,10 +12,154 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.mechanics.contact.contact_table import COMPLIANT
 from rb_sim.mechanics.system import EVENT_DRIVEN
 from rb_sim.mechanics.systems.many_bodies import LINE_COLUMNS
 from rb_sim.numerics.kernels import inline
+
+# The table of contacts, `ContactBodies.touch`: one row per point of contact, its columns by name.
+#
+# Its four parts lie apart.  Parameters say what the contact is.  State is all that one step hands
+# to the next: only events and the start of a step write it.  What is known of a step's start
+# serves the look inside the step.  Scratch every evaluation of the equations writes anew, before
+# it reads it, so that a sample between two steps disturbs neither.
+
+
+class Column(NamedTuple):
+    """One quantity of the table; vectors have world axes."""
+
+    name: str
+    width: int
+    """numbers that it takes."""
+    unit: str
+    meaning: str
+
+
+EVENT_FUNCTION_KINDS = 5
+"""Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
+may pass through zero and come back within a step."""
+AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
+"""Places among them; the gap's, or the push's, is the first."""
+
+LEAN_WIDTH = 7
+"""Numbers of a rims.Lean."""
+
+PARAMETERS = (
+    Column("static", 1, "1", "bound of the traction at rest over N; 0: a law without a corner"),
+    Column("rolling_arm", 1, "m", "bound of the rolling torque at rest over N"),
+    Column("spinning_arm", 1, "m", "bound of the spinning torque at rest over N"),
+    Column("bilateral", 1, "0 or 1", "whether N may pull"),
+    Column("compliant", 1, "0 or 1", "whether the support gives way"),
+    Column("rim", 1, "number", "first contact that is a point of the same rim; -1: of no rim"),
+    Column("restitution", 1, "1", "e of impacts"),
+    Column("kinetic", 1, "1", "traction over N as a slip begins after rest; inf: it never slips"),
+    Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
+)
+
+STATE = (
+    Column("closed", 1, "0 or 1", "whether the contact pushes"),
+    Column("slide", 1, "mode", "traction: NONE, SLIDING or STUCK"),
+    Column("roll", 1, "mode", "rolling torque: NONE, SLIDING or STUCK"),
+    Column("spin", 1, "mode", "spinning torque: NONE, SLIDING or STUCK"),
+    Column("normal_sign", 1, "sign", "of N, where it may pull"),
+    Column("slip_direction", 3, "1", "direction of slip at the start of the step"),
+    Column("roll_direction", 3, "1", "direction of rolling at the start of the step"),
+    Column("spin_sign", 1, "sign", "of spinning at the start of the step"),
+    Column("creeps", 1, "m/s", "slip below which what creeps may rest; 0: it does not creep"),
+    Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
+)
+
+START = (
+    Column("gap_before", 1, "m", "gap at the start of the step"),
+    Column("gap_rate_before", 1, "m/s", "its rate there"),
+    Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
+    Column("normal_before", 3, "1", "n there"),
+    Column(
+        "event_functions_before",
+        EVENT_FUNCTION_KINDS,
+        "1",
+        "event functions at the start of the step",
+    ),
+    Column("event_rates_before", EVENT_FUNCTION_KINDS, "1/s", "their rates there"),
+    Column(
+        "stiff", 1, "1/s", "rate at which friction turns a slip that goes on; 0: none, or it ends"
+    ),
+    Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
+    Column("roll_rate", 3, "rad/s^2", "rate of the rolling, which is across n, there"),
+    Column("swing", 1, "s", "time in which the low point of a held rim may go round it"),
+    Column("nears", 1, "1", "cosine of the angle between where it leans and where it goes up to"),
+)
+
+SCRATCH = (
+    Column("gap", 1, "m", "distance of the surfaces along n, negative where they overlap"),
+    Column("gap_rate", 1, "m/s", "its rate"),
+    Column("normal", 3, "1", "n, from the parent to the body"),
+    Column("point", 3, "m", "P, where they touch or are nearest"),
+    Column("slip", 3, "m/s", "velocity of the body's surface over the parent's, across n"),
+    Column("relative_spin", 3, "rad/s", "angular velocity of the body over the parent's"),
+    Column("direct", 3, "N", "force that does not wait for N: viscous, or of a compliance"),
+    Column("direct_torque", 3, "N m", "torque that does not wait for N, about P"),
+    Column("normal_force", 1, "N", "N itself"),
+    Column("pivot", 1, "1", "effective over ideal pivot of N; 0 where friction jams"),
+    Column("spring", 1, "N", "force of a compliant support without regard to its sign"),
+    Column("fastest", 1, "m/s", "speed that no point of body or support exceeds here"),
+    Column(
+        "event_functions", EVENT_FUNCTION_KINDS, "1", "event functions in the mode of the contact"
+    ),
+    Column("low", 3, "1", "direction of the low point of a rim (rims.Lean)"),
+    Column("axis", 3, "1", "that of the rim, upwards, across the normal (rims.Lean)"),
+    Column("lean_sign", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
+    Column("around", 1, "rad", "0: low point of a rim; else its place round the rim"),
+)
+
+
+def first_columns(*parts: tuple[Column, ...]) -> tuple[dict[str, int], int]:
+    """(the first column of each quantity, how many columns there are)."""
+    places: dict[str, int] = {}
+    at = 0
+    for column in (column for part in parts for column in part):
+        places[column.name], at = at, at + column.width
+    return places, at
+
+
+_AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
+
+STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
+BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
+RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
+CLOSED, SLIDE, ROLL, SPIN, NORMAL_SIGN = (
+    _AT[n] for n in ("closed", "slide", "roll", "spin", "normal_sign")
+)
+SLIP_DIRECTION, ROLL_DIRECTION, SPIN_SIGN = (
+    _AT["slip_direction"],
+    _AT["roll_direction"],
+    _AT["spin_sign"],
+)
+LEAN_BEFORE, CREEPS = _AT["lean_before"], _AT["creeps"]
+STIFF = _AT["stiff"]
+GAP_BEFORE, GAP_RATE_BEFORE = _AT["gap_before"], _AT["gap_rate_before"]
+FASTEST_BEFORE, NORMAL_BEFORE = _AT["fastest_before"], _AT["normal_before"]
+EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE = (
+    _AT["event_functions_before"],
+    _AT["event_rates_before"],
+)
+SLIP_RATE, ROLL_RATE = _AT["slip_rate"], _AT["roll_rate"]
+SWING, NEARS = _AT["swing"], _AT["nears"]
+GAP, GAP_RATE, NORMAL, POINT = (_AT[n] for n in ("gap", "gap_rate", "normal", "point"))
+SLIP, RELATIVE_SPIN = _AT["slip"], _AT["relative_spin"]
+DIRECT, DIRECT_TORQUE, NORMAL_FORCE = _AT["direct"], _AT["direct_torque"], _AT["normal_force"]
+PIVOT, SPRING, FASTEST, EVENT_FUNCTIONS = (
+    _AT[n] for n in ("pivot", "spring", "fastest", "event_functions")
+)
+LOW, AXIS, LEAN_SIGN, AROUND = (_AT[n] for n in ("low", "axis", "lean_sign", "around"))
+
+GEOMETRY_WIDTH = RELATIVE_SPIN + 3 - GAP
+"""Columns from GAP on that a law gives in this order."""
+FORCES_WIDTH = NORMAL_FORCE + 1 - DIRECT
+"""Columns from DIRECT on that the law of a closed contact gives in this order."""
+
+FIRST_OF_SCRATCH = GAP
+"""Columns before it outlast an evaluation of the equations."""
+
 
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3
 ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8, 9
@@ -25,12 +169,10 @@ FREE = 1e300
 """Event function of what has no bound."""
 NUDGE = 1e-6
 """Time over which rates of event functions are found, in natural units."""
-ROUNDING = 1e-14
-"""Of an acceleration, relative to the terms that it is the sum of."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
-STOPPED = 1e-10
-"""Slip, relative to the scene's speed, that is none."""
+STILL = 1e-10
+"""Speed, relative to the scene's, that is none: of approach, of slip, of turning."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
 NEAR_JAM = 1e-3
@@ -60,7 +202,7 @@ class ContactBodies(NamedTuple):
     contacts: tuple
     """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
     touch: np.ndarray
-    """the table of contacts (see contact_table), shape (contacts, TOUCH_WIDTH)."""
+    """the table of contacts, see above, shape (contacts, TOUCH_WIDTH)."""
     pushes: np.ndarray
     """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float

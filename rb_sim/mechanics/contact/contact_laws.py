@@ -37,8 +37,7 @@ from rb_sim.mechanics.contact.constraint_tables import (
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
-from rb_sim.mechanics.contact.contact_projection import bring_to_manifold
-from rb_sim.mechanics.contact.motion_kernels import contact_rate
+from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold, contact_rate
 from rb_sim.mechanics.inputs import Inputs, numbers, skeleton, with_numbers
 from rb_sim.mechanics.systems.many_bodies import (
     BODY_WIDTH,

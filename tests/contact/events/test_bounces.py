@@ -9,10 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.instant import Instant
+from rb_sim.contact.events.instant import Instant, Tasks
 from rb_sim.contact.events.shares import choose_modes
-from rb_sim.contact.events.tasks import Tasks
-from rb_sim.contact.problem.bounces import (
+from rb_sim.contact.problem.impacts import (
     free_normal_acceleration,
 )
 from tests.contact.scenes import G, ball, box, scene, touch

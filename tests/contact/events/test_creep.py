@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation, load_scene
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.contact_table import SLIP
+from rb_sim.mechanics.contact.contact_bodies import SLIP
 from rb_sim.mechanics.system import rate_into
 from tests.interpreted import interpreted
 

@@ -76,7 +76,7 @@ def test_tossed_disk_finds_soft_ground() -> None:
 def overlap_seen() -> float:
     """What the residual of a sample tells of a ball set 1 mm into the floor, its contact open."""
     from rb_sim import load_scene
-    from rb_sim.mechanics.contact.contact_table import CLOSED
+    from rb_sim.mechanics.contact.contact_bodies import CLOSED
     from rb_sim.mechanics.system import sample
     from rb_sim.motion.motion import row_width
     from rb_sim.scene.compile import compile_scene

@@ -23,10 +23,9 @@ def struck(
     """What one strike, or rounds of them, make of balls at the floor that come down at these speeds
     and slip along y."""
     from rb_sim import load_scene
-    from rb_sim.contact.events.instant import Instant
-    from rb_sim.contact.events.tasks import Tasks
+    from rb_sim.contact.events.instant import Instant, Tasks
     from rb_sim.contact.problem import impacts
-    from rb_sim.mechanics.contact.contact_table import CLOSED
+    from rb_sim.mechanics.contact.contact_bodies import CLOSED
     from rb_sim.scene.compile import compile_scene
 
     names = ("body", "other", "third")[: len(speeds)]

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.events.instant import Instant, bring_back, leap
-from rb_sim.mechanics.contact.contact_table import GAP, GAP_RATE
+from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.contact.scenes import G, ball, scene, touch
 from tests.interpreted import interpreted

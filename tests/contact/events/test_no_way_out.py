@@ -11,7 +11,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.instant import Instant
 from rb_sim.contact.problem.impacts import STRUCK, strike
-from rb_sim.mechanics.contact.contact_table import CLOSED
+from rb_sim.mechanics.contact.contact_bodies import CLOSED
 from tests.contact.scenes import ball, scene, touch
 from tests.contact_runs import contact_run
 from tests.interpreted import interpreted

@@ -12,8 +12,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim.contact.events import shares
 from rb_sim.contact.events.shares import Reactions, cones_of
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     NORMAL_SIGN,
     ROLL,
@@ -23,6 +22,7 @@ from rb_sim.mechanics.contact.contact_table import (
     STATIC,
     TOUCH_WIDTH,
 )
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import contact_run
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.instant import Instant
-from rb_sim.contact.events.tasks import ARRIVE, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Tasks
+from rb_sim.contact.events.instant import ARRIVE, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Instant, Tasks
 from rb_sim.contact.problem.event_workspace import KINDS, Journal
 from tests.contact.scenes import ball, box, scene, touch
 

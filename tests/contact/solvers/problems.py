@@ -94,3 +94,46 @@ COLLECTION = {
     "large heap": lambda: random_heap(4, contacts=30, bodies=12),
     "slippery heap": lambda: random_heap(5, contacts=20, bodies=8, mu=0.1),
 }
+
+
+def dense(graph: Graph, u: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(W, q, mu, r): the Delassus matrix, shape (3n, 3n), velocities without impulses, coefficients
+    and impulses of a graph; u: velocities that x has been pushed into."""
+    n, bodies = len(graph.ends), len(u)
+    J, P = np.zeros((3 * n, 6 * bodies)), np.zeros((3 * n, 6 * bodies))
+    at = [LINES * i + p for i in range(n) for p in range(3)]
+    for m, k in enumerate(at):
+        b, a = graph.ends[k // LINES]
+        row = graph.rows[k]
+        J[m, 6 * b : 6 * b + 6] = row[:6]
+        P[m, 6 * b : 6 * b + 6] = [*row[LIGHT_B] * row[:3], *row[TURN_B : TURN_B + 3]]
+        if a >= 0:
+            J[m, 6 * a : 6 * a + 6] = row[6:12]
+            P[m, 6 * a : 6 * a + 6] = [*row[LIGHT_A] * row[6:9], *row[TURN_A : TURN_A + 3]]
+    W, r = J @ P.T, x[at]
+    return W, J @ u.ravel() - graph.targets[at] - W @ r, graph.rules[:, BOUND], r
+
+
+def onto_cone(point: np.ndarray, mu: float) -> np.ndarray:
+    """The point of |(y, z)| <= mu x nearest to (x, y, z)."""
+    x, size = point[0], np.hypot(*point[1:])
+    if size <= mu * x:
+        return point
+    if mu * size <= -x:
+        return np.zeros(3)
+    near = (x + mu * size) / (1.0 + mu * mu)
+    return np.array([near, *(mu * near / size * point[1:])])
+
+
+def residual(W: np.ndarray, q: np.ndarray, mu: np.ndarray, r: np.ndarray) -> float:
+    """How far r is from a solution of Signorini's and Coulomb's laws for u = W r + q, relative to
+    the largest impulse or to what would stop the largest velocity: by the natural map
+    r - P_K(r - (u + mu |u_T| n) / w) of each contact (De Saxce), w the largest of its own block."""
+    error = []
+    for u, own, part, c in zip(
+        (W @ r + q).reshape(-1, 3), np.diag(W).reshape(-1, 3), r.reshape(-1, 3), mu, strict=True
+    ):
+        moved = u + [c * np.hypot(*u[1:]), 0.0, 0.0]
+        error.append(part - onto_cone(part - moved / own.max(), c))
+    scale = max(np.abs(r).max(), (np.abs(q) / np.diag(W)).max())
+    return float(np.abs(error).max() / scale)

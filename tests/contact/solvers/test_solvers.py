@@ -8,63 +8,34 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.solvers.newton import FrictionProblem, residual
-from tests.contact.solvers.problems import COLLECTION
+from tests.contact.solvers.problems import COLLECTION, dense, residual
 from tests.interpreted import interpreted
 
 SETTLED = 1e-13
 
 
 def swept(name: str, sweeps: int) -> tuple[Any, ...]:
-    """(residual of the sweeps, problem, reactions, velocities) by Gauss-Seidel alone."""
+    """(residual of the sweeps, graph, impulses, velocities) by Gauss-Seidel alone."""
     from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
-    from rb_sim.contact.solvers.graph import LINES
-    from rb_sim.contact.solvers.newton import delassus
 
     graph, u = COLLECTION[name]()
-    x, every = np.zeros(len(graph.targets)), np.arange(len(graph.ends))
+    x = np.zeros(len(graph.targets))
     rest, _ = gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
-    W, q, mu, r = delassus(graph, u, x, every)
-    at_contacts = np.array([graph.rows[k, :6] @ u[b] + (graph.rows[k, 6:12] @ u[a] if a >= 0 else 0)
-                            for k, (b, a) in ((LINES * i + p, graph.ends[i])
-                                              for i in every for p in range(3))])  # fmt: skip
-    return rest, W, q, mu, r, at_contacts
-
-
-def polished(name: str) -> tuple[Any, ...]:
-    """(W, q, mu, r) by a few sweeps and Newton's method."""
-    from rb_sim.contact.solvers.newton import newton
-
-    _, W, q, mu, r, _ = swept(name, 60)
-    r, _ = newton(W, q, mu, r, 20, SETTLED)
-    return W, q, mu, r
+    return rest, graph, u, x
 
 
 @pytest.mark.parametrize("name", COLLECTION)
 def test_gauss_seidel_solves(name: str) -> None:
     """The residual of the problem vanishes, and the velocities that the bodies were given are those
-    of the Delassus matrix."""
-    rest, W, q, mu, r, at_contacts = interpreted(swept, name, 3000)
+    of the impulses."""
+    rest, graph, u, x = interpreted(swept, name, 3000)
+    W, q, mu, r = dense(graph, u, x)
     assert rest <= 1e-9
-    assert residual(FrictionProblem(W, q, mu), r) <= 1e-8
-    targets = COLLECTION[name]()[0].targets.reshape(-1, 6)[:, :3].reshape(-1)
-    assert_allclose(W @ r + q + targets, at_contacts, atol=1e-12)
+    assert residual(W, q, mu, r) <= 1e-8
+    assert_allclose(q, dense(graph, COLLECTION[name]()[1], 0.0 * x)[1], atol=1e-12)
     pushes = r.reshape(-1, 3)
     assert (pushes[:, 0] >= 0.0).all()
     assert (np.hypot(pushes[:, 1], pushes[:, 2]) <= mu * pushes[:, 0] * (1 + 1e-12)).all()
-
-
-@pytest.mark.parametrize("name", COLLECTION)
-def test_newton_ends_where_gauss_seidel_does(name: str) -> None:
-    """The same velocities, which are determined though the reactions of redundant contacts are not;
-    and further than the sweeps that it started from."""
-    W, q, mu, r = interpreted(polished, name)
-    start = interpreted(swept, name, 60)[4]
-    problem = FrictionProblem(W, q, mu)
-    assert residual(problem, r) <= 1e-8
-    assert residual(problem, r) <= residual(problem, start)
-    _, W, q, mu, other, _ = interpreted(swept, name, 3000)
-    assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
 
 
 def bodies_of(graph: Any) -> np.ndarray:
@@ -83,56 +54,53 @@ def bodies_of(graph: Any) -> np.ndarray:
 
 
 def in_velocities(name: str, sweeps: int) -> tuple[Any, ...]:
-    """(residual told, W, q, mu, r, velocities by Newton's method in the velocities of bodies, and
-    those that the impulses give) after so many sweeps."""
+    """(residual told, graph, velocities and impulses by Newton's method in the velocities of
+    bodies) after so many sweeps."""
     from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
-    from rb_sim.contact.solvers.graph import push
-    from rb_sim.contact.solvers.newton import delassus
     from rb_sim.contact.solvers.proximal_newton import proximal_newton
 
     graph, u = COLLECTION[name]()
-    free, x, every = u.copy(), np.zeros(len(graph.targets)), np.arange(len(graph.ends))
+    x = np.zeros(len(graph.targets))
     gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
     _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, 1e-11)
-    W, q, mu, r = delassus(graph, u, x, every)
-    for k in np.flatnonzero(x):
-        push(graph.rows, k, free, *graph.ends[k // 6], x[k])
-    return rest, W, q, mu, r, u, free
+    return rest, graph, u, x
 
 
 @pytest.mark.parametrize("name", COLLECTION)
 def test_newton_in_the_velocities_of_bodies(name: str) -> None:
     """It solves what sweeps have only begun: the residual that it tells is that of the problem, the
-    velocities are those of its impulses and those that the sweeps come to in the end."""
-    rest, W, q, mu, r, u, pushed = interpreted(in_velocities, name, 5)
-    assert rest <= 1e-9
-    assert residual(FrictionProblem(W, q, mu), r) <= 1e-9
-    assert_allclose(u, pushed, atol=1e-12 * np.abs(COLLECTION[name]()[1]).max())
-    _, W, q, mu, other, _ = interpreted(swept, name, 3000)
+    velocities are those of its impulses and those that the sweeps come to in the end, which are
+    determined though the impulses of redundant contacts are not."""
+    rest, graph, u, x = interpreted(in_velocities, name, 5)
+    W, q, mu, r = dense(graph, u, x)
+    assert rest <= 1e-10
+    assert residual(W, q, mu, r) <= 1e-10
+    free = COLLECTION[name]()[1]
+    assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
+    W, q, _, other = dense(*interpreted(swept, name, 3000)[1:])
     assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
 
 
 def swept_near(name: str, enough: float) -> tuple[Any, ...]:
-    """(residual told, W, q, mu, r) where sweeps are to come as near to the laws as `enough`."""
+    """(residual told, graph, velocities, impulses) where sweeps are to come as near to the laws as
+    `enough`."""
     from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
-    from rb_sim.contact.solvers.hybrid import sweep_near
-    from rb_sim.contact.solvers.newton import delassus
+    from rb_sim.contact.solvers.proximal_newton import sweep_near
 
     graph, u = COLLECTION[name]()
-    x, every = np.zeros(len(graph.targets)), np.arange(len(graph.ends))
+    x = np.zeros(len(graph.targets))
     gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, 5)
     told, sweeps = sweep_near(graph, u, x, enough)
     assert told <= enough or sweeps > 0
-    return told, *delassus(graph, u, x, every)
+    return told, graph, u, x
 
 
 @pytest.mark.parametrize("name", COLLECTION)
 def test_sweeps_tell_how_near_they_are(name: str) -> None:
     """By another map of the same laws (De Saxce's), which may be larger by what a projection
     onto the cone makes of an error, not by orders."""
-    told, W, q, mu, r = interpreted(swept_near, name, 1e-4)
-    left = residual(FrictionProblem(W, q, mu), r)
-    assert left <= 2.0 * told + 1e-14
+    told, *solved = interpreted(swept_near, name, 1e-4)
+    assert residual(*dense(*solved)) <= 2.0 * told + 1e-14
 
 
 @pytest.mark.parametrize("name", COLLECTION)
@@ -143,7 +111,7 @@ def test_clarabel_agrees(name: str) -> None:
     clarabel = pytest.importorskip("clarabel")
     from scipy import sparse
 
-    W, q, mu, r = interpreted(polished, name)
+    W, q, mu, r = dense(*interpreted(in_velocities, name, 60)[1:])
     n, u = len(mu), W @ r + q
     slip = np.hypot(u[1::3], u[2::3])
     b = q.copy()
@@ -173,7 +141,7 @@ def test_clarabel_agrees(name: str) -> None:
 
 def one(seed: int, mu: float) -> tuple[Any, ...]:
     """(W, q, r) of one contact with a random block."""
-    from rb_sim.contact.solvers.one_contact import one_contact
+    from rb_sim.contact.solvers.gauss_seidel import one_contact
 
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(3, 3))
@@ -208,10 +176,29 @@ def test_one_contact_is_exact() -> None:
     assert kinds == {"open", "sticks", "slips"}
 
 
+def judged(r: list[float]) -> float:
+    """The residual that solvers go by, of impulses r of a ball that is pushed down and along."""
+    from rb_sim.contact.solvers.graph import push
+    from rb_sim.contact.solvers.proximal_newton import residual_of
+
+    graph, u = COLLECTION["one ball"]()
+    u[0] = [-0.2, 0.0, -1.0, 0.0, 0.0, 0.0]
+    x = np.array([*r, 0.0, 0.0, 0.0])
+    for k in range(3):
+        push(graph.rows, k, u, 0, -1, x[k])
+    return residual_of(graph, u, x, np.empty((1, 3)), np.empty((1, 9)))
+
+
 def test_the_residual_sees_what_is_wrong() -> None:
     """A reaction that pulls, that is beyond the cone, that lets bodies overlap, that slips free."""
-    W, mu = np.eye(3), np.array([0.5])
-    problem = FrictionProblem(W, np.array([-1.0, 0.2, 0.0]), mu)
-    assert residual(problem, np.array([1.0, -0.2, 0.0])) <= 1e-15
-    for wrong in ([-1.0, 0.0, 0.0], [1.0, -0.9, 0.0], [0.5, -0.2, 0.0], [1.0, 0.0, 0.0]):
-        assert residual(problem, np.array(wrong)) > 0.05
+    from rb_sim.contact.solvers.gauss_seidel import one_contact
+
+    graph, u = COLLECTION["one ball"]()
+    u[0] = [-0.2, 0.0, -1.0, 0.0, 0.0, 0.0]
+    W, q, mu, _ = dense(graph, u, np.zeros(6))
+    block = (W[0, 0], W[0, 1], W[0, 2], W[1, 1], W[1, 2], W[2, 2])
+    right = np.array(interpreted(one_contact, block, tuple(q), mu[0]))
+    assert interpreted(judged, right.tolist()) <= 1e-15 and residual(W, q, mu, right) <= 1e-15
+    for wrong in (-right, 5.0 * right, 0.5 * right, right * [1.0, -1.0, -1.0], right * [1, 0, 0]):
+        assert interpreted(judged, wrong.tolist()) > 0.05
+        assert residual(W, q, mu, wrong) > 0.05

@@ -11,9 +11,8 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.steps import ASTRAY, found_in
-from rb_sim.contact.stepping.geometry import IMPULSE, TWIST
 from rb_sim.contact.stepping.step_kernels import add_up
-from rb_sim.contact.stepping.step_workspace import LENGTH, memory_of, workspace_for
+from rb_sim.contact.stepping.step_workspace import IMPULSE, LENGTH, TWIST, memory_of, workspace_for
 
 SPEED, RADIUS, POST = 20.0, 0.02, 0.05
 BESIDE = (0.0, 0.02, 0.03, 0.04, 0.05, 0.06, 0.065, 0.069, 0.0699, 0.0701, 0.075, 0.1, 0.2)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.stepping.normal_change import CROWD, find_crowds
+from rb_sim.contact.stepping.geometry import CROWD, find_crowds
 from rb_sim.contact.stepping.scene_tables import LAWS, STATIC, TRACTION
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import G, ball, body, scene, touch

@@ -13,8 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.stepping.geometry import IMPULSE, ROLL, SPIN, TWIST
-from rb_sim.contact.stepping.step_workspace import STUCK
+from rb_sim.contact.stepping.step_workspace import IMPULSE, ROLL, SPIN, STUCK, TWIST
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from tests.interpreted import interpreted
 

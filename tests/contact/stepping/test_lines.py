@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.heaps import scenes
 from rb_sim.contact.stepping.constraint_rows import is_impact, takes_part
-from rb_sim.contact.stepping.geometry import GAP, MOVES, NORMAL, POINT
 from rb_sim.contact.stepping.scene_tables import COMPLIANT, RESTITUTION
+from rb_sim.contact.stepping.step_workspace import GAP, MOVES, NORMAL, POINT
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.interpreted import interpreted
 

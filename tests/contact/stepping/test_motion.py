@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.errors import StepTooLargeError
 from rb_sim.contact.stepping import step_workspace
-from rb_sim.contact.stepping.geometry import GAP
+from rb_sim.contact.stepping.step_workspace import GAP
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping

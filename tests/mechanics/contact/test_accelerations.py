@@ -10,8 +10,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim import load_scene
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     NORMAL_FORCE,
     PIVOT,
@@ -20,6 +19,7 @@ from rb_sim.mechanics.contact.contact_table import (
     SLIP_DIRECTION,
     SPIN,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.events.stepping import difference, jacobian_by_differences, slowest_slip
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import (
+from rb_sim.contact.events.steps import difference, jacobian_by_differences, slowest_slip
+from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     COMPLIANT,
     SLIDE,
@@ -19,6 +18,7 @@ from rb_sim.mechanics.contact.contact_table import (
     STATIC,
     TOUCH_WIDTH,
 )
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, touch

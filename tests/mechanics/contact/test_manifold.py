@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim.integrate.attempt import LOST
-from rb_sim.mechanics.contact import contact_projection
+from rb_sim.mechanics.contact import motion_kernels
+from rb_sim.mechanics.contact.contact_bodies import CLOSED, SLIDE
 from rb_sim.mechanics.contact.contact_kinematics import STUCK
-from rb_sim.mechanics.contact.contact_projection import (
+from rb_sim.mechanics.contact.motion_kernels import (
     HoldingLines,
     bring_to_manifold,
     error_of_holding,
 )
-from rb_sim.mechanics.contact.contact_table import CLOSED, SLIDE
 from rb_sim.mechanics.systems.many_bodies import LOAD
 from rb_sim.mechanics.systems.multipliers import settle_bodies
 from rb_sim.scene.compile import compile_scene
@@ -79,11 +79,11 @@ def brought_back(error: float) -> tuple[bool, float]:
     """(whether y is lost where so much is left of the errors of positions [m], scene's length)."""
     compiled = compile_scene(load_scene("dropped_box"))
     system, y = compiled.system, np.array(compiled.y)
-    kept, contact_projection.bring_positions = contact_projection.bring_positions, lambda *_: error
+    kept, motion_kernels.bring_positions = motion_kernels.bring_positions, lambda *_: error
     try:
         return bool(np.isnan(bring_to_manifold(system, 0.0, y)[0])), system.length
     finally:
-        contact_projection.bring_positions = kept
+        motion_kernels.bring_positions = kept
 
 
 def test_a_manifold_out_of_reach_is_told_by_the_scenes_length() -> None:

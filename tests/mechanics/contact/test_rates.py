@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401  # noqa: F401
+from rb_sim.mechanics.contact.contact_bodies import CLOSED, GAP, SLIDE
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.contact.contact_table import CLOSED, GAP, SLIDE
 from rb_sim.mechanics.system import rate_into, sample, settle
 from rb_sim.motion.motion import row_width
 from rb_sim.scene.compile import compile_scene

@@ -6,25 +6,30 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.mechanics.contact import contact_table
+from rb_sim.mechanics.contact import contact_bodies
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import load_scene
 
-PARTS = (contact_table.PARAMETERS, contact_table.STATE, contact_table.START, contact_table.SCRATCH)
+PARTS = (
+    contact_bodies.PARAMETERS,
+    contact_bodies.STATE,
+    contact_bodies.START,
+    contact_bodies.SCRATCH,
+)
 
 
 def test_every_number_of_the_table_belongs_to_one_quantity_with_unit_and_meaning() -> None:
     columns = [column for part in PARTS for column in part]
-    places, width = contact_table.first_columns(*PARTS)
+    places, width = contact_bodies.first_columns(*PARTS)
     assert len(places) == len(columns)
     assert all(column.unit and column.meaning for column in columns)
     taken = [places[c.name] + i for c in columns for i in range(c.width)]
-    assert taken == list(range(width)) == list(range(contact_table.TOUCH_WIDTH))
+    assert taken == list(range(width)) == list(range(contact_bodies.TOUCH_WIDTH))
 
 
 def test_each_quantity_has_its_constant() -> None:
-    places, _ = contact_table.first_columns(*PARTS)
-    assert {name: getattr(contact_table, name.upper()) for name in places} == places
+    places, _ = contact_bodies.first_columns(*PARTS)
+    assert {name: getattr(contact_bodies, name.upper()) for name in places} == places
 
 
 SCENES = ("dropped_box", "ball_on_block", "stick_slip", "sphere_in_cylinder")
@@ -39,9 +44,9 @@ def test_what_an_evaluation_leaves_behind_disturbs_no_step(name: str) -> None:
     a, b = np.empty((2, 1, plain.width))
     for t in times:
         plain.run_to(np.array([t]), a)
-        kept = spoilt.system.touch[:, : contact_table.FIRST_OF_SCRATCH].copy()
-        spoilt.system.touch[:, contact_table.FIRST_OF_SCRATCH :] = np.nan
+        kept = spoilt.system.touch[:, : contact_bodies.FIRST_OF_SCRATCH].copy()
+        spoilt.system.touch[:, contact_bodies.FIRST_OF_SCRATCH :] = np.nan
         spoilt.run_to(np.array([t]), b)
         assert a.tobytes() == b.tobytes(), t
     assert len(plain.events) == len(spoilt.events) > 0
-    assert not np.array_equal(kept, spoilt.system.touch[:, : contact_table.FIRST_OF_SCRATCH])
+    assert not np.array_equal(kept, spoilt.system.touch[:, : contact_bodies.FIRST_OF_SCRATCH])
