@@ -149,10 +149,10 @@ def with_law(part: str, **keys: Any) -> dict[str, Any]:
         (ball(shape={"type": "sphere", "diameter": 1.0}), "diameter: unknown key; must be radius,"),
         (ball(shape={"type": "cylinder", "radius": 1.0, "length": 1.0, "height": 2.0}),
          "height: unknown key; must be length, or one of"),
-        (ball(shape={"type": "box", "half_extents": [1, 1, 1]}), "half_extents: unknown key; must be"
-         " size, or one of center_B, type"),
-        (ball(orientation={"axis": [0, 0, 1], "degrees": 90}), "degrees: unknown key; must be angle"
-         " or axis"),
+        (ball(shape={"type": "box", "half_extents": [1, 1, 1]}),
+         "half_extents: unknown key; must be size, or one of center_B, type"),
+        (ball(orientation={"axis": [0, 0, 1], "degrees": 90}),
+         "degrees: unknown key; must be angle or axis"),
         (ball() | {"simulation": {"dt": 0.01}}, "simulation.dt: unknown key; must be step, or"),
         (ball() | {"simulation": {"method": "RK4"}}, "got 'RK4'; must be rk4, or one of auto,"),
         (ball() | {"gravity": [0, 0, -9.81]}, "gravity: unknown key; must be effects, or one of"),
