@@ -63,7 +63,7 @@ def test_a_resultant_about_another_point(run):
     )
     with pytest.raises(RbSimError, match="got 'pen'; constraints and effects: pin, weight/a"):
         run.resultant("pen")
-    with pytest.raises(RbSimError, match="about: got 'c'; bodies: a, b"):
+    with pytest.raises(RbSimError, match=r"about: got 'c'; must be a body \(a, b\) or a point"):
         run.resultant("pin", about="c")
     with pytest.raises(RbSimError, match="must be a body, 3 finite numbers, or 3 for each sample"):
         run.resultant("pin", about=[1.0, 2.0])
