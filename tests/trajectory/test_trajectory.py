@@ -140,9 +140,13 @@ def test_folders_are_made_and_errors_are_one_line(run, tmp_path):
     assert np.load(tmp_path / "new" / "run.npz")["t"].tolist() == [0.0, 0.5, 1.0]
     run.plot(tmp_path / "plots" / "run.png")
     assert (tmp_path / "plots" / "run.png").is_file()
-    for write in (run.to_npz, run.plot):
-        with pytest.raises(RbSimError, match="^/dev/null/run.npz: cannot be written: "):
-            write("/dev/null/run.npz")
+    for write, name in ((run.to_npz, "run.npz"), (run.plot, "run.png")):
+        with pytest.raises(RbSimError, match=f"^/dev/null/{name}: cannot be written: "):
+            write(f"/dev/null/{name}")
+    for write, ending in ((run.plot, "png"), (run.view, "rrd")):
+        with pytest.raises(RbSimError, match=f"run.pdf: the name must end in .{ending}"):
+            write(tmp_path / "run.pdf")
+        assert not (tmp_path / "run.pdf").exists()
 
 
 def test_repr_counts_events():
