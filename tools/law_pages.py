@@ -22,10 +22,10 @@ from tools.law_formulas import FORMULAS
 FOLDER = Path(__file__).parents[1] / "docs" / "laws"
 
 ABOUT = {
-    "type": "names the law",
-    "body": "the body on which it acts",
-    "parent": "the other body; left out: the world",
-    "bodies": "the bodies on which it acts",
+    "type": "name of the law",
+    "body": "body on which it acts",
+    "parent": "other body, which gets the opposite wrench",
+    "bodies": "bodies on which it acts",
 }
 """Of keys that mean the same everywhere."""
 
@@ -80,8 +80,11 @@ def page(kind: str, spec: type[Any]) -> str:
             rows = [row for row in keys(choice) if not row.startswith("| `type`")]
             parts += ["\n".join(rows)] if len(rows) > 2 else []
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
-    shown = f"![The way of the body, and what {kind} exerts on it](pictures/{kind}.png)"
-    parts += ["Its body thrown and spun under gravity (`python -m tools.law_pictures`):", shown]
+    shown = f"![Path of the body, and wrench of {kind} on it](pictures/{kind}.png)"
+    parts += [
+        "A body thrown with spin under gravity and this law (`python -m tools.law_pictures`):",
+        shown,
+    ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -115,7 +118,7 @@ def summary(spec: type[Any]) -> str:
 def keys(spec: type[Any]) -> list[str]:
     """Rows of the table of keys."""
     told = attribute_docs(spec)
-    rows = ["| key | | default | meaning |", "|---|---|---|---|"]
+    rows = ["| key | needed | default | meaning |", "|---|---|---|---|"]
     for name, field in spec.model_fields.items():
         key = field.alias or name
         need = "required" if field.is_required() else "optional"

@@ -21,6 +21,9 @@ from tools import messages
 from tools.law_pages import choice_heading, choices, keys, summary, write
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
+BAR = r"\|"
+"""A vertical bar in a cell of a table."""
+
 MADE = "Made from the sources by `make docs`."
 
 
@@ -35,14 +38,15 @@ def scene_page() -> str:
         "# Scene schema",
         f"{MADE} SI units; W: world axes, B: body axes; quaternions are [x, y, z, w], body to"
         " world. A scene file is a YAML mapping with these sections.",
-        "| section | | holds |\n|---|---|---|\n"
+        "| section | needed | holds |\n|---|---|---|\n"
         "| `description` | optional | one line of text |\n"
         "| `bodies` | required | NAME: a body, at least one |\n"
         "| `constraints` | optional | NAME: a constraint |\n"
         "| `effects` | optional | NAME: an effect |\n"
-        "| `simulation` | optional | how it is integrated |",
+        "| `supports`, `loads` | optional | the same in short ([Statics](../statics.md)) |\n"
+        "| `simulation` | optional | method, accuracy, duration, sampling |",
         "## `bodies.NAME`",
-        inspect.cleandoc(Body.__doc__ or "") + " It needs a shape or an inertia.",
+        inspect.cleandoc(Body.__doc__ or "") + " It needs `mass`, and `shape` or `inertia`.",
         "\n".join(keys(Body)),
     ]
     for shape in choices(AnyShape):
@@ -51,9 +55,12 @@ def scene_page() -> str:
         parts += ["\n".join(rows)] if len(rows) > 2 else []
     for section, specs in (("constraints", constraints.SPECS), ("effects", effects.SPECS)):
         parts.append(f"## `{section}.NAME`")
-        parts.append("`type` says which; each has a page with its equation and its keys.")
-        rows = [f"| [`{kind}`](../laws/{kind}.md) | {summary(s)} |" for kind, s in specs.items()]
-        parts.append("\n".join(["| type | what it is |", "|---|---|", *rows]))
+        parts.append("`type` selects it; each has a page with its equation and its keys.")
+        rows = [
+            f"| [`{kind}`](../laws/{kind}.md) | {summary(s).replace('|', BAR)} |"
+            for kind, s in specs.items()
+        ]
+        parts.append("\n".join(["| type | meaning |", "|---|---|", *rows]))
     parts += ["## `simulation`", "\n".join(keys(SimulationOptions))]
     return "\n\n".join(parts) + "\n"
 

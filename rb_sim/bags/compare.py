@@ -89,10 +89,18 @@ class Differences:
     shared: float = 1.0
     """part of the way of the motion of which more is compared, if an offset was estimated."""
 
+    guessed: tuple[str, ...] = ()
+    """bodies of a scene that were compared with one of another name, since each scene has one."""
+
     @property
     def notes(self) -> list[str]:
         """What was not compared, or is not known well."""
         lines = [
+            f"{name}: compared with {self.pairs[name]}, the only body of B; if that is another "
+            "body, B is the wrong recording or scene"
+            for name in self.guessed
+        ]
+        lines += [
             f"{name}: {count} samples skipped (gap, impact or reset in B)"
             for name, count in self.left_out.items()
         ]
@@ -140,6 +148,8 @@ def differences(
         align = "none" if together else "offset"
     clocks = clocks_for(align, a.bodies[first], b.bodies[second])
     result = _with_clocks(a, b, clocks, align, pairs)
+    if not match and a.length and b.length:  # scenes name bodies; a recording may name anything
+        result.guessed = tuple(name for name, other in pairs.items() if name != other)
     if align in ("offset", "clock"):
         one, two = a.bodies[first], b.bodies[second]
         result.shared = max(

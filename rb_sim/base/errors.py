@@ -4,14 +4,16 @@ from __future__ import annotations
 
 
 class RbSimError(Exception):
-    """An error of the user's making or of the outside world; its text is the whole message."""
+    """Base of all errors of rb_sim; the text is one line that says what is wrong and allowed."""
 
 
 class SceneError(RbSimError):
-    """A scene that cannot be simulated.
+    """The scene is not valid, or cannot be simulated.
 
-    file: path of the scene file, or "<scene>" for one made in memory.
-    key: dotted path of the offending field, e.g. "bodies.ball.mass"; "" for the file itself.
+    Attributes:
+        file: Path of the scene file, or "<scene>" for one made in memory.
+        key: Path of the key concerned, e.g. "bodies.ball.mass"; "" for the file itself.
+        message: What is wrong and what is allowed.
     """
 
     def __init__(self, message: str, *, key: str = "", file: str = "<scene>") -> None:
@@ -22,7 +24,7 @@ class SceneError(RbSimError):
 
 
 class UnknownNameError(RbSimError, KeyError):
-    """A name that is not among those there are; also a KeyError, as of every mapping."""
+    """A name that does not exist in a mapping of a run; also a KeyError."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -39,7 +41,7 @@ class MissingExtraError(RbSimError):
 
 
 class SimulationError(RbSimError):
-    """The integration cannot go on (state no longer finite, step underflow)."""
+    """The integration cannot go on; the text has time, reason and, if it helps, a step."""
 
 
 class StepTooLargeError(SimulationError):
@@ -47,12 +49,12 @@ class StepTooLargeError(SimulationError):
 
 
 class AccuracyWarning(UserWarning):
-    """A run goes on with a loss of accuracy; the text has quantity, value, limit, time, body and
-    advice."""
+    """An accuracy check failed; the text has quantity, value, limit, time, body and advice."""
 
 
 class SceneWarning(UserWarning):
-    """A value of a scene that is often meant differently; the text has its meaning here."""
+    """A value of a scene that users of other programs often mean differently; the text says what
+    it means here."""
 
 
 class SinkError(RbSimError):

@@ -70,9 +70,29 @@ ALSO_CALLED = {
     "k": ("stiffness",),
     "c": ("damping",),
     "coefficient": ("kinetic",),
-    "mu": ("kinetic",),
+    "mu": ("kinetic", "friction"),
     "pose": ("position",),
     "com": ("center_of_mass",),
+    "weight": ("mass",),
+    "density": ("mass",),
+    "velocity": ("linear_velocity",),
+    "omega": ("angular_velocity",),
+    "rpy": ("orientation",),
+    "quaternion": ("orientation",),
+    "degrees": ("angle",),
+    "deg": ("angle",),
+    "diameter": ("radius",),
+    "half_extents": ("size",),
+    "height": ("length",),
+    "ball_joint": ("fixed_point",),
+    "rigid": ("weld",),
+    "g": ("acceleration",),
+    "dt": ("step",),
+    "timestep": ("step",),
+    "rtol": ("tolerance",),
+    "gravity": ("effects",),
+    "contacts": ("constraints",),
+    "name": ("description",),
     "links": ("bodies",),
     "joints": ("constraints",),
     "forces": ("effects",),
@@ -80,20 +100,31 @@ ALSO_CALLED = {
 """What other programs call a thing -> its names here; which of them is meant, the place tells."""
 
 
+MOST_NAMES = 14
+"""Names that a message lists: as many as the longest list of keys, that of a contact, has."""
+
+
 def meant(value: object, names: Iterable[str]) -> str | None:
     """The one of `names` that `value` was probably meant to be."""
-    listed = sorted(names)
-    word = value[:64] if isinstance(value, str) else ""
-    close = [name for name in ALSO_CALLED.get(word.lower(), ()) if name in listed]
-    return next(iter(close or get_close_matches(word, listed, n=1)), None)
+    known = {name.lower(): name for name in sorted(names)}
+    word = value[:64].lower() if isinstance(value, str) else ""
+    close = [name for name in (word, *ALSO_CALLED.get(word, ())) if name in known]
+    close = close or get_close_matches(word, known, n=1)
+    return known[close[0]] if close else None
 
 
 def one_of(value: object, names: Iterable[str]) -> str:
-    """Phrase that lists `names`, with the one that `value` was probably meant to be."""
+    """Phrase that lists `names`, first the one that `value` was probably meant to be."""
     listed = sorted(names)
     close = meant(value, listed)
-    hint = f" (did you mean {close}?)" if close else ""
-    return f"one of {', '.join(listed) or 'none'}{hint}"
+    if close:
+        listed.remove(close)
+    text = ", ".join(listed[:MOST_NAMES])
+    if len(listed) > MOST_NAMES:
+        text += f" and {len(listed) - MOST_NAMES} more"
+    if not close:
+        return f"one of {text or 'none'}"
+    return {0: close, 1: f"{close} or {text}"}.get(len(listed), f"{close}, or one of {text}")
 
 
 def _unknown_key(key: object, known: Iterable[str]) -> PydanticCustomError:
@@ -300,13 +331,17 @@ class AxisAngle(Spec):
         return (x * sine, y * sine, z * sine, math.cos(half))
 
 
-EULER = ("rpy", "euler", "roll", "pitch", "yaw")
-"""Keys of an orientation in other programs."""
+EULER = {"rpy", "euler", "roll", "pitch", "yaw"}
+"""Keys of an orientation by angles in other programs."""
+
+QUATERNION = {"x", "y", "z", "w"}
+"""Keys of a quaternion in other programs."""
 
 
 def _from_axis_angle(value: Any) -> Any:
-    angles = isinstance(value, Mapping) and not value.keys().isdisjoint(EULER)
-    if isinstance(value, Mapping) and not angles:
+    keys = set(value) if isinstance(value, Mapping) else set()
+    angles = bool(keys & EULER)
+    if isinstance(value, Mapping) and not angles and not keys >= QUATERNION:
         return AxisAngle.model_validate(value).quaternion()
     allowed = "a quaternion [x, y, z, w] or {axis: [x, y, z], angle: rad}"
     if angles or (isinstance(value, (list, tuple)) and len(value) == 3):

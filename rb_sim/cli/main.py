@@ -70,6 +70,12 @@ def _without_types(params: list[Any]) -> list[Any]:
     return params
 
 
+NEAREST = re.compile(
+    r"(?:\.| \(Possible options:| Did you mean) *(?:Did you mean)? *'?([\w-]+)'?[?)]$"
+)
+"""The nearest name at the end of a message of click's, in the forms of its versions."""
+
+
 def _complain(error: Any) -> int:
     """Print the error; its exit code."""
     context = getattr(error, "ctx", None)
@@ -77,6 +83,7 @@ def _complain(error: Any) -> int:
         error.show()
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
+    message = NEAREST.sub(r" (did you mean \1?)", message)
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)

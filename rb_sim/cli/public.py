@@ -20,10 +20,18 @@ Source = str | PathLike[str] | Mapping[str, Any]
 
 
 def statics(scene: Scene | Source) -> StaticsResult:
-    """The reactions that hold the bodies of a scene at rest, with their ranges, or why there is
-    no equilibrium.
+    """Reactions that hold the bodies of a scene at rest, with their ranges, or why there are none.
 
-    scene: at its initial pose. Raises SceneError.
+    Args:
+        scene: File, name of a shipped scene, mapping, or loaded scene; bodies stand at their
+            initial poses, velocities and commands count as zero.
+
+    Returns:
+        Verdict, reactions and ranges: forces [N] and torques [N m] by the support on the body,
+        world axes.
+
+    Raises:
+        SceneError: The scene is not valid, or its initial pose violates a constraint.
     """
     from rb_sim.scene.load import load_statics
     from rb_sim.statics.solve import solve
@@ -39,11 +47,22 @@ def compare(
     match: Mapping[str, str] | None = None,
     wrenches: Sequence[str] = (),
 ) -> Differences:
-    """Compare a recorded motion with a bag, a CSV file, or a scene simulated as it was recorded.
+    """Compare a recorded motion with a bag, a CSV file, or a scene simulated with its commands.
 
-    align: none, first, offset or clock; match: name in the bag to name in the other. wrenches:
-    topics of applied wrenches in a bag not recorded by rb_sim (TOPIC or BODY=TOPIC), or "none";
-    default: by frame and name.
+    Args:
+        bag: Folder or file of the recorded motion.
+        other: Bag, CSV or TUM file (t, x, y, z, qx, qy, qz, qw), scene file, or shipped scene.
+        align: How the clocks are matched: "none", "first" (first stamps together), "offset"
+            (estimated) or "clock" (offset and drift); None: an offset if the times do not overlap.
+        match: Name in the bag -> name in `other`, for bodies that are named differently.
+        wrenches: Topics of applied wrenches in a bag of another program, TOPIC or BODY=TOPIC, or
+            "none"; by default those whose frame or name is that of a body.
+
+    Returns:
+        Differences of position [m], attitude [rad], velocities and reactions over time.
+
+    Raises:
+        RbSimError: A file cannot be read, or the two have no body or no time in common.
     """
     from rb_sim.bags.compare import differences
     from rb_sim.cli.verbs import compare as verb
@@ -64,7 +83,16 @@ def analyze(
 ) -> Analysis:
     """Rates, gaps, energy, momenta, wrenches and spectra of any bag with poses.
 
-    masses: a scene or a .urdf, for bags of others.
+    Args:
+        bag: Folder or file, MCAP or SQLite, also of another program.
+        topics: Topics to read; None: all with a known type.
+        masses: Scene file or URDF with the masses; needed for balances in bags of other programs.
+
+    Returns:
+        The figures of each source of the bag, SI units.
+
+    Raises:
+        RbSimError: The file is not a bag, has no readings, or `masses` cannot be read.
     """
     from rb_sim.bags.analysis.analyze import analyze as read
     from rb_sim.bags.analysis.masses import masses_of, scene_of
@@ -87,10 +115,22 @@ def fit(
     wrenches: Sequence[str] = (),
     noise: tuple[float, float] | None = None,
 ) -> Fitted:
-    """The numbers of a scene, as bodies.top.mass, that make it follow a recorded motion.
+    """Fit numbers of a scene to a recorded motion by least squares of the poses.
 
-    scene: instead of that in the bag; match: body to pose; wrenches: as of `compare`; noise: of
-    poses [m, rad].
+    Args:
+        bag: Folder or file of the recorded motion.
+        free: Paths of the numbers to fit in the scene, e.g. "bodies.top.mass".
+        scene: Scene file or shipped scene instead of that in the bag.
+        match: Body of the scene -> name of its pose in the bag.
+        wrenches: Topics of applied wrenches, as in `compare`.
+        noise: Standard deviation of the recorded poses ([m], [rad]); None: estimated.
+
+    Returns:
+        Fitted values with standard errors and correlations.
+
+    Raises:
+        RbSimError: A path names no number of the scene, or the bag cannot be read.
+        SimulationError: The scene cannot be simulated with its initial values.
     """
     from rb_sim.cli.verbs import fit as verb
     from rb_sim.fit.fit import fit as solve
@@ -108,9 +148,21 @@ def fit(
 def linearize(
     scene: Scene | Source, at: float = 0.0, *, axes: str = "world", turning: float = 0.0
 ) -> LinearModel:
-    """The linear model of small deviations from the motion of a scene, at the instant `at` [s].
+    """Linear model of small deviations from the motion of a scene.
 
-    axes, turning, errors: as of `Simulation.linearize`.
+    Args:
+        scene: File, name of a shipped scene, mapping, or loaded scene; joints only, no contacts.
+        at: Simulated time at which the model is taken [s].
+        axes: "world", or "body" for axes that turn with each body.
+        turning: Rate at which the world's axes turn about z [rad/s], for a motion that is steady
+            as seen from there.
+
+    Returns:
+        Matrices A, B, C, D with names of states, inputs and outputs, and eigenvalues [1/s].
+
+    Raises:
+        RbSimError: The scene has contacts, or an argument is not allowed.
+        SimulationError: The motion does not reach `at`, or a law has no derivative there.
     """
     from rb_sim.simulation.simulation import Simulation
 

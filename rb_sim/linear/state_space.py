@@ -38,29 +38,31 @@ class LinearModel:
 
     A state BODY/position_x is the deviation of the centre of mass, BODY/angle_x that of the
     orientation (a small rotation vector), BODY/velocity_x and BODY/spin_x the deviations of the
-    linear and the angular velocity, all in the axes that were asked for.  Deviations that the
-    constraints fix by the others are no states; they are among the outputs.
+    linear and the angular velocity, all in the axes that were requested. Deviations that
+    the constraints determine by the others are not states; they are among the outputs.
     """
 
     t: float
-    """instant of the motion [s]."""
+    """Instant of the motion [s]."""
     A: Array
-    """shape (n, n)."""
+    """Matrix of the states, shape (n, n)."""
     B: Array
-    """shape (n, m)."""
+    """Matrix of the inputs, shape (n, m)."""
     C: Array
-    """shape (p, n)."""
+    """Outputs by states, shape (p, n)."""
     D: Array
-    """shape (p, m)."""
+    """Outputs by inputs, shape (p, m)."""
     states: tuple[str, ...]
+    """Names of the states, n."""
     inputs: tuple[str, ...]
-    """commanded forces [N] and torques [N m] about the body origin."""
+    """Names of the commanded forces [N] and torques [N m] about the body origin, m."""
     outputs: tuple[str, ...]
-    """pose and twist of every body, then force and torque of every reaction (world axes)."""
+    """Names of the outputs, p: pose and twist of every body, then force [N] and torque [N m] of
+    every reaction (world axes)."""
 
     @property
     def eigenvalues(self) -> np.ndarray:
-        """Of A, complex [1/s], those that grow fastest first; multiple zeros are exactly 0."""
+        """Eigenvalues of A, complex [1/s], fastest growth first; multiple zeros are exactly 0."""
         return np.array([value for value, _ in self._eigen], complex)
 
     @property

@@ -48,7 +48,7 @@ def compile_scene(
     method = methods.METHODS.get(name)  # none for auto
     if method is not None and not method.suits(compiled.system):
         raise SceneError(
-            f"got {name!r}; must be dopri853, auto or another: {name} integrates {method.domain}",
+            f"got {name!r}; must be dopri853 or auto here, since {name} takes only {method.domain}",
             key="simulation.method",
             file=scene.file,
         )

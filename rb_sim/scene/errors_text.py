@@ -67,12 +67,23 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
     by_path: dict[Path, list[Any]] = {}
     for detail in details:
         by_path.setdefault(_path_in(data, detail), []).append(detail)
-    lines = {path: _line(model, data, path, same) for path, same in by_path.items()}
-    (first, message), *others = lines.items()
-    message += "".join(f"; {key_text(path)}: {line}" for path, line in others[:MOST_ERRORS])
+    by_line: dict[str, list[Path]] = {}  # what is wrong at several places alike is said once
+    for path, same in by_path.items():
+        by_line.setdefault(_line(model, data, path, same), []).append(path)
+    (message, (first, *alike)), *others = by_line.items()
+    if alike:
+        message += f" (as {_keys_text(alike)})"
+    message += "".join(f"; {_keys_text(paths)}: {line}" for line, paths in others[:MOST_ERRORS])
     if len(others) > MOST_ERRORS:
         message += f"; and {len(others) - MOST_ERRORS} more"
     raise scene_error(message, (key, *first) if key else first, file)
+
+
+def _keys_text(paths: list[Path]) -> str:
+    """The first of them, and how many more."""
+    texts = [key_text(path) for path in paths[:MOST_ERRORS]]
+    more = len(paths) - len(texts)
+    return ", ".join(texts) + (f" and {more} more" if more else "")
 
 
 def _line(model: type[BaseModel], data: Any, path: Path, same: list[Any]) -> str:

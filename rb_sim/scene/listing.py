@@ -48,10 +48,16 @@ def scene_folders(package: Path | None = None) -> Iterator[Path]:
 
 
 def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScene]:
-    """Scenes (*.yaml) of `directory`, or the shipped ones, sorted by name.
+    """List scenes with name, path and description, sorted by name.
 
-    Raises SceneError if `directory` is no folder. A file that cannot be read is listed with its
-    error as description; one without bodies (parameters of a node) is left out.
+    A file that cannot be read is listed with its error as description; files without bodies
+    (parameters of a node) are not listed.
+
+    Args:
+        directory: Folder with scene files (*.yaml); None: the scenes that come with rb_sim.
+
+    Raises:
+        SceneError: `directory` is not a folder.
     """
     if directory is None:
         folder = next(scene_folders(), None)

@@ -111,14 +111,17 @@ IN_MEMORY = "<scene>"
 
 
 def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any) -> Scene:
-    """Scene of a YAML file, of a bare name of a shipped one, of a mapping, or of YAML text.
+    """Load and check a scene.
 
-    source: a string of several lines is YAML text; `rb_sim.scenes()` lists the shipped names.
+    Args:
+        source: Scene file, name of a shipped scene (`rb_sim.scenes()` lists them), mapping, or
+            YAML text of several lines.
+        overrides: `method`, `step` [s], `tolerance`, `duration` [s] or `rate` [Hz] instead of the
+            scene's own; None leaves them. A step drops the scene's tolerance and the other way
+            round; a method drops whichever of the two it cannot use.
 
-    overrides: method, step [s], tolerance, duration [s], rate [Hz] replace the scene's own values;
-    None leaves them. A step given drops the scene's tolerance and the other way round; a method
-    given drops whichever of the two it cannot use.
-    Raises SceneError with file, key, value and what is allowed, in one line.
+    Raises:
+        SceneError: The scene is not valid; the text names file, key, value and what is allowed.
     """
     if isinstance(source, Mapping) or (isinstance(source, str) and "\n" in source):
         return scene_from_mapping(source, **overrides)
@@ -132,7 +135,14 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
 
 
 def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
-    """As `load_scene`, of bodies that stand: they need neither mass nor inertia."""
+    """Load and check a scene of bodies at rest, which need neither mass nor inertia.
+
+    Args:
+        source: As in `load_scene`.
+
+    Raises:
+        SceneError: The scene is not valid; the text names file, key, value and what is allowed.
+    """
     if isinstance(source, Mapping):
         plain = _plain(source, IN_MEMORY)
         text = partial(yaml_reader.write, plain)
@@ -277,10 +287,16 @@ def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
 
 
 class SceneBuilder:
-    """Builds a scene entry by entry; every call returns the builder, so that calls chain.
+    """Builds a scene entry by entry; each call returns the builder, so that calls can be chained.
 
-    name: of the scene, in its errors. Keys and values are those of a scene file
-    (docs/scenes.md); `build` checks them. Raises SceneError for a name that is taken, at once.
+    Keys and values are those of a scene file; `build` checks them.
+
+    Args:
+        name: Name of the scene, also in its errors.
+        description: One line that says what the scene shows.
+
+    Raises:
+        SceneError: By `body`, `constraint` and `effect`: the name is taken.
     """
 
     def __init__(self, name: str = "scene", description: str = "") -> None:
@@ -298,32 +314,57 @@ class SceneBuilder:
         return f"<SceneBuilder {self._name}: {'; '.join(parts) or 'nothing yet'}>"
 
     def body(self, name: str, **values: Any) -> SceneBuilder:
-        """Add a body: mass, shape or inertia, initial pose and velocity."""
+        """Add a body.
+
+        Args:
+            name: Name of the body.
+            values: Keys of a body in a scene file: `mass` [kg], `shape` or `inertia` [kg m^2],
+                initial pose and velocities.
+        """
         return self._put("bodies", name, values)
 
     def constraint(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
-        """Add a constraint of a type of the catalogue; its reaction has the same name."""
+        """Add a constraint.
+
+        Args:
+            name: Name of the constraint and of its reaction.
+            type: Type of constraint, e.g. "fixed_point".
+            values: Keys of that type in a scene file, `body` among them.
+        """
         return self._put("constraints", name, {"type": type, **values})
 
     def effect(self, name: str, type: str, **values: Any) -> SceneBuilder:  # noqa: A002
-        """Add an effect of a type of the catalogue."""
+        """Add an effect.
+
+        Args:
+            name: Name of the effect.
+            type: Type of effect, e.g. "gravity".
+            values: Keys of that type in a scene file.
+        """
         return self._put("effects", name, {"type": type, **values})
 
     def simulate(self, **values: Any) -> SceneBuilder:
-        """Set duration, rate, method, step or tolerance of the integration."""
+        """Set `duration` [s], `rate` [Hz], `method`, `step` [s] or `tolerance` of the scene."""
         self._data["simulation"] = {**self._data.get("simulation", {}), **values}
         return self
 
     def as_dict(self) -> dict[str, Any]:
-        """The mapping that `load_scene` takes."""
+        """The scene as a mapping that `load_scene` takes; it is not checked."""
         return {key: value for key, value in self._data.items() if value}
 
     def as_yaml(self) -> str:
-        """The scene as text of a scene file. Raises SceneError as `build` does."""
+        """The scene as text of a scene file (YAML), checked as by `build`."""
         return self.build().text
 
     def build(self, **overrides: Any) -> Scene:
-        """The checked scene. Raises SceneError that names key, value and what is allowed."""
+        """Check the scene and return it.
+
+        Args:
+            overrides: Values of `simulate` that replace those given before.
+
+        Raises:
+            SceneError: The scene is not valid; the text names key, value and what is allowed.
+        """
         return scene_from_mapping(self.as_dict(), name=self._name, file=self._name, **overrides)
 
     def _put(self, section: str, name: str, entry: dict[str, Any]) -> SceneBuilder:

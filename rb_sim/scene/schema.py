@@ -72,23 +72,25 @@ _inertia_check = TypeAdapter(SymmetricInertia)
 class Body(Spec):
     """One rigid body: what it is and how it starts."""
 
-    mass: Positive = Field(description="[kg]")
+    mass: Positive = Field(description="mass [kg]")
     shape: AnyShape | None = None
+    """shape of uniform density: it is drawn, touches, and gives the inertia."""
     given_inertia: SymmetricInertia | None = Field(default=None, alias="inertia")
-    """about the centre of mass, body axes [kg m^2]; None: that of the shape."""
+    """3 principal moments or 3 rows, about the centre of mass, body axes [kg m^2]; replaces that of
+    the shape."""
     center_of_mass: Vector3 = (0.0, 0.0, 0.0)
-    """from the body origin O, body axes [m]."""
+    """position of the centre of mass from the body origin O, body axes [m]."""
     position: State3 = (0.0, 0.0, 0.0)
-    """of O, world [m]."""
+    """initial position of O, world [m]."""
     orientation: UnitQuaternion = (0.0, 0.0, 0.0, 1.0)
-    """[x, y, z, w], body to world."""
+    """initial attitude, body to world: [x, y, z, w], or {axis: [x, y, z], angle: rad}."""
     linear_velocity: State3 = (0.0, 0.0, 0.0)
-    """of O, world [m/s]."""
+    """initial velocity of O, world [m/s]."""
     angular_velocity: State3 = (0.0, 0.0, 0.0)
-    """body axes [rad/s]."""
+    """initial angular velocity, body axes [rad/s]."""
     absolute_tolerance: Positive | None = None
-    """error of a step that is allowed however small the motion, beside the tolerance times its
-    coordinates [m, m/s; of the quaternion 1; rad/s]; None: found from the motion."""
+    """error that a step may have however small the motion, in m, m/s and rad/s; default: from the
+    amplitude of the motion."""
 
     @property
     def inertia(self) -> np.ndarray:
@@ -136,18 +138,20 @@ class SimulationOptions(Spec):
     """How to integrate. Exactly one of `step` and `tolerance` is set (the default included)."""
 
     duration: Positive = 10.0
-    """[s]."""
+    """simulated time [s]."""
     rate: Positive = 100.0
     """samples per second [Hz]."""
     method: Method = "dopri853"
+    """euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping or auto."""
     step: Positive | None = None
-    """fixed step [s]."""
+    """fixed step [s]; 0.001 for methods without a tolerance."""
     tolerance: Positive | None = None
-    """of the adaptive step, relative; for auto the global error of the pose [m, rad]."""
+    """local error of an adaptive step, relative, 1e-10 by default; for auto the global error of the
+    pose [m, rad]."""
     project_initial: bool = False
-    """move an initial state that violates a constraint onto it."""
+    """whether an initial state that violates a constraint is moved onto it."""
     impacts: Literal["together", "one_by_one"] = "together"
-    """what strikes at several points at once: one problem, or one point after the other."""
+    """simultaneous impacts: solved together, or one contact after the other."""
 
     @property
     def adaptive(self) -> bool:

@@ -96,10 +96,11 @@ no inertia.
 
 
 class Shape(Spec):
-    """Base of the shapes. `center_B`: the shape's centre, body axes, from the body origin [m]."""
+    """Base of the shapes."""
 
     type: str
     center_B: Vector3 = (0.0, 0.0, 0.0)
+    """centre of the shape, from the body origin, body axes [m]."""
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -124,10 +125,10 @@ def _diagonal(x2: float, y2: float, z2: float) -> np.ndarray:
 
 
 class Sphere(Shape):
-    """Solid ball: 2/5 a^2 about every axis."""
+    """Solid ball: moment 2/5 a^2 per unit mass about every axis."""
 
     type: Literal["sphere"] = "sphere"
-    radius: Positive = Field(description="[m]")
+    radius: Positive = Field(description="radius [m]")
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -139,11 +140,12 @@ class Sphere(Shape):
 
 
 class Disk(Shape):
-    """Disk without thickness: a^2/2 about its axis, a^2/4 about a diameter."""
+    """Disk without thickness: moment a^2/2 per unit mass about its axis, a^2/4 about a diameter."""
 
     type: Literal["disk"] = "disk"
-    radius: Positive = Field(description="[m]")
+    radius: Positive = Field(description="radius [m]")
     axis_B: UnitVector3 = Z_AXIS
+    """axis of the shape, body axes."""
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -156,12 +158,13 @@ class Disk(Shape):
 
 
 class Cylinder(Shape):
-    """Solid circular cylinder: a^2/2 about its axis, a^2/4 + h^2/12 across."""
+    """Solid cylinder: moment a^2/2 per unit mass about its axis, a^2/4 + h^2/12 across."""
 
     type: Literal["cylinder"] = "cylinder"
-    radius: Positive = Field(description="[m]")
-    length: Positive = Field(description="[m]")
+    radius: Positive = Field(description="radius [m]")
+    length: Positive = Field(description="length [m]")
     axis_B: UnitVector3 = Z_AXIS
+    """axis of the shape, body axes."""
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -174,10 +177,10 @@ class Cylinder(Shape):
 
 
 class Box(Shape):
-    """Solid box with edges `size` along the body axes: (y^2 + z^2)/12 about x, and so on."""
+    """Solid box: moment (y^2 + z^2)/12 per unit mass about x, and so on."""
 
     type: Literal["box"] = "box"
-    size: Positive3 = Field(description="edges [x, y, z] [m]")
+    size: Positive3 = Field(description="edges along x, y, z [m]")
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -190,15 +193,14 @@ class Box(Shape):
 
 
 class Rod(Shape):
-    """Rod: l^2/12 across. With `radius` it is the solid cylinder, without it a thin rod.
-
-    A thin rod has exactly l^2/12 across and the small axial moment of the radius THIN_ROD * l.
-    """
+    """Thin rod: moment l^2/12 per unit mass across; with `radius` a solid cylinder."""
 
     type: Literal["rod"] = "rod"
-    length: Positive = Field(description="[m]")
+    length: Positive = Field(description="length [m]")
     radius: Positive | None = None
+    """radius [m]; without it the inertia about the axis is that of 0.001 of the length."""
     axis_B: UnitVector3 = Z_AXIS
+    """axis of the shape, body axes."""
 
     @property
     def unit_inertia(self) -> np.ndarray:
@@ -219,10 +221,10 @@ class Rod(Shape):
 
 
 class Ellipsoid(Shape):
-    """Solid ellipsoid with semi-axes along the body axes: (b^2 + c^2)/5 about x, and so on."""
+    """Solid ellipsoid: moment (b^2 + c^2)/5 per unit mass about x, and so on."""
 
     type: Literal["ellipsoid"] = "ellipsoid"
-    semi_axes: Positive3 = Field(description="[a, b, c] [m]")
+    semi_axes: Positive3 = Field(description="semi-axes along x, y, z [m]")
 
     @property
     def unit_inertia(self) -> np.ndarray:

@@ -154,6 +154,8 @@ def refuse_logs(folder: Path, what: str, instead: str) -> None:
 
 def make_folder(folder: Path) -> None:
     """Make the folder of the outputs and see that files can be made there."""
+    if folder.is_file():
+        raise RbSimError(f"--out {folder}: is a file; must be a folder, or a name for a new one")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".rb_sim"

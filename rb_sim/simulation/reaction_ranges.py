@@ -33,12 +33,21 @@ and contacts are found closed within some 1e-9."""
 
 
 def reaction_ranges(run: Trajectory, sample: int = -1) -> dict[str, ReactionRange]:
-    """[min, max] of each component of each reaction at a sample of a run.
+    """Smallest and largest value of each component of each reaction at one sample of a run.
 
-    A range of one value is determined by the motion; infinite ends are unbounded. Contacts that
-    stick stay within their friction, those that slip rub against their slip. Torques are about the
-    anchor. Raises RbSimError if the scene is not known, or the sample's reactions are averages
-    (method time_stepping).
+    If both are equal, the motion determines the component; infinite: unbounded. Contacts that stick
+    stay within their friction limit, friction of those that slip is against the slip.
+
+    Args:
+        run: Run of a scene.
+        sample: Number of the sample; negative: from the end.
+
+    Returns:
+        Ranges of force [N] and torque about the anchor [N m], world axes, shape (3, 2) each.
+
+    Raises:
+        RbSimError: The scene is not known, there is no such sample, or the method is time_stepping
+            (its reactions are averages over a step).
     """
     if run.scene is None:
         raise RbSimError("reaction_ranges: the scene of the run is not known")

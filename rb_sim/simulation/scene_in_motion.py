@@ -373,13 +373,16 @@ class SceneInMotion(InSteps):
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
         """Set the state of bodies; time and commands go on, earlier events are dropped.
 
-        bodies: of each, `position` and `linear_velocity` of its origin (world), `orientation`
-        [x, y, z, w], `angular_velocity` (body axes), as in a scene; missing keys keep their
-        values.
-        project: move the state onto the constraints. From here on, until a reset, one body with a
-        joint moves in maximal coordinates, too.
-        Raises RbSimError for an unknown body, invalid numbers, or a state that violates a
-        constraint.
+        From here until a reset one body with a joint moves in maximal coordinates, too.
+
+        Args:
+            bodies: Body -> its state with the keys of a scene: `position` [m] and
+                `linear_velocity` [m/s] of the body origin (world axes), `orientation`
+                [x, y, z, w], `angular_velocity` [rad/s] (body axes); missing keys keep their value.
+            project: Move the state onto the constraints.
+
+        Raises:
+            RbSimError: Unknown body, invalid number, or a state that violates a constraint.
         """
         if (unknown := [name for name in bodies if name not in self.layout.bodies]) or not bodies:
             known = ", ".join(self.layout.bodies)
@@ -422,7 +425,7 @@ class SceneInMotion(InSteps):
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """Events of the contacts since the start (at least the last MOST_EVENTS)."""
+        """Events of contacts since the start, by time; at least the last 100,000."""
         return in_order(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
@@ -440,7 +443,7 @@ class SceneInMotion(InSteps):
 
     @property
     def state(self) -> State:
-        """The present state."""
+        """State of all bodies at the present time."""
         return self.sample().state(0)
 
     def warm(self) -> None:
@@ -453,9 +456,17 @@ class SceneInMotion(InSteps):
     ) -> bool:
         """Integrate over `duration` [s] without sampling.
 
-        watch: called about every 50 ms; if it returns False, so does `advance`: the state is then
-        still that before, and a later call continues from the time reached. Raises
-        SimulationError if the integration cannot go on, or costs more than `limits`.
+        Args:
+            duration: Simulated time to integrate over [s].
+            watch: Called about every 50 ms; if it returns False the integration stops, and a later
+                call continues from the time reached.
+            limits: Largest number of steps and wall-clock time.
+
+        Returns:
+            False if `watch` ended the integration: `state` is still that before the call.
+
+        Raises:
+            SimulationError: The integration cannot go on, or exceeds `limits`.
         """
         _check_duration(duration)
         return self._carried(np.array([self.time + duration]), watch, limits, None)
@@ -505,7 +516,7 @@ class SceneInMotion(InSteps):
         self._motion.back_to(kept)
 
     def sample(self) -> Trajectory:
-        """A trajectory of one sample, at the present time."""
+        """Sample all quantities at the present time: a trajectory of length 1."""
         with self._announced:
             row = self._motion.sample()
         return self._trajectory([self._block(np.array([self.time]), row)])
@@ -519,10 +530,16 @@ class SceneInMotion(InSteps):
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
     ) -> None:
-        """Command a wrench about the body origin, held until the next call.
+        """Command a wrench on a body, held until the next call for that body or a reset.
 
-        frame: "world", or "body" for components that turn with the body.
-        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite.
+        Args:
+            body: Body with a `commanded_wrench` effect.
+            force: Force at the body origin [N], 3 numbers.
+            torque: Torque about the body origin [N m], 3 numbers.
+            frame: "world", or "body" for components that turn with the body.
+
+        Raises:
+            RbSimError: The body takes no command, the frame is unknown, or a value is not finite.
         """
         held = self._commands.read(body, force, torque, frame)
         frame, wrench = ("body", held[2:]) if held.in_body else ("world", held[:2])

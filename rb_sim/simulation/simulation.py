@@ -66,15 +66,19 @@ Progress = Callable[[float, float], None]
 
 
 class Simulation(SceneInMotion):
-    """A scene in motion, and its runs.
+    """A scene with its present time and state, which `run` and `advance` integrate.
 
-    scene: as loaded, or anything that `load_scene` takes; its `simulation` section gives method,
-        step or tolerance.
-    coordinates: "auto", or "maximal" to force the general formulation.
-    announce: called with one line of text if machine code has to be compiled, which takes
-    seconds; None: no call. family: laws shared by scenes that differ in numbers only; None: laws
-    of its own.
-    Raises SceneError if the scene cannot be simulated.
+    Args:
+        scene: Loaded scene, or anything that `load_scene` takes; its `simulation` section gives
+            method, step or tolerance.
+        coordinates: "auto" takes reduced coordinates for one body with at most one joint; "maximal"
+            takes the general formulation always.
+        announce: Called with a line of text before machine code is compiled, which takes seconds;
+            by default the line goes to standard error.
+        family: Laws shared by scenes that differ in numbers only; None: laws of its own.
+
+    Raises:
+        SceneError: The scene cannot be simulated.
     """
 
     _is_trial = False
@@ -100,13 +104,17 @@ class Simulation(SceneInMotion):
         return None if rows is None else self._block(times, rows)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
-        """The linear model of small deviations from the motion, about the present state.
+        """Linear model of small deviations from the motion, about the present state.
 
-        axes: of states, poses, twists and inputs, "world" or "body" (they turn with each body).
-        turning: rate [rad/s] at which the world's axes turn about z, for a motion that is steady
-        as seen from there (a disk that rolls in a circle).
-        Raises RbSimError for other axes and for scenes with contacts, SimulationError if a law
-        has no derivative.
+        Args:
+            axes: Axes of states, poses, twists and inputs: "world", or "body" (they turn with each
+                body).
+            turning: Rate at which the world's axes turn about z [rad/s], for a motion that is
+                steady as seen from there (a disk that rolls in a circle).
+
+        Raises:
+            RbSimError: The scene has contacts, or an argument is not allowed.
+            SimulationError: A law has no derivative at the present state.
         """
         from rb_sim.linear import linearize  # scipy loads when it is used
 
@@ -142,24 +150,29 @@ class Simulation(SceneInMotion):
         watched: bool = True,
         check: bool | None = None,
     ) -> Trajectory:
-        """Integrate and sample at `rate` [Hz] for `duration` [s], both ends included.
+        """Integrate from the present time and sample, both ends included.
 
-        Defaults come from the scene.  Sinks are opened here and get every block; the caller closes
-        them.
-        at: sample at these instants [s] instead, increasing, from the present time on.
-        events: also sample just before and just after each event of a contact (a few roundings of
-            the time away), so that `Trajectory.at_events` has the states there. For them the
-            motion since the start is computed once more, commands included.
-        watched: run the accuracy checks; each one that fails is an AccuracyWarning and among the
-            trajectory's `findings`. False: no checks.
-        check: make a second run at half of the steps or a tenth of the tolerance, whose difference
-            is the trajectory's `global_error`, and a finding above 1e-2. None: if the run is
-            watched; from about a second of stepping on a coarser one first, from 20 s on the
-            beginning only.
-        A run that will take more than ten minutes is reported once, to `announce`; one that
-        would take more than a year is given up after some time.
-        Raises SimulationError if the integration cannot go on, or is given up; the samples so far
-        are then in the sinks.
+        An estimate of more than ten minutes of wall-clock time is reported to `announce`; a run
+        that would take more than a year is stopped.
+
+        Args:
+            duration: Simulated time [s]; None: the scene's.
+            rate: Samples per simulated second [Hz]; None: the scene's.
+            sinks: Logs that get every block of samples; they are opened here, the caller closes
+                them.
+            progress: Called after each block with the time reached and the end [s].
+            at: Instants to sample at [s] instead, increasing, from the present time on.
+            events: Also sample just before and just after each event of a contact, for
+                `Trajectory.at_events`. The motion since the start is computed a second time for it.
+            watched: Run the accuracy checks; each that fails is an AccuracyWarning and among
+                `Trajectory.findings`.
+            check: Measure `Trajectory.global_error` by a second run at half of the steps or a tenth
+                of the tolerance. None: if `watched`; of runs above about 1 s of CPU time first a
+                coarser one, above 20 s only of the beginning.
+
+        Raises:
+            SimulationError: The integration cannot go on, or was stopped; the samples so far are
+                in the sinks.
         """
         times = self._instants(duration, rate, at)
         if events:
@@ -263,12 +276,23 @@ class Simulation(SceneInMotion):
         watch: Watch | None = None,
         limits: Limits = NO_LIMITS,
     ) -> Iterator[SampleBlock]:
-        """The samples of a run, block by block; memory does not grow with its length.
+        """Integrate and sample block by block, so that memory does not grow with the run.
 
-        watch: called about every 50 ms, inside a block as well; if it returns False, the run ends
-        with the samples so far.
-        Raises SimulationError as `run` does, after the block with the last samples before it; also
-        where the way to the next sample costs more than `limits`.
+        No accuracy check is made.
+
+        Args:
+            duration: Simulated time [s].
+            rate: Samples per simulated second [Hz].
+            watch: Called about every 50 ms; if it returns False the run ends with the samples so
+                far.
+            limits: Largest number of steps and wall-clock time between two samples.
+
+        Yields:
+            Up to 2048 samples each.
+
+        Raises:
+            SimulationError: The integration cannot go on, or exceeds `limits`; the samples before
+                were yielded.
         """
         start, end = self.time, self.time + duration
         count = samples_at_rate(duration, rate)
@@ -316,7 +340,7 @@ class Simulation(SceneInMotion):
         return StepTooLargeError(f"{error}; {advice}")
 
     def with_step(self, step: float) -> Simulation:
-        """A new simulation of the scene from its start with another step [s]."""
+        """New simulation of the same scene from its start with another fixed step [s]."""
         how = {"method": self.setting.name, "step": step, "tolerance": None}
         options = self.scene.simulation.model_copy(update=how)
         scene = self.scene.model_copy(update={"simulation": options})

@@ -54,7 +54,7 @@ class Reaction:
 
 @dataclass(frozen=True)
 class ReactionRange:
-    """[min, max] of each component over all admissible reactions; inf: unbounded."""
+    """Smallest and largest value of each component over admissible reactions; inf: unbounded."""
 
     force: Array
     """world axes [N], (3, 2)."""
@@ -79,7 +79,7 @@ class ReactionRange:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that gives, or would give first."""
+    """A support that fails or would fail first, or a body whose balance fails."""
 
     kind: Literal["slack", "lifts", "slips", "rolls", "spins", "force", "torque"]
     """a string goes slack, a contact lifts, slips, rolls or spins, a body's force or torque is not
@@ -94,32 +94,32 @@ class Finding:
 
 @dataclass(frozen=True)
 class StaticsResult:
-    """Verdict, reactions and their ranges."""
+    """Verdict on an equilibrium, reactions by the supports on the bodies, and their ranges."""
 
     verdict: Verdict
     explanation: str
     reactions: dict[str, Reaction]
-    """the reactions; those of least norm if there are many; empty without equilibrium."""
+    """Reactions; the minimum-norm ones if there are many; empty without equilibrium."""
     ranges: dict[str, ReactionRange]
-    """empty without equilibrium or when not asked for."""
+    """Ranges of the reactions; empty without equilibrium, or if not requested."""
     indeterminacy: int
-    """independent states of self-stress."""
+    """Number of independent states of self-stress."""
     mobility: int
-    """independent motions that no support resists in either direction; they carry no load."""
+    """Number of independent motions that no support resists in either direction."""
     margin: float
-    """tension or normal force by which the safest state clears slack, lift and slip, over the
-    largest load; at most 1; negative: missing. nan when no state balances the loads."""
+    """Distance of the safest state from slack, lift-off and slip as tension or normal force over
+    the largest load, at most 1; negative: no equilibrium; nan: no state balances the loads."""
     tolerance: float
-    """band of `margin` and of the imbalance that counts as "at the limit": the one asked for, or
-    the accuracy of the margin where rounding makes that worse."""
+    """Largest |margin| and imbalance that count as "at the limit": the value requested, or the
+    accuracy of the margin if that is larger."""
     accuracy: float
-    """bound of the error of ranges and of the least norm, over the largest load."""
+    """Bound of the error of ranges and minimum-norm reactions, over the largest load."""
     balance: dict[str, tuple[Array, Array]]
-    """what is left of force [N] and torque about the centre of mass [N m] on each body, world
-    axes; empty without equilibrium."""
+    """Sum of forces [N] and of torques about the centre of mass [N m] on each body, world axes,
+    which should be 0; empty without equilibrium."""
     findings: tuple[Finding, ...] = field(default=())
     apart: tuple[str, ...] = ()
-    """contacts whose surfaces do not touch: they hold nothing."""
+    """Contacts whose surfaces do not touch and which carry nothing."""
 
     @property
     def determinate(self) -> bool:

@@ -99,20 +99,20 @@ Progress = Callable[[int, int, int], None]
 
 
 class SweepResult(NamedTuple):
-    """What a sweep has done."""
+    """Result of a sweep: where its table is, and how many runs it made."""
 
     folder: Path
-    """its results; `folder / "runs"` is the Parquet dataset."""
+    """Folder of the results; `folder / "runs"` is the Parquet dataset."""
     runs: int
-    """in the plan."""
+    """Runs in the plan."""
     reused: int
-    """of them found in the folder."""
+    """Runs that the folder had already."""
     failed: int
-    """of those done now; their rows say why."""
+    """Runs of now that failed; their rows have the reason."""
     looked_at: int = 0
-    """of those done now, once more by themselves and watched."""
+    """Runs of now that were repeated with all accuracy checks."""
     lost: tuple[Lost, ...] = ()
-    """what was seen there of lost accuracy."""
+    """Accuracy checks that failed in the repeated runs."""
 
     def table(self) -> Any:
         """All rows as a pyarrow table, ordered by run."""
@@ -129,15 +129,23 @@ def sweep(
     lanes: bool = True,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run a plan; runs that the folder `out` has already are not repeated.
+    """Run a scene many times with varied numbers; runs that `out` has already are not repeated.
 
-    plan: a YAML file, the name of a shipped plan, or a mapping. workers: processes on this machine
-    (one a core if None). scheduler: the address of a dask scheduler instead. batch: runs per task
-    (as many as take about a second if None). lanes: let runs share the machine's vector lanes where
-    they can; their numbers then differ from those of one at a time by rounding. progress: called
-    after each batch. At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks;
-    those that fail are AccuracyWarnings and in the result's `lost`. Raises RbSimError for a plan
-    that cannot be run; a single run that fails has its reason in its row.
+    At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks; those that fail are
+    AccuracyWarnings and in the result's `lost`. A run that fails has its reason in its row.
+
+    Args:
+        plan: Plan file (YAML), name of a shipped plan, or mapping.
+        out: Folder of the results.
+        workers: Processes on this machine; None: one for each core.
+        scheduler: Address of a dask scheduler to use instead.
+        batch: Runs per task; None: as many as take about a second.
+        lanes: Let runs share the vector lanes of the processor; their numbers then differ from
+            those of single runs by rounding.
+        progress: Called after each batch.
+
+    Raises:
+        RbSimError: The plan is not valid, or `out` cannot be used.
     """
     _check_arguments(out, workers, batch)
     if scheduler is None:

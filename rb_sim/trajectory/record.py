@@ -40,14 +40,14 @@ class ByName(dict[str, T]):
 
 
 class Reaction(NamedTuple):
-    """A wrench ON a body, world axes: BY a constraint, or by an effect."""
+    """Wrench of a constraint or an effect ON a body over time, world axes."""
 
     force: Array
-    """[N], shape (n, 3)."""
+    """Force [N], shape (n, 3)."""
     torque: Array
-    """about the anchor [N m], shape (n, 3)."""
+    """Torque about the anchor [N m], shape (n, 3)."""
     anchor: Array
-    """anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
+    """Anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
 
 
 class Record:
@@ -65,13 +65,13 @@ class Record:
         self.block = block
         self.layout = layout
         self.scene: Scene | Any = scene
-        """the scene that moved; None where only samples are known."""
+        """Scene that was simulated; None if only samples are known."""
         self.method = method
-        """how it was integrated, in words."""
+        """Method and its setting, in words."""
         self.findings = tuple(findings)
-        """what watches saw of lost accuracy in the run (rb_sim.base.diagnostic), by time."""
+        """Accuracy checks that failed in the run, by time."""
         self.global_error = error
-        """how far a second, finer run is from this one; None where none was to be made."""
+        """Error of the run by a second, finer run; None if none was made."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -86,27 +86,32 @@ class Record:
 
     @property
     def position(self) -> Mapping[str, Array]:
-        """Centre of mass, world [m], shape (n, 3) each."""
+        """Position of each body's centre of mass, world [m], shape (n, 3)."""
         return self._by_body(self.block.position)
 
     @property
     def orientation(self) -> Mapping[str, Array]:
-        """Unit quaternion [x, y, z, w], body to world, shape (n, 4) each."""
+        """Attitude of each body: unit quaternion [x, y, z, w], body to world, shape (n, 4)."""
         return self._by_body(self.block.orientation)
 
     @property
     def linear_velocity(self) -> Mapping[str, Array]:
-        """Of the centre of mass, world [m/s], shape (n, 3) each."""
+        """Velocity of each body's centre of mass, world [m/s], shape (n, 3)."""
         return self._by_body(self.block.linear_velocity)
 
     @property
     def angular_velocity(self) -> Mapping[str, Array]:
-        """Body frame [rad/s], shape (n, 3) each."""
+        """Angular velocity of each body, body axes [rad/s], shape (n, 3)."""
         return self._by_body(self.block.angular_velocity)
 
     @property
     def reaction(self) -> Mapping[str, Reaction]:
-        """Reaction of each constraint; NAME/A and NAME/B are the bearings of a fixed axis."""
+        """Reaction of each constraint BY it ON the body: force [N] and torque [N m] about the
+        anchor, world axes, shape (n, 3) each.
+
+        Of a fixed axis NAME is the total about bearing A, NAME/A and NAME/B are the bearings; of a
+        contact with several points NAME/1, NAME/2 ... are the points.
+        """
         b = self.block
         by_name = {
             name: Reaction(b.reaction_force[:, i], b.reaction_torque[:, i], b.anchor[:, i])
@@ -116,7 +121,8 @@ class Record:
 
     @property
     def command(self) -> Mapping[str, Array]:
-        """Commanded [force, torque] as applied, world axes, about the body origin, (n, 6) each."""
+        """Commanded force [N] and torque [N m] on each body that takes commands, as applied, about
+        the body origin, world axes, shape (n, 6)."""
         commands = {name: self.block.command[:, i] for i, name in enumerate(self.layout.commanded)}
         return ByName("commanded body", commands)
 
@@ -134,7 +140,7 @@ class Record:
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """Events of the contacts, in order of time."""
+        """Events of contacts by time: instant [s], contact, kind, impulse [N s] of an impact."""
         return self.block.events
 
     @property
@@ -144,32 +150,32 @@ class Record:
 
     @property
     def kinetic_energy(self) -> Array:
-        """Of all bodies [J], shape (n,)."""
+        """Kinetic energy of all bodies [J], shape (n,)."""
         return self.block.kinetic_energy
 
     @property
     def potential_energy(self) -> Array:
-        """Of the effects that have one [J], shape (n,)."""
+        """Potential energy of all effects that have one (gravity, springs) [J], shape (n,)."""
         return self.block.potential_energy
 
     @property
     def power(self) -> Array:
-        """Of the effects without potential and of the reactions [W], shape (n,)."""
+        """Power of the effects without potential and of the reactions [W], shape (n,)."""
         return self.block.power
 
     @property
     def momentum(self) -> Array:
-        """Total linear momentum, world [kg m/s], shape (n, 3)."""
+        """Linear momentum of all bodies, world axes [kg m/s], shape (n, 3)."""
         return self.block.momentum
 
     @property
     def angular_momentum(self) -> Array:
-        """Total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
+        """Angular momentum of all bodies about the world origin, world axes [kg m^2/s], (n, 3)."""
         return self.block.angular_momentum
 
     @property
     def residual(self) -> Array:
-        """Worst violation of a constraint, relative to the scene's scale, shape (n,)."""
+        """Largest violation of a constraint, relative to the scene's scale, shape (n,)."""
         return self.block.residual
 
 
@@ -182,21 +188,29 @@ NEAR = 256.0
 
 @dataclass(frozen=True)
 class State:
-    """State at one instant: columns as in Trajectory, one row each."""
+    """State of all bodies at one instant; each mapping has the names of the bodies."""
 
     t: float
+    """Simulated time [s]."""
     position: Mapping[str, Array]
+    """Centre of mass, world [m], shape (3,)."""
     orientation: Mapping[str, Array]
+    """Unit quaternion [x, y, z, w], body to world, shape (4,)."""
     linear_velocity: Mapping[str, Array]
+    """Velocity of the centre of mass, world [m/s], shape (3,)."""
     angular_velocity: Mapping[str, Array]
+    """Angular velocity, body axes [rad/s], shape (3,)."""
 
 
 class EventState(NamedTuple):
-    """What happened to a contact, and the states just before and after it."""
+    """An event of a contact with the states just before and just after it."""
 
     event: ContactEvent
+    """Instant [s], contact, kind, and of an impact the impulse on the body [N s]."""
     before: State
+    """State just before the event."""
     after: State
+    """State just after the event."""
 
 
 def state_of(run: Record, sample: int) -> State:

@@ -30,18 +30,24 @@ if TYPE_CHECKING:
 
 
 class Trajectory(Record):
-    """Samples of a run by name. SI units, quaternions [x, y, z, w] body to world.
+    """Samples of a run, by name of body, constraint or contact.
 
-    `position`, `reaction` and the like map names to arrays whose first axis is time.
+    `position`, `reaction` and the like map names to arrays whose first axis is time. SI units,
+    world axes unless stated; quaternions are [x, y, z, w], body to world.
     """
 
     @classmethod
     def from_bag(cls, bag: str | PathLike[str]) -> Trajectory:
-        """The samples of a bag that rb_sim recorded: a folder or an .mcap file.
+        """Read the samples of a bag that rb_sim recorded.
 
         The scene is that of the run, with its options. A UserWarning names damaged parts and
         their times, an AccuracyWarning each accuracy check that failed in the run.
-        Raises SinkError with one line: missing, unfinished, not recorded by rb_sim.
+
+        Args:
+            bag: Folder of the bag or .mcap file.
+
+        Raises:
+            RbSimError: The bag does not exist, is not finished, or was not recorded by rb_sim.
         """
         from rb_sim.io.bag.reader import BagReader
 
@@ -71,40 +77,45 @@ class Trajectory(Record):
 
     @property
     def euler_angles(self) -> Mapping[str, Array]:
-        """Roll, pitch, yaw [rad], shape (n, 3) each, as in ROS: the body is turned by roll about
-        the world's x, then by pitch about its y, then by yaw about its z.
+        """Roll, pitch, yaw of each body [rad], shape (n, 3), as in ROS.
 
-        Roll and yaw count whole turns if samples are less than half a turn apart. At pitch +-pi/2
-        only their sum or difference is determined.
+        The body is turned by roll about the world's x, then by pitch about its y, then by yaw about
+        its z. Roll and yaw count whole turns if samples are less than half a turn apart. At pitch
+        +-pi/2 only their sum or difference is determined.
         """
 
         return self._by_body(np.unwrap(roll_pitch_yaw(self.block.orientation), axis=0))
 
     @property
     def linear_acceleration(self) -> Mapping[str, Array]:
-        """Of the centre of mass, world [m/s^2], shape (n, 3) each; computed on request.
+        """Acceleration of each body's centre of mass, world [m/s^2], shape (n, 3).
 
-        From Newton's equation with effects and reactions; an impact's jump is not in it. Raises
-        RbSimError where the scene is not known, and for method time_stepping.
+        Computed from effects and reactions by Newton's equation, without the jumps of impacts.
+
+        Raises:
+            RbSimError: The scene is not known, or the method is time_stepping.
         """
 
         return self._by_body(accelerations(self).linear)
 
     @property
     def angular_acceleration(self) -> Mapping[str, Array]:
-        """Rate of the angular velocity's components, body frame [rad/s^2], shape (n, 3) each.
+        """Angular acceleration of each body, body axes [rad/s^2], shape (n, 3).
 
-        From Euler's equations; else as `linear_acceleration`.
+        Computed by Euler's equations; otherwise as `linear_acceleration`.
         """
 
         return self._by_body(accelerations(self).angular)
 
     @property
     def effect(self) -> Mapping[str, Reaction]:
-        """Wrench of each effect on each body, about its centre of mass: NAME, or NAME/BODY.
+        """Wrench of each effect on its body, about the centre of mass, world axes, (n, 3) each.
 
-        NAME/BODY where the effect acts on several bodies (a parent gets the opposite). The laws
-        are evaluated at the samples; raises RbSimError if the scene is not known.
+        The name is that of the effect, or EFFECT/BODY if it acts on several bodies (a parent gets
+        the opposite).
+
+        Raises:
+            RbSimError: The scene is not known.
         """
 
         return ByName("effect", effect_wrenches(self))
@@ -113,24 +124,36 @@ class Trajectory(Record):
     def at_events(self) -> tuple[EventState, ...]:
         """States just before and just after each event of a `run(events=True)`.
 
-        An event at the very start has the initial state on both sides. Raises RbSimError if there
-        are no samples just before and after the events.
+        An event at the very start has the initial state on both sides.
+
+        Raises:
+            RbSimError: The run has no samples just before and after its events.
         """
         return tuple(beside(self, event) for event in self.events)
 
     def state(self, index: int = -1) -> State:
-        """The state at sample `index`; negative: from the end. Raises RbSimError if there is no
-        such sample.
+        """State at one sample.
+
+        Args:
+            index: Number of the sample; negative: from the end.
+
+        Raises:
+            RbSimError: There is no such sample.
         """
         return state_of(self, index)
 
     def resultant(self, name: str, about: str | Sequence[float] | Array | None = None) -> Resultant:
-        """The wrench of a constraint (or effect) on its body, reduced to another point.
+        """Wrench of a constraint or effect on its body about another point, world axes.
 
         The torque about P is M + (anchor - P) x F.
-        about: a body (its centre of mass), a world point of 3 numbers or one per sample [m], or
-        None for the anchor itself.
-        Raises RbSimError for a name or a point that does not exist.
+
+        Args:
+            name: Constraint or effect.
+            about: Body (its centre of mass), point of the world [m], shape (3,) or (n, 3), or None
+                for the anchor itself.
+
+        Raises:
+            RbSimError: The name or the body does not exist, or the point is not finite.
         """
 
         return resultant(self, name, about)
@@ -139,8 +162,13 @@ class Trajectory(Record):
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
 
         With contacts also contact_work, and events.t, .contact, .kind and .impulse (one row each).
-        accelerations: linear and angular ones, too; raises RbSimError as they do. Folders are
-        made; SinkError where it cannot be written.
+
+        Args:
+            path: File to write; missing folders are made.
+            accelerations: Write linear and angular accelerations, too.
+
+        Raises:
+            RbSimError: The file cannot be written, or accelerations are not available.
         """
         from rb_sim.trajectory.tables import save_npz
 
@@ -149,35 +177,46 @@ class Trajectory(Record):
     def to_csv(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
         """Write t [s] and the columns of `to_pandas` as CSV with a header; SI units.
 
-        accelerations, errors: as in `to_npz`.
+        Arguments and errors are those of `to_npz`.
         """
         from rb_sim.trajectory.tables import save_csv
 
         save_csv(self, Path(path), accelerations)
 
     def to_pandas(self, *, accelerations: bool = False) -> Any:
-        """A pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.
+        """pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.
 
-        accelerations: as in `to_npz`. Raises MissingExtraError without pandas.
+        Args:
+            accelerations: Linear and angular accelerations, too.
+
+        Raises:
+            RbSimError: pandas is not installed, or accelerations are not available.
         """
         from rb_sim.trajectory.tables import to_pandas
 
         return to_pandas(self, accelerations)
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset with the dimensions t, body, reaction, contact and axis.
+        """xarray Dataset with the dimensions t, body, reaction, contact and axis.
 
-        Each variable has its units. Raises MissingExtraError without xarray.
+        Each variable has its unit as attribute `units`.
+
+        Raises:
+            RbSimError: xarray is not installed.
         """
         from rb_sim.trajectory.tables import to_xarray
 
         return to_xarray(self)
 
     def plot(self, path: str | PathLike[str] | None = None) -> Pages:
-        """The plots of the run, as matplotlib figures; also written to `path` (PNG) if given.
+        """Plot everything that changes in the run, as matplotlib figures.
 
-        One page, or with many bodies one for each: `path` gets the first, files beside it the rest.
-        Raises RbSimError where the scene is not known, SinkError where it cannot write.
+        Args:
+            path: PNG file to write. With many bodies there is a page for each: `path` gets the
+                first, files beside it the others.
+
+        Raises:
+            RbSimError: The scene is not known, `path` does not end in .png or cannot be written.
         """
         from rb_sim.trajectory.views import pages_of
 
@@ -187,9 +226,14 @@ class Trajectory(Record):
         return pages
 
     def view(self, save: str | PathLike[str] | None = None) -> None:
-        """Show the run in the Rerun viewer, in a notebook inside of it; or save it as .rrd.
+        """Show the run in the Rerun viewer (in a notebook: in its cell), or save the recording.
 
-        Raises MissingExtraError without rerun-sdk; SinkError without a screen.
+        Args:
+            save: .rrd file to write instead of opening the viewer.
+
+        Raises:
+            RbSimError: rerun-sdk is not installed, there is no screen, `save` does not end in .rrd
+                or cannot be written.
         """
         from rb_sim.trajectory.views import view
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.io.plots.plots import Plots, save
+from rb_sim.io.sink import check_ending
 
 if TYPE_CHECKING:
     from rb_sim.trajectory.record import Record
@@ -50,6 +51,7 @@ class Pages(Mapping[str, Any]):
 
         Raises SinkError.
         """
+        check_ending(path, ".png")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -82,6 +84,7 @@ def view(trajectory: Record, save: Path | None = None) -> None:
     Raises MissingExtraError, SinkError; RbSimError for a trajectory without a scene.
     """
     if save is not None:
+        check_ending(save, ".rrd")
         record(trajectory, save)
         return
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:

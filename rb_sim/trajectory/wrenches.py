@@ -52,7 +52,7 @@ def _point(trajectory: Record, about: Any, anchor: Array) -> Array:
     if isinstance(about, str):
         if about not in trajectory.layout.bodies:
             bodies = ", ".join(trajectory.layout.bodies)
-            raise RbSimError(f"about: got {about!r}; bodies: {bodies}")
+            raise RbSimError(f"about: got {about!r}; must be a body ({bodies}) or a point")
         return trajectory.position[about]
     try:
         points = np.broadcast_to(np.asarray(about, dtype=float), (len(trajectory), 3))

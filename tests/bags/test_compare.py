@@ -387,6 +387,16 @@ def test_no_body_in_common():
         differences(a, b, match={"nut": "boll"})
 
 
+def test_the_only_body_of_another_scene_is_compared_with_a_note():
+    """A bag of a top and the scene of a pendulum: nothing said that these are two bodies."""
+    t = np.linspace(0, 1, 20)
+    a, b = Tracks("a", {"top": motion(t)}, length=1.0), Tracks("b", {"rod": motion(t)}, length=1.0)
+    (note,) = differences(a, b).notes
+    assert note.startswith("top: compared with rod, the only body of B")
+    assert differences(a, b, match={"top": "rod"}).notes == []
+    assert differences(a, replace(b, length=0.0)).notes == []
+
+
 def test_overlay(tmp_path):
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     from rb_sim.bags.comparison_views import overlay

@@ -237,9 +237,7 @@ def test_unknown_key_names_the_known_ones() -> None:
         Hinge.model_validate({"body": "a", "stifness": 1.0})
     (error,) = caught.value.errors()
     assert error["loc"] == ("stifness",)
-    assert error["msg"] == (
-        "must be one of body, locked, parent, stiffness, type (did you mean stiffness?)"
-    )
+    assert error["msg"] == ("must be stiffness, or one of body, locked, parent, type")
 
 
 def test_spec_of_type_chooses_the_class() -> None:

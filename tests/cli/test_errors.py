@@ -115,7 +115,8 @@ def test_output_folder_that_cannot_be_made(tmp_path, tumble):
     (tmp_path / "file").write_text("")
     done = invoke("run", tumble, "--out", tmp_path / "file")
     assert done.exit_code == 2
-    assert done.output == f"error: --out {tmp_path / 'file'}: cannot write there: File exists\n"
+    allowed = "must be a folder, or a name for a new one"
+    assert done.output == f"error: --out {tmp_path / 'file'}: is a file; {allowed}\n"
 
 
 def test_version_and_verbs():
@@ -143,3 +144,20 @@ def test_help_shows_flags_as_flags(monkeypatch):
         shown = invoke(*verb, "--help").output.lower()
         assert "--help" in shown
         assert "bool" not in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("rum", "heavy_top"), "No such command 'rum' (did you mean run?); see rb_sim --help"),
+        (("run", "heavy_top", "--tolerence", "1"), "--tolerence (did you mean --tolerance?); see"),
+        (("run", "heavy_top", "--method", "RK4"), "--method: got 'RK4'; must be rk4, or one of"),
+        (("run", "bouncing_ball", "--method", "taylor"), "must be dopri853 or auto here, since"),
+        (("accuracy", "heavy_top", "--target", "0"), "--target: got 0.0; must be a number > 0"),
+        (("hard-cases", "nothing"), "nothing: is no folder; FOLDER must hold cases"),
+    ],
+)
+def test_a_slip_on_the_command_line_gets_one_line_with_the_nearest_name(arguments, words):
+    done = invoke(*arguments)
+    assert done.exit_code == 2 and done.output.startswith("error: ")
+    assert words in done.output and done.output.count("\n") == 1

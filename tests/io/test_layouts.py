@@ -179,7 +179,7 @@ def test_of_many_bodies_the_first_are_shown_and_it_is_said(tmp_path, capsys):
 
 def test_one_clear_line_where_it_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RbSimError, match="cannot write there"):
+    with pytest.raises(RbSimError, match="is a file; must be a folder"):
         layout("pendulum", tmp_path / "file")
     with pytest.raises(RbSimError, match="does not exist"):
         layout("pendulums", Path(tmp_path))

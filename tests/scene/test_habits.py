@@ -128,3 +128,58 @@ def test_roll_pitch_yaw_is_refused_with_what_is_taken(given):
 )  # fmt: skip
 def test_habits_of_other_programs_are_refused_in_one_line(data, words):
     assert words in one_error(data)
+
+
+def ball(**keys: Any) -> dict[str, Any]:
+    return {"bodies": {"a": BALL | keys}, "effects": WEIGHT}
+
+
+def with_law(part: str, **keys: Any) -> dict[str, Any]:
+    return {"bodies": {"a": BALL}, part: {"law": keys}}
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        # the nearest name first, then the others
+        (ball(weight=3.0), "bodies.a.weight: unknown key; must be mass, or one of absolute_"),
+        (ball(velocity=[1, 0, 0]), "bodies.a.velocity: unknown key; must be linear_velocity, or"),
+        (ball(omega=[0, 0, 1]), "bodies.a.omega: unknown key; must be angular_velocity, or one"),
+        (ball(rpy=[0, 0, 1]), "bodies.a.rpy: unknown key; must be orientation, or one of"),
+        (ball(shape={"type": "sphere", "diameter": 1.0}), "diameter: unknown key; must be radius,"),
+        (ball(shape={"type": "cylinder", "radius": 1.0, "length": 1.0, "height": 2.0}),
+         "height: unknown key; must be length, or one of"),
+        (ball(shape={"type": "box", "half_extents": [1, 1, 1]}),
+         "half_extents: unknown key; must be size, or one of center_B, type"),
+        (ball(orientation={"axis": [0, 0, 1], "degrees": 90}),
+         "degrees: unknown key; must be angle or axis"),
+        (ball() | {"simulation": {"dt": 0.01}}, "simulation.dt: unknown key; must be step, or"),
+        (ball() | {"simulation": {"method": "RK4"}}, "got 'RK4'; must be rk4, or one of auto,"),
+        (ball() | {"gravity": [0, 0, -9.81]}, "gravity: unknown key; must be effects, or one of"),
+        (ball() | {"contacts": {}}, "contacts: unknown key; must be constraints, or one of"),
+        (with_law("constraints", type="ball_joint", body="a"), "must be fixed_point, or one of"),
+        (with_law("constraints", type="contact", body="a", mu=0.3), "must be friction, or one of"),
+        (with_law("effects", type="gravity", g=9.81), "must be acceleration, or one of bodies"),
+        # a quaternion with names, in the order of no program in particular
+        (ball(orientation={"w": 1, "x": 0, "y": 0, "z": 0}),
+         "got {w: 1, x: 0, y: 0, z: 0}; must be a quaternion [x, y, z, w]"),
+        # numbers that no body has
+        (ball(inertia=[1, 1, 3]), "no principal moment above the sum of the others, but 3 > 1 + 1"),
+        (ball(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]), "must be a symmetric inertia tensor"),
+        (ball(mass=math.inf), "bodies.a.mass: got inf; must be a finite number"),
+        (ball(position=["10 cm", 0, 0]), "bodies.a.position[0]: got '10 cm'; must be a number"),
+        # several places with the same mistake
+        (ball(position=[math.nan, math.nan, 0]), "bodies.a.position[0]: got nan; must be a finite"
+         " number (as bodies.a.position[1])"),
+    ],
+)  # fmt: skip
+def test_a_wrong_key_or_value_gets_one_line_with_the_nearest_name_first(data, words):
+    assert words in one_error(data)
+
+
+def test_a_list_of_names_is_short():
+    """A scene of thirty bodies does not list them all for one wrong name."""
+    bodies = {f"link{i}": BALL for i in range(30)}
+    joint = {"type": "fixed_point", "body": "lin7"}
+    text = one_error({"bodies": bodies, "constraints": {"c": joint}})
+    assert "a body of the scene: link7, or one of link0" in text and "and 15 more" in text

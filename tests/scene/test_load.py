@@ -75,7 +75,7 @@ def test_headings_with_nothing_below_say_nothing() -> None:
 def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
     own = text.startswith(("links", "bodies"))
     body = "" if own else "bodies: {a: {mass: 1, inertia: [1, 1, 1]}}"
-    with pytest.raises(SceneError, match=f"did you mean {hint}"):
+    with pytest.raises(SceneError, match=f"must be {hint}"):
         load_scene(f"{text}\n{body}\n")
 
 
@@ -98,9 +98,9 @@ MESSAGES = [
     (
         "mass: 2",
         "mas: 2",
-        "bodies.ball.mas: unknown key; must be one of absolute_tolerance, angular_velocity, "
-        "center_of_mass, inertia, linear_velocity, mass, orientation, position, shape "
-        "(did you mean mass?)",
+        "bodies.ball.mas: unknown key; must be mass, or one of absolute_tolerance, "
+        "angular_velocity, center_of_mass, inertia, linear_velocity, orientation, position, "
+        "shape",
     ),
     (
         "mass: 2",
@@ -112,8 +112,8 @@ MESSAGES = [
     (
         "type: sphere",
         "type: spere",
-        "bodies.ball.shape.type: got 'spere'; must be one of box, cylinder, disk, ellipsoid, rod, "
-        "sphere (did you mean sphere?)",
+        "bodies.ball.shape.type: got 'spere'; must be sphere, or one of box, cylinder, disk, "
+        "ellipsoid, rod",
     ),
     ("[0, 0, 0.1]", "[0, 0]", "bodies.ball.position: got [0, 0]; must be 3 numbers"),
     ("[0, 0, 0.1]", "[0, 0, x]", "bodies.ball.position[2]: got 'x'; must be a number"),
@@ -158,8 +158,7 @@ MESSAGES = [
     (
         "body: ball",
         "body: bal",
-        "constraints.floor.body: got 'bal'; must be a body of the scene: "
-        "one of ball, rod (did you mean ball?)",
+        "constraints.floor.body: got 'bal'; must be a body of the scene: ball or rod",
     ),
     (
         "parent: ball",
@@ -180,14 +179,13 @@ MESSAGES = [
     (
         "bodies: [ball, rod]",
         "bodies: [ball, rd]",
-        "effects.weight.bodies[1]: got 'rd'; must be a body of the scene: one of ball, rod "
-        "(did you mean rod?)",
+        "effects.weight.bodies[1]: got 'rd'; must be a body of the scene: rod or ball",
     ),
     (
         "body: ball",
         "bdy: ball",
-        "constraints.floor.bdy: unknown key; must be one of body, normal_A, "
-        "parent, point_A, type (did you mean body?)",
+        "constraints.floor.bdy: unknown key; must be body, or one of normal_A, parent, "
+        "point_A, type",
     ),
     (
         "{type: rolling, body: ball}",
@@ -203,22 +201,22 @@ MESSAGES = [
     (
         "type: gravity",
         "type: gravty",
-        "effects.weight.type: got 'gravty'; must be one of "
-        "angular_damping, commanded_wrench, gravity, linear_drag, quadratic_drag, spring, "
-        "torsion_spring, wrench, wrench_table (did you mean gravity?)",
+        "effects.weight.type: got 'gravty'; must be gravity, or one of angular_damping, "
+        "commanded_wrench, linear_drag, quadratic_drag, spring, torsion_spring, wrench, "
+        "wrench_table",
     ),
     (
         "effects:",
         "efects:",
-        "efects: unknown key; must be one of bodies, constraints, description, "
-        "effects, loads, simulation, supports (did you mean effects?)",
+        "efects: unknown key; must be effects, or one of bodies, constraints, description, "
+        "loads, simulation, supports",
     ),
     ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
     (
         "method: rk4",
         "method: rk5",
-        "simulation.method: got 'rk5'; must be one of auto, dopri853, "
-        "euler, gauss6, radau5, rk4, taylor, time_stepping (did you mean rk4?)",
+        "simulation.method: got 'rk5'; must be rk4, or one of auto, dopri853, euler, gauss6, "
+        "radau5, taylor, time_stepping",
     ),
     (
         "step: 1e-3",
@@ -388,8 +386,8 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{}",
             {"stepp": 0.1},
-            "override.stepp: got 0.1; the override must be one of duration, method, rate, step, "
-            "tolerance (did you mean step?)",
+            "override.stepp: got 0.1; the override must be step, or one of duration, method, "
+            "rate, tolerance",
         ),
     ],
 )
@@ -417,4 +415,4 @@ def test_the_words_of_other_programs_are_understood(part: str, word: str, meant:
     body = {"mass": 1.0, "inertia": [1, 1, 1]}
     with pytest.raises(SceneError) as caught:
         scene_from_mapping({"bodies": {"b": body}, part: {"it": {"type": word, "body": "b"}}})
-    assert str(caught.value).endswith(f"(did you mean {meant}?)")
+    assert f"; must be {meant}, or one of " in str(caught.value)

@@ -30,7 +30,7 @@ def with_support(**changes):
         ({}, "bodies", "missing"),
         ({"bodies": {}}, "bodies", "at least one body"),
         ({"bodies": {"b": {"mass": -1.0}}}, "bodies.b.mass", "a number >= 0"),
-        ({"bodies": {"b": {"mas": 1.0}}}, "bodies.b.mas", "did you mean mass?"),
+        ({"bodies": {"b": {"mas": 1.0}}}, "bodies.b.mas", "must be mass, or one of"),
         ({"bodies": {"b": {"orientation": [0, 0, 0, 0]}}}, "bodies.b.orientation", "quaternion"),
         (with_support(type="rope"), "supports.s.type", "string"),
         (with_support(body="c"), "supports.s.body", "a body of the scene: one of b"),

@@ -265,11 +265,11 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
     [
         ({"bodies": {}}, "is a scene; a plan names one"),
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
-        ({"outputs": {"z": "max(position.stein.z)"}}, "did you mean stone"),
+        ({"outputs": {"z": "max(position.stein.z)"}}, "must be stone"),
         ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),
         ({"outputs": {"z": "max(position.stone[2])"}}, "components are .x, .y, .z"),
-        ({"derived": {"bodies.stone.position[0]": "sped"}}, "did you mean speed"),
-        ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "did you mean mass"),
+        ({"derived": {"bodies.stone.position[0]": "sped"}}, "must be speed"),
+        ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "must be mass"),
         ({"vary": {"t": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
         ({"vary": {"run": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
         ({"vary": {"pi": {"path": "bodies.stone.mass", "list": [1.0]}}}, "another name"),
@@ -302,8 +302,8 @@ def test_what_is_wrong_with_every_run_is_said_before_the_first(
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        ("event_time('floor', 'imapct')", "did you mean impact"),
-        ("event_count('flor', 'impact')", "did you mean floor"),
+        ("event_time('floor', 'imapct')", "must be impact"),
+        ("event_count('flor', 'impact')", "must be floor"),
         ("event_time('floor', 'impact', 0)", "whole number >= 1"),
         ("event_time('floor', 'impact', 1.5)", "whole number >= 1"),
         ("time_of(position.ball > 1)", "vectors"),

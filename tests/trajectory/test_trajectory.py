@@ -63,7 +63,7 @@ def test_a_resultant_about_another_point(run):
     )
     with pytest.raises(RbSimError, match="got 'pen'; constraints and effects: pin, weight/a"):
         run.resultant("pen")
-    with pytest.raises(RbSimError, match="about: got 'c'; bodies: a, b"):
+    with pytest.raises(RbSimError, match=r"about: got 'c'; must be a body \(a, b\) or a point"):
         run.resultant("pin", about="c")
     with pytest.raises(RbSimError, match="must be a body, 3 finite numbers, or 3 for each sample"):
         run.resultant("pin", about=[1.0, 2.0])
@@ -140,9 +140,13 @@ def test_folders_are_made_and_errors_are_one_line(run, tmp_path):
     assert np.load(tmp_path / "new" / "run.npz")["t"].tolist() == [0.0, 0.5, 1.0]
     run.plot(tmp_path / "plots" / "run.png")
     assert (tmp_path / "plots" / "run.png").is_file()
-    for write in (run.to_npz, run.plot):
-        with pytest.raises(RbSimError, match="^/dev/null/run.npz: cannot be written: "):
-            write("/dev/null/run.npz")
+    for write, name in ((run.to_npz, "run.npz"), (run.plot, "run.png")):
+        with pytest.raises(RbSimError, match=f"^/dev/null/{name}: cannot be written: "):
+            write(f"/dev/null/{name}")
+    for write, ending in ((run.plot, "png"), (run.view, "rrd")):
+        with pytest.raises(RbSimError, match=f"run.pdf: the name must end in .{ending}"):
+            write(tmp_path / "run.pdf")
+        assert not (tmp_path / "run.pdf").exists()
 
 
 def test_repr_counts_events():

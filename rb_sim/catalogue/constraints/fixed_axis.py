@@ -1,9 +1,8 @@
 """Fixed axis on two bearings A and B with separate reactions.
 
-Bearing A sits at point_B of the body, bearing B at point_B + bearing_distance axis_B.  Both carry
-transverse force; which of them carries the axial force the scene says: one that is `floating` does
-not, and if none is, its share between the two is statically indeterminate (reported as the
-minimum-norm one: half each).
+Bearing A sits at point_B of the body, bearing B at point_B + bearing_distance axis_B. Both carry
+transverse force. The `floating` bearing carries no axial force. With `floating: none` the axial
+load distribution is not unique; the minimum-norm one, half each, is reported.
 """
 
 from __future__ import annotations
@@ -26,15 +25,15 @@ class FixedAxis(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """bearing A, from the body origin, body axes [m]."""
+    """position of bearing A, from the body origin, body axes [m]."""
     axis_B: UnitVector3
-    """from bearing A to bearing B, body axes."""
+    """direction of the axis from bearing A to bearing B, body axes."""
     point_A: Vector3 | None = None
-    """bearing A on the parent or in the world [m]; left out: where point_B starts."""
+    """position of bearing A on the parent, from its origin, or in the world [m]."""
     axis_A: UnitVector3 | None = None
-    """the axis, axes of the parent or the world; left out: where axis_B starts."""
+    """direction of the axis in the axes of the parent or the world."""
     bearing_distance: Positive = 1.0
-    """from A to B [m]."""
+    """distance from bearing A to bearing B [m]."""
     floating: Literal["A", "B", "none"] = "B"
     """the bearing that carries no axial force."""
 

@@ -35,9 +35,9 @@ class FixedPoint(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """from the body origin, body axes [m]."""
+    """point of the body that is held, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """on the parent, from its origin, or in the world [m]; left out: where point_B starts."""
+    """where it is held: on the parent, from its origin, or in the world [m]."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A                        of the points point_B and point_A

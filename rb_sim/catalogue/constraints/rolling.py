@@ -41,7 +41,7 @@ class Rolling(Spec):
     body: Name
     parent: Name | None = None
     normal_A: UnitVector3 = (0.0, 0.0, 1.0)
-    """of the plane, towards the body; axes of the parent or the world."""
+    """normal to the plane, towards the body; axes of the parent or the world."""
     point_A: Vector3 = ZERO
     """a point of the plane, on the parent from its origin, or in the world [m]."""
 

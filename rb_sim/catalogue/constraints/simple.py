@@ -23,11 +23,11 @@ class Distance(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """from the body origin, body axes [m]."""
+    """end of the rod on the body, from its origin, body axes [m]."""
     point_A: Vector3
-    """on the parent, from its origin, or in the world [m]."""
+    """end of the rod on the parent, from its origin, or in the world [m]."""
     length: Positive | None = None
-    """[m]; left out: the initial distance."""
+    """length of the rod [m]."""
 
     EQUATION: ClassVar[str] = """
     |p_B - p_A| = length
@@ -54,7 +54,7 @@ class Plane(Spec):
     point_B: Vector3 = ZERO
     """the point that stays in the plane, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """a point of the plane, on the parent or in the world [m]; left out: where point_B starts."""
+    """a point of the plane, on the parent or in the world [m]."""
     normal_A: UnitVector3
     """normal to the plane, axes of the parent or the world."""
 
@@ -76,9 +76,9 @@ class Parallel(Spec):
     body: Name
     parent: Name | None = None
     axis_B: UnitVector3
-    """of the body, body axes."""
+    """axis of the body, body axes."""
     axis_A: UnitVector3 | None = None
-    """axes of the parent or the world; left out: where axis_B starts."""
+    """direction that the axis keeps, axes of the parent or the world."""
 
     EQUATION: ClassVar[str] = """
     axis_B . s = axis_B . t = 0      s, t: two directions of the parent normal to axis_A
@@ -108,7 +108,7 @@ class Velocity(Spec):
     frame: Literal["world", "body"] = "body"
     """axes in which `linear` and `angular` are constant."""
     rate: Finite = 0.0
-    """[m/s]."""
+    """right-hand side [m/s]."""
 
     EQUATION: ClassVar[str] = """
     linear . v_P + angular . w = rate

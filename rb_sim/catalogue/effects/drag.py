@@ -15,7 +15,7 @@ class LinearDrag(Spec):
     type: Literal["linear_drag"]
     body: Name
     coefficient: NonNegative
-    """c [N s/m]."""
+    """coefficient c [N s/m]."""
     medium_velocity: Vector3 = ZERO
     """velocity of the medium, world [m/s]."""
 
@@ -83,7 +83,7 @@ class AngularDamping(Spec):
     body: Name
     parent: Name | None = None
     coefficient: NonNegative
-    """c [N m s/rad]."""
+    """coefficient c [N m s/rad]."""
 
     EQUATION: ClassVar[str] = """
     K = -c (w_B - w_A)               on the body, the opposite on the parent; w_A = 0 of the world

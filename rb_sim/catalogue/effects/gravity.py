@@ -22,7 +22,7 @@ class Gravity(Spec):
 
     type: Literal["gravity"]
     acceleration: Strength3 = (0.0, 0.0, -9.81)
-    """g, world [m/s^2]."""
+    """acceleration of gravity, a vector in world axes [m/s^2]."""
     bodies: Annotated[
         Annotated[tuple[Name, ...], Strict(False)] | None, AfterValidator(_some_or_all)
     ] = None

@@ -25,15 +25,15 @@ class Spring(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """on the body, from its origin, body axes [m]."""
+    """end of the spring on the body, from its origin, body axes [m]."""
     point_A: Vector3 = ZERO
-    """on the parent, from its origin, or in the world [m]."""
+    """end of the spring on the parent, from its origin, or in the world [m]."""
     stiffness: NonNegative = 0.0
-    """k [N/m]."""
+    """stiffness k [N/m]."""
     damping: NonNegative = 0.0
-    """c [N s/m]; without rest length on the slip past the parent, see above."""
+    """damping c [N s/m]."""
     rest_length: NonNegative = 0.0
-    """l0 [m]."""
+    """length l0 without force [m]."""
 
     EQUATION: ClassVar[str] = """
     d = p_B - p_A,  l = |d|,  u = d / l

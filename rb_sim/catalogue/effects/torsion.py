@@ -39,13 +39,13 @@ class TorsionSpring(Spec):
     body: Name
     parent: Name | None = None
     axis_B: UnitVector3
-    """of the body, body axes."""
+    """axis of the spring, body axes."""
     stiffness: NonNegative = 0.0
-    """k [N m/rad]."""
+    """stiffness k [N m/rad]."""
     damping: NonNegative = 0.0
-    """c [N m s/rad], on the relative spin about the axis."""
+    """damping c of the relative rate about the axis [N m s/rad]."""
     rest_angle: Finite = 0.0
-    """theta0 [rad], from the initial pose."""
+    """angle theta0 without torque, counted from the initial pose [rad]."""
 
     EQUATION: ClassVar[str] = """
     theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent,

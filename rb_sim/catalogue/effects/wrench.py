@@ -28,17 +28,17 @@ class Wrench(Spec):
     point_B: Vector3 = ZERO
     """where the force acts, from the body origin, body axes [m]."""
     force: Strength3 = ZERO
-    """constant part [N]."""
+    """constant part of the force [N]."""
     torque: Strength3 = ZERO
-    """constant part [N m]."""
+    """constant part of the torque [N m]."""
     sine_force: Strength3 = ZERO
-    """amplitude [N]."""
+    """amplitude of the harmonic force [N]."""
     sine_torque: Strength3 = ZERO
-    """amplitude [N m]."""
+    """amplitude of the harmonic torque [N m]."""
     angular_frequency: Finite = 0.0
-    """omega [rad/s]."""
+    """angular frequency omega of the harmonic part [rad/s]."""
     phase: Finite = 0.0
-    """[rad]."""
+    """phase of the harmonic part at t = 0 [rad]."""
 
     EQUATION: ClassVar[str] = """
     F = force + sine_force sin(omega t + phase)      at point_B
@@ -69,11 +69,11 @@ class WrenchTable(Spec):
     point_B: Vector3 = ZERO
     """where the force acts, from the body origin, body axes [m]."""
     times: Numbers
-    """increasing [s]."""
+    """increasing instants [s]."""
     forces: Strengths | None = None
-    """one per instant [N]."""
+    """force at each instant [N]."""
     torques: Strengths | None = None
-    """one per instant [N m]."""
+    """torque at each instant [N m]."""
     interpolation: Literal["linear", "hold"] = "linear"
     """between two instants: along a straight line, or the value of the one before."""
 

@@ -26,7 +26,7 @@ def accuracy(
     """
     for name, value in (("target", target), ("budget", budget)):
         if value is not None and not value > 0.0:
-            raise RbSimError(f"{name}: got {value!r}; must be a number > 0")
+            raise RbSimError(f"--{name}: got {value!r}; must be a number > 0")
     described = load_scene(scene)
     console = plain_console(soft_wrap=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())

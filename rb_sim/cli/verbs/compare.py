@@ -41,7 +41,8 @@ class CompareOptions:
 def compare(options: CompareOptions) -> int:
     """Compare; 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
-    from rb_sim.cli.verbs.replay import check_ending, warn
+    from rb_sim.cli.verbs.replay import warn
+    from rb_sim.io.sink import check_ending
 
     check_ending(options.screenshot, ".png")
     for name, bound in options.bounds.items():

@@ -41,7 +41,9 @@ def hard_cases(
     from rb_sim.hard_cases.report import write
 
     if folder is not None and not folder.is_dir():
-        raise RbSimError(f"{folder}: not a folder of cases")
+        raise RbSimError(
+            f"{folder}: is no folder; FOLDER must hold cases (YAML), or omit it for those of rb_sim"
+        )
     cases = load_cases(folder or shipped(), only)
     cases = [case for case in cases if case.quick or not quick]
     if not cases:

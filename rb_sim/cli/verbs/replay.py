@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.base import __version__
 from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError
+from rb_sim.io.sink import check_ending
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
@@ -192,12 +193,6 @@ def note(lines: Iterable[str]) -> None:
     """Say how something was read."""
     for line in lines:
         print(f"note: {line}", file=sys.stderr, flush=True)
-
-
-def check_ending(path: Path | None, ending: str) -> None:
-    """Refuse a file name with another ending. Raises SinkError."""
-    if path is not None and path.suffix != ending:
-        raise SinkError(f"{path}: the name must end in {ending}")
 
 
 def _drawn(reader: BagReader) -> Scene:
