@@ -65,8 +65,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     NUDGE,
     REDUNDANT,
     SLIP,
-    least_slip,
     STEP_RANK,
+    least_slip,
     line_of,
 )
 from rb_sim.mechanics.contact.contact_laws import rate_of_change

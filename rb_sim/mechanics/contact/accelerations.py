@@ -6,6 +6,7 @@ G M^-1 W^T, is not symmetric.
 
 from __future__ import annotations
 
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.integrate.layout import PackedSystem, address
 from rb_sim.mechanics.contact.constraint_tables import load_effects, write_lines
@@ -62,7 +63,6 @@ from rb_sim.mechanics.systems.multipliers import (
     row_times_push,
 )
 from rb_sim.mechanics.systems.multipliers import inverse_mass_times as inverse_mass_row
-from rb_sim.numerics.complementarity import ROUNDING
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
@@ -286,7 +286,7 @@ def drop_rounding(system):
         for first in (0, 3):
             terms = norm(vec(bodies, i, LOAD + first))
             for j in range(first, first + 3):
-                if abs(bodies[i, PUSH + j]) <= ROUNDING * terms:
+                if abs(bodies[i, PUSH + j]) <= SUM_ROUNDING * terms:
                     bodies[i, PUSH + j] = 0.0
 
 
