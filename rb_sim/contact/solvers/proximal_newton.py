@@ -367,6 +367,21 @@ def residual_of(graph, u, x, A, D):
 
 
 @inline
+def put_into_cones(graph, u, x):
+    """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
+    turns is along the edge of the cone, and so out of it; u follows."""
+    for i in range(graph.ends.shape[0]):
+        k, push_n = LINES * i, max(0.0, x[LINES * i])
+        across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
+        bound = min(graph.rules[i, BOUND], ROUGH) * push_n
+        if x[k] < 0.0 or across > bound:
+            share = bound / across - 1.0 if across > bound else 0.0
+            d0, d1, d2 = push_n - x[k], share * x[k + 1], share * x[k + 2]
+            push_three(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], d0, d1, d2)
+            x[k], x[k + 1], x[k + 2] = push_n, x[k + 1] + d1, x[k + 2] + d2
+
+
+@inline
 def proximal_newton(graph, bodies, u, x, enough):
     """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
     that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
@@ -413,8 +428,9 @@ def proximal_newton(graph, bodies, u, x, enough):
             grip /= factor
     copy(x, best_x)
     copy_rows(u, best_u)
-    if least == 1e300:
-        least = given = residual_of(graph, u, x, A, D)
+    put_into_cones(graph, u, x)
+    given = residual_of(graph, u, x, A, D)
+    least = given if least == 1e300 or given > LOOSE else least
     return least, given, made
 
 

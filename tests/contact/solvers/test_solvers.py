@@ -53,7 +53,7 @@ def bodies_of(graph: Any) -> np.ndarray:
     return table
 
 
-def in_velocities(name: str, sweeps: int) -> tuple[Any, ...]:
+def in_velocities(name: str, sweeps: int, enough: float = 1e-11) -> tuple[Any, ...]:
     """(residual told, graph, velocities and impulses by Newton's method in the velocities of
     bodies) after so many sweeps."""
     from rb_sim.contact.solvers.gauss_seidel import gauss_seidel
@@ -62,7 +62,7 @@ def in_velocities(name: str, sweeps: int) -> tuple[Any, ...]:
     graph, u = COLLECTION[name]()
     x = np.zeros(len(graph.targets))
     gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
-    _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, 1e-11)
+    _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, enough)
     return rest, graph, u, x
 
 
@@ -79,6 +79,20 @@ def test_newton_in_the_velocities_of_bodies(name: str) -> None:
     assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
     W, q, _, other = dense(*interpreted(swept, name, 3000)[1:])
     assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_friction_keeps_to_its_cones_before_the_laws_are_solved(name: str) -> None:
+    """A heap that moves is solved to some digits only: none of them lets a contact pull, or rub
+    beyond its bound, and the velocities are those of the impulses that are told."""
+    told, graph, u, x = interpreted(in_velocities, name, 1, 0.03)
+    W, q, mu, r = dense(graph, u, x)
+    pushes = r.reshape(-1, 3)
+    assert (pushes[:, 0] >= 0.0).all()
+    assert (np.hypot(pushes[:, 1], pushes[:, 2]) <= mu * pushes[:, 0] * (1 + 1e-12)).all()
+    free = COLLECTION[name]()[1]
+    assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
+    assert residual(W, q, mu, r) <= 2.0 * told + 1e-14
 
 
 def swept_near(name: str, enough: float) -> tuple[Any, ...]:
