@@ -35,6 +35,7 @@ from rb_sim.integrate.layout import (
     LARGEST,
     LAWS_AT,
     NEXT,
+    NOT_FINITE,
     NOW,
     ORDER,
     ORIGIN,
@@ -57,6 +58,7 @@ from rb_sim.integrate.layout import (
     TOLERANCE,
     ULPS,
     UNFINISHED,
+    WHOLE,
     WIDTH,
     WORK_AT,
     WORST,
@@ -262,6 +264,21 @@ def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, st
     return advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series)
 
 
+MOST_PARTS = 8
+"""Steps of equal length to a sample, at most: the iteration of an implicit method may fail in a part
+of a step that has succeeded, if a stage comes to lie where a loop loses rank."""
+
+
+@helper
+def in_parts(laws, setting, n, t0, t, parts, old, p, last, work, now):
+    """The row `now` becomes the state at t by so many steps of equal length from the row `old`."""
+    copy(2 * n + EXTRA, now, old)
+    for i in range(parts):
+        begun, end = t0 + (t - t0) * i / parts, t0 + (t - t0) * (i + 1) / parts
+        attempt(laws, setting, n, begun, now, end - begun, p, last, work, now)
+        finish(laws, setting, n, end, now, p, work, now)
+
+
 @helper
 def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series):
     """The row NOW becomes the state at t, with t0 <= t <= t1; returns it."""
@@ -279,6 +296,10 @@ def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, seri
         else:
             attempt(laws, setting, n, clock[T0], old, t - clock[T0], p, last, work, now)
         finish(laws, setting, n, t, old, p, work, now)
+        parts = 2
+        while parts <= MOST_PARTS and not (laws[WHOLE] or math.isfinite(now[2 * n])):
+            in_parts(laws, setting, n, clock[T0], t, parts, old, p, last, work, now)
+            parts *= 2
     return now
 
 
@@ -313,6 +334,9 @@ def record_into(places):
                 places[REACHED] = reached
                 return status
         now = move_to(laws, setting, sizes, n, clock, taken, state, t, p, last, work, series)
+        if not math.isfinite(now[2 * n]):
+            places[REACHED] = reached
+            return NOT_FINITE
         if width > 0:
             call_law(laws[SAMPLE], t, now, p, part(out, i * width))
             residual = out[(i + 1) * width - 1]

@@ -43,6 +43,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     NEAR_JAM,
     NUDGE,
     REDUNDANT,
+    STEP_RANK,
     line_of,
 )
 from rb_sim.mechanics.contact.contact_projection import fill_symmetric
@@ -228,6 +229,8 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
     system = system_of(packed)
     status = FINE
     reached = 0
+    if grid.t0 < grid.t1:  # samples of the step taken last are steps of the same law
+        system.lines[0, MOST_RANK] = system.lines[0, STEP_RANK]
     # a step costs as much as there are contacts, and a signal waits for the end of the piece
     last_step = grid.steps + max(1, PIECE_STEPS // system.touch.shape[0])
     for i in range(times.shape[0]):
@@ -280,6 +283,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
         if sampling:
             sample(system, t, y, out[i])
         reached += 1
+    system.lines[0, STEP_RANK] = system.lines[0, MOST_RANK]
     free_rank(system)
     return grid, status, reached, code
 

@@ -81,12 +81,13 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-SECOND_ORDER, HOLDS, DEPENDENT, RANK, MOST_RANK, REDUNDANT, LINE_WIDTH = range(
-    LINE_COLUMNS, LINE_COLUMNS + 7
+SECOND_ORDER, HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, LINE_WIDTH = range(
+    LINE_COLUMNS, LINE_COLUMNS + 8
 )
 """Columns of ContactBodies.lines for the solver's column order, the lines that hold, and whether a
 line of a joint depends on other joints': the sum of what it is among.  Of all lines, in the first
-row: the rank found last, the most that counts, and 1 if one was less than the lines that hold."""
+row: the rank found last, the most that counts, the most that counts in the step taken last, and 1
+if one was less than the lines that hold."""
 NOWHERE, AMONG_LINES, AMONG_POSITIONS, CHANGING = 0, 1, 2, 4
 """What a line depends on: none, all lines of joints, the holonomic ones alone. Off the manifold,
 where the stages of a step are, such a line contradicts the others.  CHANGING: that is chosen anew

@@ -104,3 +104,20 @@ def test_a_vehicle_turns_on_the_spot_in_a_few_steps(base: float) -> None:
         got += [run.angular_velocity[f"wheel_{i}"][-1, 1] for i in range(len(places))]
         assert np.abs(got - expected).max() < 10.0 * tolerance * np.abs(expected).max()
         assert simulation.steps + simulation.rejected_steps < 60
+
+
+def test_samples_asked_for_one_at_a_time_are_those_asked_for_at_once() -> None:
+    """As a node asks for them: also where several lie in one step, in which no more lines count
+    than at its start. The chassis stays level, since the wheels are the corners of a rectangle."""
+    scene = scene_from_mapping(vehicle(places_of(0.4), 1e-10))
+    times = np.linspace(0.0, TIME, 121)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        at_once = Simulation(scene).run(at=times, check=False)
+        simulation = Simulation(scene)
+        alone = [simulation.run(at=[t], check=False) for t in times]
+    one = np.array([run.position["chassis"][0] for run in alone])
+    assert np.abs(one - [0.0, 0.0, 0.12]).max() < 1e-10
+    np.testing.assert_array_equal(one, at_once.position["chassis"])
+    turning = [run.angular_velocity["wheel_1"][0] for run in alone]
+    np.testing.assert_array_equal(turning, at_once.angular_velocity["wheel_1"])
