@@ -265,8 +265,8 @@ def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, st
 
 
 MOST_PARTS = 8
-"""Steps of equal length to a sample, at most: the iteration of an implicit method may fail in a part
-of a step that has succeeded, if a stage comes to lie where a loop loses rank."""
+"""Steps of equal length to a sample, at most: the iteration of an implicit method may fail in a
+part of a step that has succeeded, if a stage comes to lie where a loop loses rank."""
 
 
 @helper
