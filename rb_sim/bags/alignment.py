@@ -11,8 +11,9 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.message_rates import after_gaps
-from rb_sim.bags.tracks import SAME, Track
+from rb_sim.bags.tracks import Track
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import angle_between, continuous, norms, turn_between, unit
 
 ALIGN = ("none", "first", "offset", "clock")
@@ -117,7 +118,7 @@ class Interpolated:
 
     def _around(self, off: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The largest in the interval of each time, and in those beside it; that of a sample."""
-        after = np.searchsorted(self.track.t, t - SAME)
+        after = np.searchsorted(self.track.t, t - WRITTEN_ROUNDING)
         most = np.zeros(len(self.track.t) + 3)
         np.maximum.at(most, after + 1, off)
         near = np.maximum(np.maximum(most[after], most[after + 1]), most[after + 2])
@@ -125,8 +126,10 @@ class Interpolated:
 
     def _own(self, t: np.ndarray) -> np.ndarray:
         """Which times are those of samples."""
-        after = np.minimum(np.searchsorted(self.track.t, t - SAME), len(self.track.t) - 1)
-        return np.abs(self.track.t[after] - t) <= SAME
+        after = np.minimum(
+            np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), len(self.track.t) - 1
+        )
+        return np.abs(self.track.t[after] - t) <= WRITTEN_ROUNDING
 
     @cached_property
     def _turn(self) -> np.ndarray:
@@ -151,13 +154,13 @@ class Interpolated:
     def known(self, t: np.ndarray) -> np.ndarray:
         """Which of the times lie within a stretch, or at a sample of one that is too short."""
         k = self._stretch(t)
-        within = (t >= self._first[k] - SAME) & (t <= self._last[k] + SAME)
+        within = (t >= self._first[k] - WRITTEN_ROUNDING) & (t <= self._last[k] + WRITTEN_ROUNDING)
         return within & ((self._count[k] >= LEAST) | self._own(t))
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
         """Indices of the samples at these times, if each is one."""
-        k = np.clip(np.searchsorted(self.track.t, t - SAME), 0, len(self.track.t) - 1)
-        return k if np.all(np.abs(self.track.t[k] - t) <= SAME) else None
+        k = np.clip(np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), 0, len(self.track.t) - 1)
+        return k if np.all(np.abs(self.track.t[k] - t) <= WRITTEN_ROUNDING) else None
 
     def of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Values (m, k) on the track's times, at the times t; between two stretches, where they
@@ -187,7 +190,7 @@ class Interpolated:
 
     def _stretch(self, t: np.ndarray) -> np.ndarray:
         """The last stretch that has begun at each time."""
-        k = np.searchsorted(self._first, t + SAME, side="right") - 1
+        k = np.searchsorted(self._first, t + WRITTEN_ROUNDING, side="right") - 1
         return np.maximum(k, 0)
 
 
@@ -210,7 +213,7 @@ def stretches(track: Track) -> list[slice]:
 def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:
     """Which samples of A lie within B."""
     t = clocks.of(a.t)
-    return (t >= b.t[0] - SAME) & (t <= b.t[-1] + SAME)
+    return (t >= b.t[0] - WRITTEN_ROUNDING) & (t <= b.t[-1] + WRITTEN_ROUNDING)
 
 
 def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
@@ -261,7 +264,7 @@ def estimated(a: Track, b: Track, most_drift: float = 0.0) -> Clocks:
         both = np.hstack([(position - p) / scale, turn_between(orientation, q)])
         return (both * used[:, None]).ravel()
 
-    bounds = ([low - SAME], [high + SAME])
+    bounds = ([low - WRITTEN_ROUNDING], [high + WRITTEN_ROUNDING])
     if drifts:
         bounds = ([*bounds[0], -most_drift], [*bounds[1], most_drift])
     scales = [1e-3, 1e-6][: 2 if drifts else 1]

@@ -18,6 +18,7 @@ from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
 from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
+from rb_sim.io.plots.panels import LEAST_DRAWN
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
 
@@ -25,9 +26,6 @@ from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jump
 
 
 CURVE_POINTS = 4000
-FLOOR = 1e-17
-"""A logarithm has no zero: smaller differences are left out, or drawn there if all are."""
-
 MOST_BODIES = 3
 """Laid over each other in the picture: those that differ most."""
 
@@ -227,9 +225,9 @@ def _shade_rounding(axis: Any, floor: float) -> bool:
 
 
 def _above_floor(values: np.ndarray) -> np.ndarray:
-    """The values; NaN, thus a hole, for those below FLOOR, but a line at FLOOR if all are."""
-    hole = FLOOR if (values <= FLOOR).all() else np.nan
-    return np.where(values > FLOOR, values, hole)
+    """The values; NaN, thus a hole, for those too small to draw, but a line there if all are."""
+    hole = LEAST_DRAWN if (values <= LEAST_DRAWN).all() else np.nan
+    return np.where(values > LEAST_DRAWN, values, hole)
 
 
 # Motions as frames and trails in a Rerun recording: those of a bag of somebody else, or two beside

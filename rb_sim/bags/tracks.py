@@ -18,6 +18,7 @@ from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
 from rb_sim.bags.transforms import FixedFrames, plain
 from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.extent import reach_of
@@ -32,10 +33,6 @@ from rb_sim.scene.schema import Scene
 ROUNDING = 1e-11
 """Of the size of a quantity: what rounding makes of two runs of the same motion, or less."""
 
-STANDING = 1e-11
-"""[m]: a motion that covers less, of which no scene is known, only turns; its attitudes are then
-compared as of a body of 1 m."""
-
 
 def length_of(bodies: Iterable[Any]) -> float:
     """How far a body of a scene reaches from its origin at most [m]."""
@@ -48,7 +45,7 @@ def floors(a: Tracks, b: Tracks) -> dict[str, float]:
     vanishes is small against force times length)."""
     tracks = [*a.bodies.values(), *b.bodies.values()]
     covered = _largest(np.ptp(track.position, axis=0) for track in tracks)
-    length = max(a.length, b.length, covered if covered > STANDING else 0.0) or 1.0
+    length = max(a.length, b.length, covered if covered > ROUNDING else 0.0) or 1.0
     spin = _largest(_present(track.angular_velocity for track in tracks))
     speed = max(_largest(_present(track.linear_velocity for track in tracks)), spin * length)
     wrenches = [w.values for w in (*a.reactions.values(), *b.reactions.values())]
@@ -104,8 +101,6 @@ class Impacts:
 Array = np.ndarray
 TOLD = 3
 """Notes in the line that refuses a bag."""
-SAME = 1e-9
-"""[s]: times closer than this are the same instant; and of their size, positions the same place."""
 
 
 @dataclass
@@ -238,7 +233,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
 
 def _beside(t: Array, struck: Array) -> tuple[int, ...]:
     """The first samples after these instants, and those at them: the velocity jumps there."""
-    cuts = np.searchsorted(t, [struck - SAME, struck + SAME]).ravel()
+    cuts = np.searchsorted(t, [struck - WRITTEN_ROUNDING, struck + WRITTEN_ROUNDING]).ravel()
     return tuple(sorted({k for k in cuts.tolist() if 0 < k < len(t)}))
 
 
@@ -468,5 +463,8 @@ def _same(one: Track, other: Track) -> bool:
     if 2 * len(i) < min(len(one.t), len(other.t)):
         return False
     p, q = one.position[i], one.orientation[i]
-    near = np.abs(p - other.position[j]).max() <= SAME * max(1.0, np.abs(p).max())
-    return bool(near and np.abs(np.abs(np.sum(q * other.orientation[j], axis=1)) - 1).max() <= SAME)
+    near = np.abs(p - other.position[j]).max() <= WRITTEN_ROUNDING * max(1.0, np.abs(p).max())
+    return bool(
+        near
+        and np.abs(np.abs(np.sum(q * other.orientation[j], axis=1)) - 1).max() <= WRITTEN_ROUNDING
+    )

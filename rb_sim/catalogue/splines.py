@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import bound
 from rb_sim.graph.symbols import External, stepwise
@@ -29,8 +30,6 @@ first, and the points from which the nearest is looked for, each s and c(s)."""
 SHARE = 0.1
 """Of the tolerance that crossing breaks within a step may cost."""
 SWEEPS = 30
-ROUND_OFF = 1e-15
-"""Step of Newton's iteration, relative to 1 + |s|, at which it ends."""
 
 
 @inline
@@ -107,7 +106,7 @@ def nearest_to(table, x, y, z):
         gap, square, bend = along(table, s, x, y, z)
         step = gap / (square + max(bend, -0.5 * square))
         s -= step
-        if abs(step) <= ROUND_OFF * (1.0 + abs(s)):
+        if abs(step) <= SUM_ROUNDING * (1.0 + abs(s)):
             break
     return s
 

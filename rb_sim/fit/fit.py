@@ -21,6 +21,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from rb_sim.bags.analysis.derivatives import NORMAL
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.base.errors import RbSimError, SceneError, SimulationError
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.fit.recording import Recording, followed, lost_by
 from rb_sim.fit.unknowns import (
     Fitted,
@@ -84,8 +85,6 @@ def correlation(columns: Iterable[np.ndarray]) -> float:
 
 SHARE = 0.1
 """Of a combination without effect, from which on a number belongs to it."""
-NOISELESS = 1e-9
-"""Mean square of weighted residuals below which they are without noise."""
 
 
 class Spread(NamedTuple):
@@ -121,7 +120,7 @@ def noisy(r: np.ndarray, is_angle: np.ndarray) -> int:
     """How many residuals have noise: attitudes that are all written as the identity have none, and
     would make the others' look smaller."""
     kinds = [is_angle == k for k in (False, True)]
-    return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > NOISELESS)
+    return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > WRITTEN_ROUNDING)
 
 
 # Poses that lie far from all others beside the motion that was fitted: they draw the fit.

@@ -10,6 +10,7 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.bag.as_run import value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
@@ -206,8 +207,6 @@ def _given(data: Mapping[str, Any], key: str) -> float | None:
 
 STEP = 1e-5
 """Of a difference, relative to a number's scale."""
-UNDETERMINED = 1e-9
-"""Singular value of J, relative to the largest, below which a combination has no effect."""
 UNTOLD = 1e-5
 """The same where J is taken by differences: a motion to 1e-10 over steps of 1e-5."""
 TOLERANCE = 1e-10
@@ -255,12 +254,12 @@ def differences(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndar
 def moving(J: np.ndarray) -> np.ndarray:
     """Which numbers have an effect."""
     sizes = np.linalg.norm(J, axis=0)
-    return sizes > UNDETERMINED * sizes.max(initial=1e-300)
+    return sizes > WRITTEN_ROUNDING * sizes.max(initial=1e-300)
 
 
 def negligible(exact: bool) -> float:
     """Singular value of J, relative to the largest, that says nothing."""
-    return UNDETERMINED if exact else UNTOLD
+    return WRITTEN_ROUNDING if exact else UNTOLD
 
 
 def untold(s: np.ndarray, least: float) -> np.ndarray:

@@ -6,14 +6,12 @@ chain rule of each operation is one line of `RULES`.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rb_sim.graph.functions import cos, maximum, sin, where
 from rb_sim.graph.symbols import INPUTS, Condition, Symbol, in_order
-
-NEXT_TO_NONE = 1e-300
-"""Below the root of any number but 0; what is divided by it is as good as infinite."""
 
 
 class Sparse(NamedTuple):
@@ -103,7 +101,7 @@ def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
 def _root(x: Any, a: Any, da: Any) -> Any:
     """(sqrt a)' = a' / (2 sqrt a), and 0 where a' is 0 as well: a length |v| has no slope at v = 0,
     but |v| v has one there, which is 0."""
-    return 0.5 * da / maximum(x, NEXT_TO_NONE)
+    return 0.5 * da / maximum(x, sys.float_info.min)
 
 
 def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:

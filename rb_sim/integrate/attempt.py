@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import (
     ALONG,
     AT,
@@ -163,8 +164,6 @@ def settle(laws, setting, n, t, y, p, work):
 
 MOST_CUTS = 8
 """Attempts to let a step end where a piece does."""
-CROSSING = 1e-14
-"""The tolerance for crossing the end of a piece where there is no other, or a smaller one."""
 
 
 @helper
@@ -228,7 +227,7 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
             at[i] = old[i] + work[DY * n + i]
     call_law(laws[ALONG], t0, old, p, part(workspace, 2))
     call_law(laws[ALONG], t, at, p, part(workspace, 2 + 2 * ways))
-    workspace[0], workspace[1] = t - t0, max(setting[TOLERANCE], CROSSING)
+    workspace[0], workspace[1] = t - t0, max(setting[TOLERANCE], SUM_ROUNDING)
     found = part(workspace, 2 + 4 * ways)
     call_law(laws[SHARE], t, workspace, p, found)
     return found[0]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.graph.machine import interpreted
 from rb_sim.numerics.kernels import for_python, helper, inline, part, pointer_to
 
@@ -71,8 +72,6 @@ NODES = 4
 GAUSS = 3.0**-0.5
 """Two points, this far from the middle of an interval of half length 1, integrate a cubic."""
 
-EQUAL = 1e-10
-"""Relative difference of spacings that are taken as equal."""
 
 M, BREAK, BROKEN, CROWD, CROWDED, TIMES = 0, 1, 2, 3, 4, 5
 WORKSPACE, LAST, SEEN, LONGEST, COLUMNS = 9, 13, 14, 15, 16
@@ -134,7 +133,7 @@ def add_interval(state, width, left):
     """Add the integral from the sample `left` of the last four to the next."""
     a, b, c, d = state[TIMES], state[TIMES + 1], state[TIMES + 2], state[TIMES + 3]
     h = (d - a) / 3.0
-    if max(abs(b - a - h), abs(c - b - h), abs(d - c - h)) <= EQUAL * h:
+    if max(abs(b - a - h), abs(c - b - h), abs(d - c - h)) <= WRITTEN_ROUNDING * h:
         inner, near, far = 13.0 * h / 24.0, 19.0 * h / 24.0, -5.0 * h / 24.0
         if left == 1:
             state[WORKSPACE], state[WORKSPACE + 1], state[WORKSPACE + 2] = -h / 24.0, inner, inner
@@ -255,7 +254,7 @@ def equal_ahead(state, times, count, i, stride, until):
     """How many samples from i on go on in the spacing of the last four, before the time `until`."""
     h = (state[TIMES + 3] - state[TIMES]) / 3.0
     inner = max(abs(state[TIMES + 1] - state[TIMES] - h), abs(state[TIMES + 3] - state[LAST]))
-    slack = EQUAL * h
+    slack = WRITTEN_ROUNDING * h
     if state[M] < NODES or inner > slack or h > state[LONGEST]:
         return 0
     if abs(state[TIMES + 2] - state[TIMES + 1] - h) > slack:

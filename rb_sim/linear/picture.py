@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from rb_sim.base.palette import AXES, BAD, CYCLE, FAINT, GOOD, GRID, TEXT
+from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.linear.state_space import LinearModel
 
 DAMPING = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Ratios whose lines are drawn."""
 
-GROWING = 1e-9
-"""Real part, relative to the fastest pole, up to which a pole counts as neutral."""
 
 NAMED = 8
 """Poles that are named at most."""
@@ -27,9 +26,6 @@ POINTS = 1200
 
 MOST_INPUTS, MOST_OUTPUTS = 3, 7
 """Columns of the Bode plots, and curves in each: the largest."""
-
-SILENT = 1e-12
-"""Of the largest response: what is below is rounding."""
 
 
 def poles(name: str, model: LinearModel, is_steady: bool = True) -> Figure:
@@ -53,7 +49,7 @@ def poles(name: str, model: LinearModel, is_steady: bool = True) -> Figure:
                   fontsize=8, color=FAINT)  # fmt: skip
     counts = Counter(_rounded(value, size) for value in values)
     for value, count in counts.items():
-        colour = BAD if value.real > GROWING * size else GOOD
+        colour = BAD if value.real > WRITTEN_ROUNDING * size else GOOD
         axes.plot(value.real, value.imag, "x", color=colour, ms=9, mew=2.2, zorder=4)
         if count > 1:
             axes.annotate(f"{count}×", (value.real, value.imag), xytext=(-7, 7), ha="right",
@@ -112,7 +108,9 @@ class Response(NamedTuple):
 def frequencies(model: LinearModel) -> np.ndarray:
     """From a tenth of the slowest pole to ten times the fastest, denser beside each [rad/s]."""
     sizes = np.abs(model.eigenvalues)
-    sizes = sizes[sizes > GROWING * model.fastest] if model.fastest > 0.0 else np.array([1.0])
+    sizes = (
+        sizes[sizes > WRITTEN_ROUNDING * model.fastest] if model.fastest > 0.0 else np.array([1.0])
+    )
     grid = np.geomspace(0.1 * sizes.min(), 10.0 * sizes.max(), POINTS)
     beside = 1.0 + np.concatenate([-np.geomspace(1e-4, 0.1, 25), np.geomspace(1e-4, 0.1, 25)])
     return np.unique(np.concatenate([grid, np.outer(sizes, beside).ravel()]))
@@ -129,7 +127,11 @@ def responses(model: LinearModel, at: np.ndarray) -> dict[str, list[Response]]:
     found: dict[str, list[Response]] = {}
     for k, name in enumerate(model.inputs):
         sizes = np.abs(both[:, :, k]).max(axis=0)
-        order = [int(r) for r in np.argsort(-sizes, kind="stable") if sizes[r] > SILENT * largest]
+        order = [
+            int(r)
+            for r in np.argsort(-sizes, kind="stable")
+            if sizes[r] > COMPUTED_ROUNDING * largest
+        ]
         if order:
             found[name] = [Response(model.outputs[rows[r]], both[:, r, k]) for r in order]
     return found

@@ -11,10 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import null_space, qr
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.mechanics.samples import Array
-
-ZERO = 1e-12
-"""Singular value of A, relative to the largest, at or below which a mode has the eigenvalue 0."""
 
 
 class Mode(NamedTuple):
@@ -87,7 +85,7 @@ class LinearModel:
         found: list[tuple[complex, int]] = []
         basis, left = np.eye(len(self.A)), np.array(self.A, float)
         while left.size:
-            zero = null_space(left, rcond=ZERO)
+            zero = null_space(left, rcond=COMPUTED_ROUNDING)
             if not zero.shape[1]:
                 break
             factors: Any = qr((basis @ zero).T, mode="r", pivoting=True)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.mechanics.samples import Array, Indices
 from rb_sim.mechanics.system import CONFIGURATION
@@ -249,10 +250,6 @@ MOST_RELATIVE_STEPS = 60
 """Steps tried."""
 
 
-PARTING = 1e-9
-"""Change of a distance [m/s, m/s^2], over the speeds or accelerations of the two bodies, at or
-below which they keep it, as numbers of ten digits have it."""
-
 ROUNDED = 64.0 * float(np.finfo(float).eps)
 """What rounding hides of an acceleration, as a share of the largest force on one of two
 bodies over the mass of the other: joints push a light body by what rounds off on a heavy one. Of a
@@ -303,7 +300,7 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
         e = p / d[:, None]
         along = (e * v).sum(axis=1)
         across = ((v * v).sum(axis=1) - along**2) / d
-        spread = PARTING * sum_of_sizes(at[:, 7:10], bodies, parents)
+        spread = WRITTEN_ROUNDING * sum_of_sizes(at[:, 7:10], bodies, parents)
         gone = np.abs(along) > np.maximum(spread, ROUNDED * system.speed)
         bends = sum_of_sizes(pulls, bodies, parents) + across
         pushes = system.bodies[:, MASS] * np.linalg.norm(pulls, axis=1)
@@ -311,7 +308,7 @@ def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
         rounded = ROUNDED * np.maximum(pushes[bodies], pushes[parents]) / lighter
         rounded = np.maximum(rounded, scatter(rate, y, slope)[np.array(pairs)].sum(axis=1))
         bent = np.abs((e * a).sum(axis=1) + across)
-        gone |= bent > np.maximum(PARTING * bends, rounded)
+        gone |= bent > np.maximum(WRITTEN_ROUNDING * bends, rounded)
     return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
 from rb_sim.numerics.kernels import entry, inline, integers, part, pointer
 from rb_sim.numerics.linear_solves import least_squares
 
@@ -28,11 +29,6 @@ HOLDS, PUSHES, RUBS = 0, 1, 2
 FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
 """Columns of `bounds`: the lines of a bound, the second -1 where there is none, and its normal."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
-SOLVED = 1e-12
-"""Residual, relative to the size of x, at which a solution counts."""
-ROUNDING = 1e-14
-"""Of b, relative to the terms that it is the sum of: lines that depend on each other contradict
-each other by that much."""
 
 
 class Equations(NamedTuple):
@@ -168,7 +164,7 @@ def newton(p, x, workspace):
     returns that residual relative to the sizes of x.
 
     One step follows the first solution: a slip that begins where friction is at its bound has an
-    acceleration of 1e-8 of the others, whose direction takes the digits below SOLVED.
+    acceleration of 1e-8 of the others, whose direction takes the digits below COMPUTED_ROUNDING.
     """
     n = p.n
     J, rest = workspace, part(workspace, n * n)
@@ -177,7 +173,7 @@ def newton(p, x, workspace):
     )  # fmt: skip
     error, polished = equations(p, x, w, F, J), False
     for _ in range(NEWTON_STEPS):
-        solved = relative(p, error, x) <= SOLVED
+        solved = relative(p, error, x) <= COMPUTED_ROUNDING
         if not math.isfinite(error) or polished or error == 0.0:
             break
         for k in range(n):
@@ -233,7 +229,7 @@ def fill_steps(n, A, terms, step):
             size = largest if largest > 0.0 else 1.0
         step[k] = 1.0 / size
         blur = max(blur, abs(step[k] * terms[k]))
-    return ROUNDING * blur
+    return SUM_ROUNDING * blur
 
 
 # A solution of a complementarity problem with friction (see complementarity), from several starts,
@@ -241,7 +237,7 @@ def fill_steps(n, A, terms, step):
 
 
 CONTRADICTION = 1e-10
-"""Residual, as `SOLVED`, that counts where none is smaller: points that touch to within that of the
+"""Relative residual that counts where none is smaller: points that touch to within that of the
 scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 STARTS = 3
 """Of Newton's iteration: zero, where all lines hold, and what sweeps give."""
@@ -257,7 +253,7 @@ def search(p, x, workspace, starts):
     n, residual = p.n, math.inf
     trial, work = workspace, part(workspace, n)
     for start in range(starts):
-        if residual <= SOLVED:
+        if residual <= COMPUTED_ROUNDING:
             break
         for k in range(n):
             trial[k] = -p.b[k] if start == 1 else x[k]
@@ -306,7 +302,7 @@ def approach(p, x, workspace):
             least = residual
             for k in range(n):
                 x[k] = trial[k]
-        if least <= SOLVED:
+        if least <= COMPUTED_ROUNDING:
             break
     return least
 

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
+
 # Planes and second-order cones on a vector y, and what is minimised over them.
 
 
@@ -27,9 +29,6 @@ Array = NDArray[np.float64]
 
 MIRROR = np.array([1.0, -1.0, -1.0])
 """the quadratic form head^2 - |tail|^2."""
-ROUNDING = 1e-13
-"""Slack below zero, relative to 1 (the largest of the given loads) and to the size of y, that is
-rounding: up to it y keeps within its bounds, beyond it does not."""
 
 
 class Cones(NamedTuple):
@@ -60,7 +59,7 @@ class Cones(NamedTuple):
 
     def admits(self, y: Array) -> bool:
         """Whether y keeps within all bounds, but for rounding."""
-        least = -ROUNDING * (1.0 + float(np.linalg.norm(y)))
+        least = -COMPUTED_ROUNDING * (1.0 + float(np.linalg.norm(y)))
         return bool(self.slack(y).min(initial=np.inf) >= least)
 
 
@@ -89,11 +88,6 @@ def lorentz_form(soc: Array) -> Array:
 
 
 # The last digits of a cone program: Newton's method on the pieces that are active.
-
-
-STEP_RANK = 1e-13
-"""Singular value of the optimality conditions, relative to the largest, at or below which a step of
-Newton's method leaves its direction out. Finer than the rank rule: the next step mends."""
 
 
 class Active(NamedTuple):
@@ -161,7 +155,7 @@ def newton_step(objective: Objective, active: Active, forces: Array, now: Optima
     jacobian = np.block(
         [[objective.root.T @ objective.root - curve, -now.normals.T], [now.normals, blank]]
     )
-    return np.linalg.lstsq(jacobian, -now.error, rcond=STEP_RANK)[0]
+    return np.linalg.lstsq(jacobian, -now.error, rcond=COMPUTED_ROUNDING)[0]
 
 
 def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
@@ -193,8 +187,6 @@ CENTRED = 1e-2
 """squared Newton decrement below which a point is on the path: rounding allows no better."""
 BALLS = (1e3, 1e6, 1e8)
 """radii of the ball, in turn; what still presses on the last one is unbounded."""
-PRESSING = 1e-9
-"""share of the objective's slope that the ball may carry before it counts as pressing."""
 EARLY, CLEARLY = 1e4, 1e-3
 """from this weight on a share this large is the ball's for good: go on to the next ball."""
 
@@ -283,7 +275,7 @@ def _follow(
             return y, weight / GROWTH, pressed
         y = ahead
         pressure = 2.0 * float(np.linalg.norm(y)) / (weight * (reach**2 - float(y @ y)))
-        pressed = pressure > max(PRESSING, 1.0 / weight)
+        pressed = pressure > max(WRITTEN_ROUNDING, 1.0 / weight)
         if weight >= SHARPEST or (weight >= EARLY and pressure > CLEARLY):
             return y, weight, pressed
         weight *= GROWTH

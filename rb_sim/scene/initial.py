@@ -7,6 +7,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from rb_sim.base.errors import SceneError
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.mechanics.initial_projection import lines_matrix, relative, start_on_manifold
 from rb_sim.mechanics.samples import SampleLayout
@@ -32,9 +33,6 @@ from rb_sim.scene.schema import Scene
 # stop a motion that their first order allows, or let it branch, and neither accelerations nor
 # reactions are determined there.
 
-
-TAKES_PART = 1e-8
-"""Share in a combination of lines, relative to its largest, above which a line takes part."""
 
 CHANGES = 1e-7
 """Rate at which a combination changes, relative to that at which its lines turn with the bodies."""
@@ -102,7 +100,7 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
     combinations = np.abs(rank.null[:, moved])
     if combinations.size == 0:
         return np.zeros(0, int)
-    return np.flatnonzero((combinations > TAKES_PART * combinations.max(axis=0)).any(axis=1))
+    return np.flatnonzero((combinations > WRITTEN_ROUNDING * combinations.max(axis=0)).any(axis=1))
 
 
 def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -157,7 +155,7 @@ def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> 
     null = rank_of_joints(system, t, y).null
     if null.shape[1] == 0:
         return ()
-    moved = np.abs(null).max(axis=1) > TAKES_PART
+    moved = np.abs(null).max(axis=1) > WRITTEN_ROUNDING
     first = system.first_row
     names = []
     for o, name in enumerate(layout.reactions):
@@ -172,9 +170,6 @@ MISFIT = 1e-6
 
 UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s")}
 """Of what a start violates: of a length, of an angle."""
-
-ON_MANIFOLD = 1e-9
-"""Relative violation above which constraints that were to be satisfied contradict each other."""
 
 
 def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
@@ -224,7 +219,8 @@ def check_maximal(
             amount = f"{amounts[line]:.2g} {UNITS[what][turns]}"
             problem = f"the initial {what} violates it by {amount}"
             refuse_initial(scene, owners[part_of(system, line)], problem)
-    if not (relative(system, after, system.length, system.speed) <= ON_MANIFOLD).all():  # nor NaN
+    left = relative(system, after, system.length, system.speed)
+    if not (left <= WRITTEN_ROUNDING).all():  # nor NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
             key="constraints",

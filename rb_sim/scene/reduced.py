@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.rounding import TWO_ULPS
+from rb_sim.base.rounding import TWO_ULPS, WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint, Free
 from rb_sim.catalogue.constraints.rolling import Rolling, levelled
@@ -268,17 +268,12 @@ MAKERS: dict[type, Any] = {
 }
 
 
-AT_REST = 1e-9
-"""Share of the speed of a fall over its arm below which a body rests: a start computed with a sine
-of pi moves by 1e-16 m/s, of which a misfit of 1e-6 is rounding."""
-
-
 def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str, str]:
     """The largest difference: relative to the state's scale, what differs, how much in SI units."""
     turn = abs(sum(a * b for a, b in zip(given.q_WB, admissible.q_WB, strict=True)))
     arm = max(length, 1e-12)
     speed = norm(given.v_WC) + arm * norm(given.w_WB_B)
-    speed = max(speed, AT_REST * math.sqrt(9.81 * arm))
+    speed = max(speed, WRITTEN_ROUNDING * math.sqrt(9.81 * arm))
     angle = 2.0 * math.acos(min(1.0, turn)) if turn < 1.0 - 1e-15 else 0.0
     differences = {
         "position": (norm(sub(given.p_WC, admissible.p_WC)), arm, "m"),

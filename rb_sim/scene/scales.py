@@ -14,7 +14,7 @@ from typing import Any
 
 from rb_sim.numerics.vectors import norm
 from rb_sim.scene.place import InitialPlace
-from rb_sim.scene.schema import Scene
+from rb_sim.scene.schema import SMALLEST_TOLERANCE, Scene
 
 LENGTHS = ("point", "length", "radius", "distance", "size", "anchor")
 """Parts of the names of parameters that are lengths [m]."""
@@ -25,9 +25,6 @@ SMALL = 1e-3
 LEAST = 1e-20
 """Of the factor: below, a scene is taken to say nothing about its size."""
 
-RESOLVED = 1e-16
-"""Tolerance below which rounding of a unit quaternion, which no scene scales, makes the error."""
-
 
 def scaled_tolerance(scene: Scene, tolerance: float) -> float:
     """The tolerance for coordinates in SI that is `tolerance` relative to the scene's own size."""
@@ -35,7 +32,7 @@ def scaled_tolerance(scene: Scene, tolerance: float) -> float:
     if not LEAST <= small < SMALL:
         return tolerance
     scaled = tolerance * small
-    return scaled if not turns(scene) else max(scaled, min(tolerance, RESOLVED))
+    return scaled if not turns(scene) else max(scaled, min(tolerance, SMALLEST_TOLERANCE))
 
 
 def at_its_size(scene: Scene) -> Scene:

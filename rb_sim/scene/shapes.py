@@ -7,6 +7,8 @@ moment a and the transverse moment t. Formulas: Landau & Lifshitz, Mechanics, se
 
 from __future__ import annotations
 
+import math
+import sys
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
@@ -28,8 +30,6 @@ from rb_sim.catalogue.spec import (
 
 
 Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-SMALLEST_INERTIA = 1e-150
-"""[kg m^2]; below it products of moments underflow."""
 
 
 def _is_triple(value: Any) -> bool:
@@ -58,7 +58,7 @@ def inertia_of_some_body(rows: Rows3) -> Rows3:
     """
     tensor = np.array(rows)
     scale = float(np.abs(tensor).max())
-    if scale < SMALLEST_INERTIA:
+    if scale < math.sqrt(sys.float_info.min):  # products of moments underflow
         raise refuse("an inertia with three principal moments > 0")
     tensor /= scale
     if float(np.abs(tensor - tensor.T).max()) > WRITTEN_ROUNDING:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.numerics.cone_program import (
     Cones,
     Objective,
@@ -28,9 +29,6 @@ from rb_sim.numerics.rank import LEAST_SINGULAR, split
 from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
 
 Array = NDArray[np.float64]
-
-ROUND_OFF = 1e-13
-"""imbalance, relative to the largest load, that counts as none."""
 
 
 LOWEST_FRICTION = 1e-3
@@ -83,7 +81,7 @@ def eliminate(system: Equilibrium) -> Reduced:
         self_stress=found.null,
         motions=motions,
         uncarried=motions @ (motions.T @ load),
-        round_off=max(ROUND_OFF, noise),
+        round_off=max(COMPUTED_ROUNDING, noise),
     )
 
 

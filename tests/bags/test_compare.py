@@ -419,12 +419,12 @@ def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monk
 
 def test_equal_instants_are_holes_of_a_logarithmic_axis():
     """Where some differences are zero they do not stretch the axis; where all are, a line is."""
-    from rb_sim.bags.comparison_views import FLOOR, _above_floor
+    from rb_sim.bags.comparison_views import LEAST_DRAWN, _above_floor
 
     drawn = _above_floor(np.array([0.0, 1e-6, 1e-3]))
     assert np.isnan(drawn[0])
     assert drawn[1:].tolist() == [1e-6, 1e-3]
-    assert _above_floor(np.zeros(2)).tolist() == [FLOOR, FLOOR]
+    assert _above_floor(np.zeros(2)).tolist() == [LEAST_DRAWN, LEAST_DRAWN]
 
 
 def test_rounding_where_a_point_stands_still_is_not_apart():

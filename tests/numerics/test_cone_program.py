@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.numerics.cone_program import (
     FAR,
-    ROUNDING,
     Cones,
     Objective,
     Optimum,
@@ -183,7 +183,7 @@ def test_slack_and_form_of_a_cone() -> None:
 def test_rounding_of_the_size_of_y_is_admitted_and_no_more() -> None:
     wall = cones(2, [(0.0, [1.0, 0.0])])
     for size in (0.0, 1e3):
-        least = ROUNDING * (1.0 + size)
+        least = COMPUTED_ROUNDING * (1.0 + size)
         assert wall.admits(np.array([-0.9 * least, size]))
         assert not wall.admits(np.array([-1.1 * least, size]))
     assert cones(2).admits(np.array([math.inf, 0.0]))

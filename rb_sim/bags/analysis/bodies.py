@@ -12,7 +12,6 @@ from rb_sim.bags.analysis.derivatives import (
     FILTER,
     NORMAL,
     ORDER,
-    ROUNDING,
     WINDOW,
     Body,
     Jump,
@@ -25,6 +24,7 @@ from rb_sim.bags.analysis.derivatives import (
     pieces,
 )
 from rb_sim.bags.analysis.figures import Figures
+from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import norms
 
 # Instants at which the velocity of a body jumps: nothing follows from poses beside them.
@@ -46,8 +46,6 @@ SURE_JUMP = 6.0
 """Standard deviations of D that noise does not reach."""
 LARGER = 2.0
 """Times the second differences beside it: an oscillation of up to a radian a sample stays below."""
-STILL = 1e-12
-"""[m]: what moves by less is a point at rest, and its rounding."""
 KEPT = 20
 """Intervals that are kept one by one."""
 EVENT_COLUMNS = 3
@@ -138,9 +136,11 @@ def jumps(rows: np.ndarray) -> np.ndarray:
     D = middle - sum(NEIGHBOURS[abs(j)] * part for j, part in beside.items())
     sigma = np.median(np.abs(D), axis=1) / NORMAL
     found = np.zeros(D.shape[1], bool)
-    for part, still in ((slice(0, 3), STILL), (slice(3, 7), 0.0)):
+    for part, still in ((slice(0, 3), COMPUTED_ROUNDING), (slice(3, 7), 0.0)):
         # of the noisiest component: how noise is shared among those of a quaternion changes
-        least = max(SURE_JUMP * sigma[part].max(), ROUNDING * np.abs(rows[part]).max(), still)
+        least = max(
+            SURE_JUMP * sigma[part].max(), WRITTEN_ROUNDING * np.abs(rows[part]).max(), still
+        )
         size = np.linalg.norm(D[part], axis=0)
         others = np.max([np.linalg.norm(b[part], axis=0) for b in beside.values()], axis=0)
         found |= (np.abs(D[part]).max(axis=0) > least) & (size > LARGER * others)
@@ -223,7 +223,7 @@ def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
     gain, rows = ((1.0, motion.position), (2.0, motion.orientation))[j]
     near = rows[k - HALF : k + HALF + 1]
     off = gain * float(np.linalg.norm(BETWEEN @ near)) / h**2
-    rounding = gain * ROUNDING * float(np.abs(near).max() * np.linalg.norm(BETWEEN)) / h**2
+    rounding = gain * WRITTEN_ROUNDING * float(np.abs(near).max() * np.linalg.norm(BETWEEN)) / h**2
     return off if off > max(SURE_PEAK * OF_NOISE * motion.noise[j], rounding) else None
 
 

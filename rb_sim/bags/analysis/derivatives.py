@@ -18,6 +18,7 @@ from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs
 
 from rb_sim.bags.message_rates import GAP, LOST
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import conjugate, continuous, cross, product, rotate, unit
 
 WINDOW = 9
@@ -28,8 +29,6 @@ UNEVEN = 2e-6
 stamp that is off by e counts as a pose off by v e, and as an acceleration off by 0.3 v e / h^2."""
 NORMAL = 0.6745
 """Median of the absolute value of a normal distribution of standard deviation 1."""
-ROUNDING = 1e-9
-"""Of the size of a coordinate: scatter below is none."""
 SLOW = 1e-3
 """[rad] a sample, below which rounding hides the error of the filter (1e-10 there)."""
 FILL = 5
@@ -206,7 +205,7 @@ def _sigma(rows: np.ndarray, h: float) -> np.ndarray:
     rest = (_derivative(rows, 0, h) - rows)[:, WINDOW // 2 : -(WINDOW // 2)]
     own = 1.0 - _coefficients(0)[WINDOW // 2]  # part of the noise's variance that is left over
     sigma = np.median(np.abs(rest), axis=1) / (NORMAL * np.sqrt(own))
-    return np.where(sigma > ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
+    return np.where(sigma > WRITTEN_ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
 
 
 def _gain(order: int, h: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rb_sim.bags.message_rates import LONG, Rates
 from rb_sim.bags.sources import IMU, POSE, SCALAR, TWIST, WRENCH
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.decimate import Envelope
 
 # Units of what an analysis tells, by the names of its columns.
@@ -117,8 +118,6 @@ COLUMNS = {
 }
 """What the numbers of each kind of readings are."""
 
-ROUNDING = 1e-9
-"""Of the size of a number: what changes by less has no frequency."""
 CURVE = 1500
 """Points at most of a curve in the report, twice that with its lower and upper edge."""
 
@@ -210,7 +209,7 @@ class Figures:
         peaks = None
         if found is not None:
             frequency, density = found
-            moves = self.spread > ROUNDING * (self.size if sizes is None else sizes)
+            moves = self.spread > WRITTEN_ROUNDING * (self.size if sizes is None else sizes)
             peaks = [float(frequency[1 + np.argmax(column[1:])]) if moved else None
                      for column, moved in zip(density.T, moves, strict=True)]  # fmt: skip
         values = {

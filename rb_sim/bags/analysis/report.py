@@ -16,7 +16,6 @@ import numpy as np
 
 from rb_sim.bags.analysis.figures import (
     RESIDUAL,
-    ROUNDING,
     Figures,
     sizes_beside,
     sizes_of,
@@ -25,11 +24,10 @@ from rb_sim.bags.analysis.figures import (
 from rb_sim.bags.analysis.result import Analysis
 from rb_sim.bags.sources import POSE
 from rb_sim.base.palette import AXES, BAD, BLACK, BLUE, CYCLE, FAINT, GRID
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.decimate import Envelope
 from rb_sim.io.page.write import packed, save
-
-LEAST, RESOLVED = 1e-17, 1e-9
-"""Of residuals: where their axis begins, and up to where it goes at least: rounding lies below."""
+from rb_sim.io.plots.panels import LEAST_DRAWN
 
 MOST = 100
 """Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
@@ -217,7 +215,7 @@ class _Page:
         for name, figures in self._plots[: self._own]:
             if self._found.kinds[name] == POSE and len(drawn) < MOST_PATHS:
                 _, values = figures.curves()
-                least = ROUNDING * self._sizes.get("m", 0.0)
+                least = WRITTEN_ROUNDING * self._sizes.get("m", 0.0)
                 if np.ptp(values[:, :3], axis=0).max(initial=0.0) > least:
                     drawn.append(path_of(name, values[:, :3]))
         return f'<div class="plots">{"".join(drawn)}</div>' if drawn else ""
@@ -233,7 +231,7 @@ class _Page:
         axis = None
         for unit, which in _groups(name, figures).items():
             size = float(sizes_beside(name, figures, self._sizes)[which].max())
-            if name != RESIDUAL and figures.spread[which].max() <= ROUNDING * size:
+            if name != RESIDUAL and figures.spread[which].max() <= WRITTEN_ROUNDING * size:
                 self._constant.append(f"{name} [{unit}]" if unit else name)
                 continue
             axis = self._axis(across) if axis is None else axis
@@ -248,8 +246,8 @@ class _Page:
                 "bounds": None,
             }
             if name == RESIDUAL:
-                curves = np.log10(np.maximum(curves, LEAST))
-                bounds = [math.log10(LEAST), math.log10(RESOLVED) + 1.0]
+                curves = np.log10(np.maximum(curves, LEAST_DRAWN))
+                bounds = [math.log10(LEAST_DRAWN), math.log10(WRITTEN_ROUNDING) + 1.0]
                 spec |= {"logarithmic": "y", "bounds": bounds, "scale": 1.0}
             yield spec | {"lines": _lines([figures.names[k] for k in which], curves)}
 
@@ -262,7 +260,7 @@ class _Page:
         frequency, density = _banded(found[0][1:], found[1][1:])
         axis = None
         for unit, which in _groups(name, figures).items():
-            rounding = ROUNDING * sizes_beside(name, figures, self._sizes)[which].max()
+            rounding = WRITTEN_ROUNDING * sizes_beside(name, figures, self._sizes)[which].max()
             moving = [k for k in which if figures.spread[k] > rounding]
             if not moving:
                 continue

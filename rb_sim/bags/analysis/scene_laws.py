@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
 from rb_sim.catalogue.contacts.touching import Touching
 from rb_sim.catalogue.effects.torsion import TorsionSpringRow, twist
@@ -240,10 +241,6 @@ class _Worst:
         return {"largest": self.value, "at": self.at}
 
 
-TOUCHES = 1e-9
-"""Of the scene's length: a gap that is none, or an overlap."""
-
-
 class ConstraintFigures:
     """Follows the errors of all constraints of `laws`."""
 
@@ -290,7 +287,8 @@ class ConstraintFigures:
             "position": {name: worst.as_dict() for name, worst in self._position.items()},
             "velocity": {name: worst.as_dict() for name, worst in self._velocity.items()},
             "overlap": {
-                name: worst.as_dict() | {"touches": worst.value >= -TOUCHES * self._laws.length}
+                name: worst.as_dict()
+                | {"touches": worst.value >= -WRITTEN_ROUNDING * self._laws.length}
                 for name, worst in self._overlap.items()
             },
         }

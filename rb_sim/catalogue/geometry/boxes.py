@@ -15,8 +15,6 @@ from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub
 
 MOST_POINTS = 8
-PARALLEL = 1e-8
-"""Sine of the angle between two edges below which their product gives no direction."""
 FACE_FIRST = 1e-3
 """Of the size of the smaller box, by which an edge has to be farther than the best face to count:
 nearly parallel edges lie in nearly the same place as the face, which has more points."""
@@ -61,7 +59,7 @@ def best_edges(axes_A, half_A, axes_B, half_B, d):
         for j in range(3):
             n = cross(axes_A[i], axes_B[j])
             size = norm(n)
-            if size < PARALLEL:
+            if size < WRITTEN_ROUNDING:
                 continue
             n = scale((1.0 if dot(n, d) >= 0.0 else -1.0) / size, n)
             apart = dot(n, d) - reach_along(axes_A, half_A, n) - reach_along(axes_B, half_B, n)

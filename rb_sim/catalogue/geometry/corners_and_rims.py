@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.catalogue.geometry.curved import three
 from rb_sim.catalogue.geometry.pairs import (
     BallOnSolid,
@@ -169,8 +169,6 @@ def rim_on_plane(pair, B, A):
 ROUNDS = 80
 """Of the search for an angle, by Newton's method within a bracket."""
 QUARTER = 0.5 * math.pi
-LEVEL = 1e-9
-"""Difference of the two points, relative to that which would leave one of them, that is none."""
 ABSENT = 0.0
 """Sense of a second point that is not there."""
 
@@ -238,7 +236,7 @@ def half_of(p, w, before, flies, there):
     nearer = 1.0 if p >= 0.0 else -1.0
     if there == 0.0 or before == 0.0:
         return nearer
-    if flies and abs(p) > LEVEL * w:
+    if flies and abs(p) > WRITTEN_ROUNDING * w:
         return nearer
     return before
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.geometry.pairs import Touch, carried_direction, carried_point, touching
 from rb_sim.catalogue.geometry.smooth_surfaces import (
     EllipsoidSurface,
@@ -35,8 +36,6 @@ from rb_sim.numerics.vectors import (
 )
 
 ROUNDS = 30
-SOUGHT = 1e-15
-"""Change of the normal at which Newton's iteration ends."""
 LARGEST_TURN = 0.5
 """Of the normal in one round [rad]."""
 
@@ -106,7 +105,7 @@ def normal_on_sphere(surface, side, p_WC, q, c):
         u, v = solved(m, -dot(t1, far), -dot(t2, far))
         u, v = limited(u, v)
         n = normalised(add(n, add(scale(u, t1), scale(v, t2))))
-        if abs(u) + abs(v) <= SOUGHT:
+        if abs(u) + abs(v) <= SUM_ROUNDING:
             break
     return n
 
@@ -122,7 +121,7 @@ def normal_on_cylinder(surface, side, p_WC, q, c, e):
         slope = dot(t, moved(surface, q, n, t)) - dot(n, far)
         u, _ = limited(-dot(t, far) / slope, 0.0)
         n = normalised(add(n, scale(u, t)))
-        if abs(u) <= SOUGHT:
+        if abs(u) <= SUM_ROUNDING:
             break
     return n
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.fit.fit import Fitted, Recording
 from rb_sim.fit.fit import fit as solve
 
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
 
 
 # What a fit leaves: residuals over time, for each body.
-
-
-ROUND_OFF = 1e-12
-"""[m, rad] residuals below are drawn as zero."""
 
 
 def picture(found: Fitted, path: Path) -> None:
@@ -39,8 +36,8 @@ def picture(found: Fitted, path: Path) -> None:
                 axis.plot(t - start, column, ".", markersize=2, label=label)
             band = found.noise[name]
             axis.axhspan(-band, band, color="0.9", zorder=0)
-            if max(band, float(abs(values).max(initial=0.0))) < ROUND_OFF:
-                axis.set_ylim(-ROUND_OFF, ROUND_OFF)
+            if max(band, float(abs(values).max(initial=0.0))) < COMPUTED_ROUNDING:
+                axis.set_ylim(-COMPUTED_ROUNDING, COMPUTED_ROUNDING)
             axis.set_ylabel(f"{body}: {name} left [{unit}]")
             axis.legend(fontsize=7, loc="upper right")
     axes[-1].set_xlabel("t [s] from the first pose")

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.cli.plain import plain_console
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
@@ -22,11 +23,6 @@ WIDEST = 8
 TALLEST = 60
 """Rows of it."""
 
-ROUNDING = 1e-13
-"""Entry of a printed matrix, relative to its largest one, up to which it counts as 0."""
-
-UNSTABLE = 1e-9
-"""Growth of a mode, relative to the fastest one, up to which it counts as rounding."""
 
 LATER = 0.01
 """When the motion is looked at again, in times of the fastest mode."""
@@ -114,9 +110,9 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
         table.add_column(heading, justify="left" if left else "right", no_wrap=True)
     fastest = model.fastest
     for mode in model.modes:
-        grows = mode.real > UNSTABLE * fastest
+        grows = mode.real > WRITTEN_ROUNDING * fastest
         figures = [
-            0.0 if abs(x) <= UNSTABLE * size else x
+            0.0 if abs(x) <= WRITTEN_ROUNDING * size else x
             for x, size in (
                 (mode.real, fastest),
                 (mode.imaginary, fastest),
@@ -146,7 +142,7 @@ def print_matrices(model: LinearModel, console: Console) -> None:
         if matrix.shape[1] > WIDEST or matrix.shape[0] > TALLEST:
             console.print(f"{name}  {matrix.shape[0]} x {matrix.shape[1]}: see --json")
             continue
-        least = ROUNDING * float(np.abs(matrix).max())
+        least = COMPUTED_ROUNDING * float(np.abs(matrix).max())
         matrix, width = np.where(np.abs(matrix) <= least, 0.0, matrix), max(map(len, labels))
         shown = [
             (label, row)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.base.rounding import TWO_ULPS
+from rb_sim.base.rounding import COMPUTED_ROUNDING, TWO_ULPS
 from rb_sim.integrate.layout import AT, SLOPES
 from rb_sim.integrate.methods.collocation import STALLED as CONVERGED
 from rb_sim.integrate.methods.collocation import Z, find_stages, transformed
@@ -43,8 +43,6 @@ GAIN = 0.5
 MOST_COORDINATES = 26
 """Up to two bodies: the Jacobian of more takes too long to compile for a method that seldom
 needs it (radau5 always does)."""
-STALLED = 1e-12
-"""Relative change at which an iteration that gains no more has converged."""
 
 
 @step(3, implicit=MOST_COORDINATES)
@@ -69,11 +67,11 @@ def gauss6(law, jacobian, n, t, y, h, p, dy, work):
                 moved += abs(fresh[i * n + m] - k[i * n + m])
                 k[i * n + m] = fresh[i * n + m]
             change = max(change, h * moved / (1.0 + abs(y[m])))
-        if change <= TWO_ULPS or (change >= last and change < STALLED):
+        if change <= TWO_ULPS or (change >= last and change < COMPUTED_ROUNDING):
             for m in range(n):
                 dy[m] = h * (B[0] * k[m] + B[1] * k[n + m] + B[2] * k[2 * n + m])
             return 0.0
-        if jacobian and not change <= GAIN * last and not change < STALLED:
+        if jacobian and not change <= GAIN * last and not change < COMPUTED_ROUNDING:
             break
         last = change
     if jacobian and find_stages(

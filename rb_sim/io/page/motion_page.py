@@ -20,11 +20,11 @@ from rb_sim.base.palette import (
     SLIPPING,
     STICKING,
 )
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.decimate import Envelope
 from rb_sim.io.extent import reach_of
 from rb_sim.io.page.supports import Supports, solid_of
 from rb_sim.io.page.write import CURVE_BYTES, MOST_SAMPLES, packed, spread
-from rb_sim.io.plots.panels import RESOLUTION
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,
@@ -225,7 +225,9 @@ class RunPage:
         for key, (name, color, on) in names.items():
             about = {"name": name, "unit": "N", "color": color, "on": on, "heads": 1}
             self._add(groups, arrows, key, wanted[key], force, length, about)
-        least = RESOLUTION * float(np.nanmax(norms(np.array(every)), initial=0.0)) * self._view[1]
+        least = (
+            WRITTEN_ROUNDING * float(np.nanmax(norms(np.array(every)), initial=0.0)) * self._view[1]
+        )
         torques = [one for one in torques if norms(one["vector"]).max(initial=0.0) > least]
         torque = self._per_metre([one["vector"] for one in torques], length)
         about = {"name": "torques", "unit": "N m", "color": TORQUE, "on": False, "heads": 2}
@@ -295,7 +297,9 @@ class RunPage:
         for j, k in enumerate(self._reactions):
             columns = np.nan_to_num(self._values[:, 3 + 6 * j : 9 + 6 * j])
             name, body = self.layout.reactions[k], self.layout.reaction_bodies[k]
-            turns = np.abs(columns[:, 3:]).max(initial=0.0) > RESOLUTION * self._scale["torque"]
+            turns = (
+                np.abs(columns[:, 3:]).max(initial=0.0) > WRITTEN_ROUNDING * self._scale["torque"]
+            )
             about = "the contact point" if name in contacts else "the anchor"
             torque = packed(columns[:, 3:]) if turns else None
             force = packed(columns[:, :3])

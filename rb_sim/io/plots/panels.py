@@ -75,11 +75,8 @@ def _behind(last: _Shown, shown: _Shown) -> _Shown:
     return _Shown(*(np.concatenate(parts) for parts in zip(last, shown, strict=True)))
 
 
-RESOLUTION = 1e-8
-"""Of the scene's scale of a kind of quantity; what is below is round-off, not motion."""
-
-LEAST = 1e-18
-"""Residuals below are drawn as this."""
+LEAST_DRAWN = 1e-18
+"""A logarithm has no zero: what is smaller is drawn as this."""
 
 _ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
 
@@ -331,7 +328,7 @@ def _power(block: SampleBlock) -> Array:
 
 
 def _residual(block: SampleBlock) -> Array:
-    return np.maximum(block.residual, LEAST)[:, None]
+    return np.maximum(block.residual, LEAST_DRAWN)[:, None]
 
 
 def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, float]:

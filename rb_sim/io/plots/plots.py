@@ -16,8 +16,9 @@ import numpy as np
 
 from rb_sim.base.errors import SinkError
 from rb_sim.base.palette import AXES, EVENT, FAINT, GRID, SLIPPING, STICKING
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.decimate import Envelope
-from rb_sim.io.plots.panels import ANGLES, RESOLUTION, Accelerating, Panel, panels_of, scales
+from rb_sim.io.plots.panels import ANGLES, Accelerating, Panel, panels_of, scales
 from rb_sim.io.sink import Timeline
 
 if TYPE_CHECKING:
@@ -72,10 +73,10 @@ def resolved(curves: Curves, scale: float) -> Curves | None:
     panel, t, values = curves
     finite = values[np.isfinite(values).all(axis=1)]
     if panel.logarithmic:
-        return None if finite.size and finite.max() <= RESOLUTION else curves
+        return None if finite.size and finite.max() <= WRITTEN_ROUNDING else curves
     if not finite.size:
         return curves
-    least = RESOLUTION * scale
+    least = WRITTEN_ROUNDING * scale
     if len(finite) < len(values):
         return curves
     flat = np.ptp(values, axis=0) <= least
@@ -231,11 +232,11 @@ def not_drawn(still: list[Curves], scale: dict[str, float]) -> list[str]:
             lines.append(f"{panel.title}: at most {worst:.0e}")
         elif panel.kind == "energy" and 0.0 < worst and np.ptp(values) > 0.0:
             lines.append(f"{panel.title}: at most {worst:.1e} J")
-        elif worst <= RESOLUTION * scale[panel.kind]:
+        elif worst <= WRITTEN_ROUNDING * scale[panel.kind]:
             zero.append(name)
         else:
             middle = np.median(values, axis=0)
-            middle[np.abs(middle) <= RESOLUTION * scale[panel.kind]] = 0.0
+            middle[np.abs(middle) <= WRITTEN_ROUNDING * scale[panel.kind]] = 0.0
             numbers = ", ".join(f"{value:.4g}" for value in middle)
             constant.append(f"{name} ({numbers}) {panel.unit}".strip())
     for what, names in (("constant", constant), ("zero", zero)):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.extent import reach_of
 from rb_sim.numerics.rotations import conjugate, rotate
 
@@ -125,10 +126,6 @@ class Extent:
         return framed(self._low - self._margin, self._high + self._margin)
 
 
-RESOLUTION = 1e-8
-"""Of the largest value of a kind so far; a component that changes by less is drawn as constant."""
-
-
 class Resolved:
     """Takes round-off out of plots, whose axes would zoom into it; what moves stays as it is.
 
@@ -148,7 +145,7 @@ class Resolved:
             "speed": ("spin", self._length),
             "spin": ("speed", 1.0 / self._length),
         }.get(kind, (kind, 1.0))
-        return RESOLUTION * max(largest, self._largest.get(other, 0.0) * per)
+        return WRITTEN_ROUNDING * max(largest, self._largest.get(other, 0.0) * per)
 
     @QUIET
     def __call__(self, kind: str, name: str, values: Array) -> Array:

@@ -10,10 +10,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.geometry.corners_and_rims import (
     ABSENT,
     IN_FLIGHT,
-    LEVEL,
     Lean,
     RimOnCylinder,
     half_of,
@@ -138,8 +138,8 @@ def test_the_highest_point_of_a_half_is_higher_than_all_near_it(curve: tuple[flo
         (-0.3, 1.0, False, 0.0, -1.0),  # there is no other
         (-0.3, 1.0, False, 1.0, 1.0),  # held where it was
         (-0.3, 1.0, True, 1.0, -1.0),  # in flight the nearer one
-        (-0.99 * LEVEL * 0.5, 1.0, True, 1.0, 1.0),  # unless both are as near
-        (-1.01 * LEVEL * 0.5, 1.0, True, 1.0, -1.0),
+        (-0.99 * WRITTEN_ROUNDING * 0.5, 1.0, True, 1.0, 1.0),  # unless both are as near
+        (-1.01 * WRITTEN_ROUNDING * 0.5, 1.0, True, 1.0, -1.0),
     ],
 )
 def test_which_half_has_the_first_point(
