@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import DY, size_of
 from rb_sim.numerics.kernels import call_law, helper, part
 
@@ -37,6 +37,9 @@ as its order, and the series may fall slowly."""
 
 MOST_EXPONENT = 700.0
 """Steps beyond e to this power are as long as may be."""
+
+NOISE = 1e-13
+"""The same relative to the slope itself: rounding."""
 
 
 @helper
@@ -174,7 +177,7 @@ def agrees(own, rate, tolerance, sizes, n, t, h, y, p, work):
     for m in range(count):
         off = h * abs(true[m] - slope[m])
         size = of_variable(own, n, y, work, m)
-        allowed = MISFIT * tolerance * size + COMPUTED_ROUNDING * (h * abs(slope[m]) + size)
+        allowed = MISFIT * tolerance * size + NOISE * (h * abs(slope[m]) + size)
         if not off <= allowed:
             return False
     return True

@@ -75,7 +75,7 @@ def _behind(last: _Shown, shown: _Shown) -> _Shown:
     return _Shown(*(np.concatenate(parts) for parts in zip(last, shown, strict=True)))
 
 
-LEAST_DRAWN = 1e-18
+LEAST_DRAWN = 1e-17
 """A logarithm has no zero: what is smaller is drawn as this."""
 
 _ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
