@@ -9,7 +9,7 @@ from typing import Any
 
 
 def trajectory(
-    scene: dict[str, Any], coordinates: str = "auto", watched: bool = True, **options: Any
+    scene: dict[str, Any], coordinates: str = "auto", watched: bool = False, **options: Any
 ) -> Any:
     """The samples (a SampleBlock) of a run of a scene mapping."""
     from rb_sim import Simulation, load_scene

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -51,8 +52,13 @@ class Threshold(NamedTuple):
     """its docstring on one line, "" without one."""
 
 
-def thresholds() -> Iterator[Threshold]:
+@cache
+def thresholds() -> tuple[Threshold, ...]:
     """All of them, by module."""
+    return tuple(_thresholds())
+
+
+def _thresholds() -> Iterator[Threshold]:
     for path in sorted(PACKAGE.rglob("*.py")):
         module = path.relative_to(PACKAGE).as_posix()
         body = ast.parse(path.read_text(encoding="utf-8")).body

@@ -244,39 +244,46 @@ def test_nearer_solids_are_drawn_later(run):
     assert below[-1] == "plank"
 
 
+SHAPES = [
+    ({"type": "box", "size": [0.6, 0.4, 0.2]}, [0.3, 0.2, 0.1]),
+    ({"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.1]}, [0.3, 0.2, 0.1]),
+    ({"type": "cylinder", "radius": 0.1, "length": 0.8, "axis_B": [1, 0, 0]}, [0.4, 0.1, 0.1]),
+    ({"type": "disk", "radius": 0.4, "axis_B": [0, 1, 0]}, [0.4, 0.006, 0.4]),
+    ({"type": "sphere", "radius": 0.2}, [0.2, 0.2, 0.2]),
+]
+"""Shapes and their half extents along the axes of their body."""
+
+
 @pytest.mark.filterwarnings("ignore:.*nothing moves")
-@pytest.mark.parametrize(
-    "shape, half",
-    [
-        ({"type": "box", "size": [0.6, 0.4, 0.2]}, [0.3, 0.2, 0.1]),
-        ({"type": "ellipsoid", "semi_axes": [0.3, 0.2, 0.1]}, [0.3, 0.2, 0.1]),
-        ({"type": "cylinder", "radius": 0.1, "length": 0.8, "axis_B": [1, 0, 0]}, [0.4, 0.1, 0.1]),
-        ({"type": "disk", "radius": 0.4, "axis_B": [0, 1, 0]}, [0.4, 0.006, 0.4]),
-        ({"type": "sphere", "radius": 0.2}, [0.2, 0.2, 0.2]),
-    ],
-)
-def test_shapes_are_drawn_as_large_as_they_are(shape, half, tmp_path):
-    """Along the axes of a body that is turned by a quarter about z, off its centre of mass."""
-    body = {"mass": 1.0, "shape": shape, "position": [1.0, 2.0, 3.0], "orientation": {
-        "axis": [0, 0, 1], "angle": np.pi / 2}}  # fmt: skip
-    scene = load_scene({"bodies": {"b": body}, "simulation": {"duration": 0.1}})
+def test_shapes_are_drawn_as_large_as_they_are(tmp_path):
+    """Along the axes of bodies that are turned by a quarter about z, off their centre of mass."""
+    turn = {"axis": [0, 0, 1], "angle": np.pi / 2}
+    bodies = {
+        f"b{i}": {"mass": 1.0, "shape": shape, "position": [1, 2, 3 + i], "orientation": turn}
+        for i, (shape, _) in enumerate(SHAPES)
+    }
+    scene = load_scene({"bodies": bodies, "simulation": {"duration": 0.1}})
     from rb_sim.simulation.shown import page_of_run
 
     save(page_of_run(Simulation(scene).run(watched=False), [], []), tmp_path / "page.html")
-    found = ask(tmp_path / "page.html", """
-        const {position, orientation} = poseOf(0, 0);
-        const frame = {position, axes: axesOf(...orientation)};
-        const solid = solidOf(D.bodies[0].solid, frame, [0, 0, 0]);
-        const ends = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((d) => reach(solid, d));
-        const points = solid.kind === "ball" ? [] : meshOf(solid).points;
-        return {ends, points: points.map((p) => add(solid.center, inWorld(solid.axes, p)))};
+    drawn = ask(tmp_path / "page.html", """
+        return D.bodies.map((body, i) => {
+          const {position, orientation} = poseOf(i, 0);
+          const frame = {position, axes: axesOf(...orientation)};
+          const solid = solidOf(body.solid, frame, [0, 0, 0]);
+          const ends = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((d) => reach(solid, d));
+          const points = solid.kind === "ball" ? [] : meshOf(solid).points;
+          return {ends, points: points.map((p) => add(solid.center, inWorld(solid.axes, p)))};
+        });
     """)  # fmt: skip
-    turned = [half[1], half[0], half[2]]
-    np.testing.assert_allclose(found["ends"], turned, atol=1e-6)
-    if found["points"]:
-        low, high = np.min(found["points"], axis=0), np.max(found["points"], axis=0)
-        np.testing.assert_allclose(0.5 * (high - low), turned, atol=1e-6)
-        np.testing.assert_allclose(0.5 * (high + low), [1.0, 2.0, 3.0], atol=1e-6)
+    assert [found["points"] == [] for found in drawn] == [False, False, False, False, True]
+    for i, ((_, half), found) in enumerate(zip(SHAPES, drawn, strict=True)):
+        turned = [half[1], half[0], half[2]]
+        np.testing.assert_allclose(found["ends"], turned, atol=1e-6)
+        if found["points"]:
+            low, high = np.min(found["points"], axis=0), np.max(found["points"], axis=0)
+            np.testing.assert_allclose(0.5 * (high - low), turned, atol=1e-6)
+            np.testing.assert_allclose(0.5 * (high + low), [1.0, 2.0, 3.0 + i], atol=1e-6)
 
 
 def test_a_long_run_keeps_its_peaks_and_says_what_is_left_out(scene, layout, samples):

@@ -26,7 +26,9 @@ STRANGER = {
 
 
 def run(mapping: dict[str, Any]) -> Any:
-    return Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run().block
+    return (
+        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(watched=False).block
+    )
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])

@@ -67,7 +67,7 @@ def test_derivatives_by_the_speed_at_the_start(points: list[list[float]], s: flo
         return scene_from_mapping(sliding(points, s, float(x[0]), duration=0.5, tolerance=1e-13))
 
     simulation = TangentSimulation(scene_at, np.array([speed]), [speed])
-    times = simulation.run().t
+    times = simulation.run(watched=False).t
     (found,) = simulation.take_derivatives()
     slide, start = Slide(curve, s, speed), curve.point(s)[1]
     for t, moved in zip(times, found.position[:, 0], strict=True):
@@ -87,7 +87,7 @@ def test_twelve_bodies_each_on_a_spline() -> None:
         constraints[f"guide{k}"] = alone["constraints"]["guide"] | {"body": f"b{k}"}
     whole = sliding(points, 0.7, 1.0, duration=0.5, tolerance=1e-12)
     scene = load_scene(whole | {"bodies": bodies, "constraints": constraints})
-    block = Simulation(scene).run().block
+    block = Simulation(scene).run(watched=False).block
     for k, speed in enumerate(speeds):
         slide = Slide(pieces(points), 0.7, speed)
         exact = [slide.curve.point(slide.parameter(t))[0] for t in block.t]

@@ -38,7 +38,7 @@ def pair(amplitude: float, drift: float, spin: float = 0.0, **options: Any) -> d
 def error(scene: dict[str, Any], amplitude: float) -> tuple[float, int]:
     """Of the distance, relative to the amplitude; and steps."""
     simulation = Simulation(load_scene(scene))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     way = np.linalg.norm(run.position["b"] - run.position["a"], axis=1) - 1.0
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max()), simulation.steps
 
@@ -75,7 +75,7 @@ def test_bodies_that_turn_about_each_other_cost_no_more_than_before() -> None:
     and rounding is not taken for a motion to be kept."""
     stretch = 1.0 / 99.0
     simulation = Simulation(load_scene(pair(stretch, 1.0, 1.0)))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     way = np.linalg.norm(run.position["b"] - run.position["a"], axis=1)
     assert np.abs(way - 1.0 - stretch).max() < 1e-8
     assert not simulation.held_bodies and simulation.steps < 200
@@ -114,7 +114,7 @@ def test_a_swing_seen_from_a_parent_that_turns_is_held() -> None:
         "simulation": {"duration": 5.0, "rate": 20.0},
     }  # fmt: skip
     simulation = Simulation(load_scene(scene))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     half = [2.0 * np.arctan2(run.orientation[k][:, 2], run.orientation[k][:, 3]) for k in "ab"]
     angle = np.angle(np.exp(1j * (half[1] - half[0])))
     assert simulation.held_bodies == {"a", "b"}
@@ -131,7 +131,7 @@ def test_many_pairs_keep_their_digits_as_one_does() -> None:
             scene["bodies"][f"{name}{k}"] = body | {"position": [x, y + 2.0 * k, z]}
         ends = {"body": f"b{k}", "parent": f"a{k}"}
         scene["effects"][f"spring{k}"] = first["effects"]["spring"] | ends
-    run = Simulation(load_scene(scene)).run()
+    run = Simulation(load_scene(scene)).run(watched=False)
     for k in range(12):
         way = np.linalg.norm(run.position[f"b{k}"] - run.position[f"a{k}"], axis=1) - 1.0
         assert np.abs(way / 1e-6 - np.cos(10.0 * run.t)).max() < 1e-7
@@ -187,4 +187,4 @@ def test_numbers_beyond_all_steps_end_in_one_line(stiffness: float, place: float
         "simulation": {"duration": 2.0, "rate": 20.0},
     }
     with pytest.raises(RbSimError):
-        Simulation(load_scene(scene)).run()
+        Simulation(load_scene(scene)).run(watched=False)

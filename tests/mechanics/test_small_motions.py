@@ -38,7 +38,7 @@ def oscillators(amplitude: float, centre: float, **options: Any) -> dict[str, An
 
 def error(amplitude: float, centre: float = 0.0, **options: Any) -> float:
     """Relative to the amplitude."""
-    run = Simulation(load_scene(oscillators(amplitude, centre, **options))).run()
+    run = Simulation(load_scene(oscillators(amplitude, centre, **options))).run(watched=False)
     way = run.position["small"][:, 0] - centre
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max())
 
@@ -67,7 +67,7 @@ def test_a_small_part_on_a_guide_keeps_its_digits(joint: str, method: str) -> No
         mapping["constraints"]["rail"]["normal_A"] = [0, 0, 1]
     else:
         mapping["constraints"]["rail"]["guide"] = {"type": "line", "direction": [1, 0, 0]}
-    run = Simulation(load_scene(mapping)).run(duration=20.0)
+    run = Simulation(load_scene(mapping)).run(duration=20.0, watched=False)
     way = run.position["small"][:, 0] / 1e-6
     assert np.abs(way - np.cos(10.0 * run.t)).max() < 2e-8
 
@@ -85,7 +85,7 @@ def test_a_start_too_small_to_tell_does_not_stall() -> None:
         "type": "wrench", "body": "small", "force": [1e-16, 0.0, 0.0],
     }  # fmt: skip
     simulation = Simulation(load_scene(mapping))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     way = run.position["small"][:, 0] - 1e-9
     assert np.abs(way - 0.5e-7 * run.t**2).max() < 1e-17
     assert simulation.steps < 60
@@ -117,14 +117,14 @@ def chain(ratio: float, **options: Any) -> dict[str, Any]:
 
 
 def test_a_mass_ratio_that_doubles_cannot_carry_is_refused_as_that() -> None:
-    run = Simulation(load_scene(chain(1e9, method="radau5", tolerance=1e-8))).run()
+    run = Simulation(load_scene(chain(1e9, method="radau5", tolerance=1e-8))).run(watched=False)
     assert run.residual.max() < 1e-13
     with pytest.raises(SceneError, match="masses of 0.001 kg and 1e.09 kg connected by"):
         Simulation(load_scene(chain(1e12)))
 
 
 def test_a_heavy_body_carries_one_a_million_million_times_lighter() -> None:
-    run = Simulation(load_scene(chain(1e-12))).run()
+    run = Simulation(load_scene(chain(1e-12))).run(watched=False)
     assert run.residual.max() < 1e-13
     swinging = run.block  # the heavy one turns about its centre, the pivot: no work between them
     speed = np.linalg.norm(swinging.linear_velocity[:, 1], axis=1)

@@ -33,7 +33,7 @@ def run(scene: dict[str, Any], coordinates: str = "auto") -> Any:
     from rb_sim import Simulation, load_scene
 
     simulation = Simulation(load_scene(scene), coordinates=coordinates)
-    return simulation.run(), simulation.steps
+    return simulation.run(watched=False), simulation.steps
 
 
 def last(scene: dict[str, Any], coordinates: str = "auto") -> tuple[np.ndarray, int]:

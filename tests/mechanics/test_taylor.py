@@ -95,7 +95,7 @@ def block(name: str, coordinates: str, method: str) -> Any:
     """The samples of a short run, compiled."""
     options = {"duration": 1.5, "rate": 37.0, "method": method, "tolerance": 1e-14}
     mapping = RUNS[name] | {"simulation": RUNS[name]["simulation"] | options}
-    return Simulation(load_scene(mapping), coordinates=coordinates).run().block
+    return Simulation(load_scene(mapping), coordinates=coordinates).run(watched=False).block
 
 
 @pytest.mark.parametrize("name", MAXIMAL)

@@ -15,7 +15,7 @@ SPACING = 1e-3
 
 
 def run(scene: Any, at: list[float], coordinates: str = "auto") -> Trajectory:
-    return Simulation(load_scene(scene), coordinates=coordinates).run(at=at)
+    return Simulation(load_scene(scene), coordinates=coordinates).run(at=at, watched=False)
 
 
 @pytest.mark.parametrize("coordinates", ["auto", "maximal"])
