@@ -33,7 +33,9 @@ def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int
         data["effects"]["weight"] |= {"acceleration": [0.3, 0.0, -9.81]}
     scene = load_scene(data)
     simulation = Simulation(scene)
-    tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
+    tracks = tracks_of_blocks(
+        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+    )
     (body,) = tracks.bodies
     problem = _Problem(Recording(tracks, {body: body}), scene, data, free_numbers(data, KEYS[name]))
     return beside(problem)

@@ -74,7 +74,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})
     simulation = Simulation(scene)
-    block = simulation.run().block
+    block = simulation.run(watched=False).block
     tracks = tracks_of_blocks([block], scene, simulation.layout, "truth")
     (body,) = tracks.bodies
     track, rng = tracks.bodies[body], np.random.default_rng(seed)
@@ -177,7 +177,9 @@ def two_bodies(truth: dict[str, Any]):
 
     scene = load_scene(truth)
     simulation = Simulation(scene)
-    tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
+    tracks = tracks_of_blocks(
+        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+    )
     rng = np.random.default_rng(4)
     for name, which in (("a", slice(0, None, 2)), ("b", slice(5, None, 3))):
         whole = tracks.bodies[name]

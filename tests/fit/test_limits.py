@@ -44,7 +44,9 @@ def recorded(data: dict[str, Any]) -> Recording:
     """The motion of the only body, with noise."""
     scene = load_scene(data)
     simulation = Simulation(scene)
-    tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
+    tracks = tracks_of_blocks(
+        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+    )
     (body,) = tracks.bodies
     track, rng = tracks.bodies[body], np.random.default_rng(1)
     track.position = track.position + rng.normal(0, NOISE[0], track.position.shape)

@@ -98,7 +98,7 @@ def options_of(case: dict[str, Any]) -> dict[str, float]:
 
 def compiled_run(case: dict[str, Any], tolerance: float = TIGHT, **kinds: Any) -> Trajectory:
     options = options_of(case) | {"tolerance": tolerance} | kinds
-    return Simulation(load_scene(scene_of(case) | {"simulation": options})).run()
+    return Simulation(load_scene(scene_of(case) | {"simulation": options})).run(watched=False)
 
 
 def run_of(name: str, case: dict[str, Any]) -> Trajectory:
@@ -146,7 +146,7 @@ def test_body_origin_anywhere(name: str, cases: dict[str, Any]) -> None:
     case = cases[name]
     scene = scene_of(case, origin=(0.3, -0.2, 0.1))
     options = options_of(case) | {"tolerance": TIGHT}
-    run = Simulation(load_scene(scene | {"simulation": options})).run()
+    run = Simulation(load_scene(scene | {"simulation": options})).run(watched=False)
     found = errors(case, run, reaction_of(case, run))
     assert max(found.values()) <= LIMIT, found
 
