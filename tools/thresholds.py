@@ -25,6 +25,8 @@ NONE_OF_THEM = {
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
     ("simulation/sensitivity.py", "TOLERANCE"),
+    ("fit/unknowns.py", "TOLERANCE"),
+    ("motion/pieces.py", "FIRST_PIECE"),  # a length to begin with
     ("fit/unknowns.py", "STEP"),  # lengths of differences
     ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip

@@ -123,17 +123,14 @@ def _aligned(a: Iterator[Rows], b: Iterator[Rows], counts: list[int]) -> Iterato
             {name: data[j] for name, data in waiting.data.items()},
         )
         later = waiting.number > one.number[-1]
-        waiting = _those(waiting, later) if later.any() else None
+        left = {name: data[later] for name, data in waiting.data.items()}
+        waiting = Rows(waiting.number[later], left, [], []) if later.any() else None
     counts[1] += sum(len(more.number) for more in b)
 
 
 def _joined(a: Rows, b: Rows) -> Rows:
     data = {name: np.concatenate([a.data[name], b.data[name]]) for name in a.data}
     return Rows(np.concatenate([a.number, b.number]), data, [], [])
-
-
-def _those(rows: Rows, which: np.ndarray) -> Rows:
-    return Rows(rows.number[which], {k: v[which] for k, v in rows.data.items()}, [], [])
 
 
 # The run of a bag once more: scene, settings, commands and resets come out of the bag.

@@ -20,8 +20,6 @@ Indices = NDArray[np.intp]
 
 OPEN, SLIP, STICK = 0.0, 1.0, 2.0
 """States of a contact: apart; touching and slipping (or without friction); at rest or rolling."""
-CONTACT_STATES = ("open", "slip", "stick")
-"""Their names."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
 from rb_sim.numerics.kernels import entry, inline, integers, part, pointer
 from rb_sim.numerics.linear_solves import least_squares
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 
 # The equations of Alart and Curnier (1991) for a complementarity problem with friction, and
 # Newton's iteration on them with steps of least squares.
@@ -236,7 +237,7 @@ def fill_steps(n, A, terms, step):
 # and by proximal steps where Newton's iteration finds none from any.
 
 
-CONTRADICTION = 1e-10
+CONTRADICTION = JUDGED_BY_CONTACT
 """Relative residual that counts where none is smaller: points that touch to within that of the
 scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 STARTS = 3

@@ -173,7 +173,8 @@ def simulate_managed(
     status, going = 0, True
     try:
         while going and not (node.over or stop.cause):
-            before, node.left = _offered(node), Turn(node.ended)
+            before = {*node.publishers, *node.subscriptions, *node.services}
+            node.left = Turn(node.ended)
             who = (presence, services, serving)
             status, going, refused = _configured(node, asked, stop, began, *who)
             with services.turns.own():
@@ -247,10 +248,6 @@ def _refused(node: ManagedNode, turn: Turn, error: RbSimError) -> tuple[int, boo
     """Say why there is no loop, and go on without."""
     node.get_logger().error(f"not configured: {error}")
     return 0, True, turn
-
-
-def _offered(node: ManagedNode) -> set[Any]:
-    return {*node.publishers, *node.subscriptions, *node.services}
 
 
 def _take_down(node: ManagedNode, before: set[Any]) -> None:

@@ -152,7 +152,7 @@ def check_contacts(
         if not move_apart(system, y, laws, t):
             raise SceneError(
                 "contacts contradict each other or the constraints: every state near the initial "
-                f"one has an overlap ({_deepest_name(system, names, laws)})",
+                f"one has an overlap ({names[int(overlaps(system, laws).argmin())]})",
                 key="constraints",
                 file=scene.file,
             )
@@ -222,10 +222,6 @@ def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
     compliant = np.array([law.compliant for law in laws], dtype=bool)
     counts = ~compliant & (system.touch[:, LEAN_SIGN] != ABSENT)
     return np.where(counts, system.touch[:, GAP], 0.0)
-
-
-def _deepest_name(system: ContactBodies, names: list[str], laws: list[ContactLaw]) -> str:
-    return names[int(overlaps(system, laws).argmin())]
 
 
 def compile_contacts(

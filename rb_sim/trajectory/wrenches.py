@@ -88,16 +88,11 @@ def wrenches_by_body(trajectory: Record) -> Mapping[str, Mapping[str, Reaction]]
     place = InitialPlace(scene)
     return {
         name: {
-            body: _about_center(trajectory, body, force, torque)
+            body: Reaction(force, torque, trajectory.position[body])
             for body, (force, torque) in _of_effect(trajectory, place, spec).items()
         }
         for name, spec in scene.effects.items()
     }
-
-
-def _about_center(trajectory: Record, body: str, force: Array, torque: Array) -> Reaction:
-
-    return Reaction(force, torque, trajectory.position[body])
 
 
 def _of_effect(

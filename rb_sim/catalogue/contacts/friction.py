@@ -61,8 +61,6 @@ class Rough(NamedTuple):
 
 
 Friction = Smooth | Coulomb | Viscous | ViscousPerNormal | Regularised | Rough
-CORNERED = (Coulomb, Rough)
-"""Laws that can stick."""
 BOUNDED = (Smooth, Coulomb, Rough)
 """Laws whose traction over N is the same at each slip: none, `kinetic`, or what it takes."""
 ZERO3: Vec3 = (0.0, 0.0, 0.0)

@@ -298,11 +298,6 @@ Asked = Callable[["Scene", "SampleLayout"], Accelerating]
 """Gives them for the blocks of a run; rb_sim.trajectory.wrenches.accelerating is one."""
 
 
-def accel_topic(body: str) -> str:
-    """Topic of the accelerations of a body."""
-    return body_topic(body, "accel")
-
-
 class AccelTable:
     """The messages of all bodies. topics: (name, ROS type) of each; prefix: before the frame."""
 
@@ -310,7 +305,7 @@ class AccelTable:
         self._accelerations = asked(scene, layout)
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         self._codec = cdr.accel_stamped(prefix + WORLD)
-        self.topics = [(accel_topic(body), types.ACCEL_STAMPED) for body in layout.bodies]
+        self.topics = [(body_topic(body, "accel"), types.ACCEL_STAMPED) for body in layout.bodies]
 
     def messages(self, block: SampleBlock) -> list[list[bytes]]:
         """Of each sample, in the order of the topics."""

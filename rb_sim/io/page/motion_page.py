@@ -105,11 +105,6 @@ class RunPage:
             anchor=self.kept.anchor - self.origin,
         )
 
-    @property
-    def decimated(self) -> bool:
-        """Whether the page shows fewer samples than there are."""
-        return len(self._rows) < len(self.samples)
-
     def data(
         self,
         *,

@@ -41,11 +41,6 @@ from rb_sim.numerics.vectors import add, cross, gyroscopic, rotate, scale, sub
 NO_TORQUE = (0.0, 0.0, 0.0)
 
 
-def constants_of(system: Any, i: int) -> tuple[float, ...]:
-    """Mass, inertia and its inverse."""
-    return tuple(system.bodies[i, :PUSH].tolist())
-
-
 def alone(*bodies: Any) -> SimpleNamespace:
     """A system of these bodies, by their constants; () where they do not matter."""
     table = np.zeros((len(bodies), BODY_WIDTH), dtype=object)

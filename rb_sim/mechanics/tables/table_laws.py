@@ -37,7 +37,8 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def _bodies(self) -> list[tuple[float, ...]]:
-        return [local.constants_of(self.system, i) for i in range(self.n // WIDTH)]
+        """Mass, inertia and its inverse of each."""
+        return [tuple(row) for row in self.system.bodies[: self.n // WIDTH, : local.PUSH].tolist()]
 
     def _new(self, parts: Sequence[int], left_out: frozenset[int]) -> tuple[Program, Lines]:
         """A program, and the lines of these parts in it; those left out get no multiplier."""
