@@ -29,6 +29,10 @@ from rb_sim.io.decimate import Envelope
 from rb_sim.io.page.write import packed, save
 from rb_sim.io.plots.panels import LEAST_DRAWN
 
+STATE = "kinetic energy and momenta"
+STATES = {"J": "kinetic energy", "N s": "momentum", "N m s": "angular momentum"}
+"""What the columns of a body's state are, by their unit."""
+
 MOST = 100
 """Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
 CURVE_BYTES, FEWEST = 800_000, 100
@@ -73,16 +77,18 @@ def _verdict(found: Analysis) -> str:
     balances = []
     for name, balance in ({"": found.balance} if found.balance else found.balances).items():
         momentum = balance["momentum"] or {}
-        rows = {"energy": balance["energy"], "linear momentum": momentum.get("linear"),
-                "angular momentum": momentum.get("angular")}  # fmt: skip
-        for what, row in rows.items():
+        rows = (
+            ("energy", "J", balance["energy"]),
+            ("linear momentum", "N s", momentum.get("linear")),
+            ("angular momentum", "N m s", momentum.get("angular")),
+        )
+        for what, unit, row in rows:
             if row is not None:
                 doubt = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
                 holds = abs(row["error"]) <= max(BALANCED * row["scale"], doubt)
-                balances.append(
-                    f"{name} {what} {'balances' if holds else 'does NOT balance'}: "
-                    f"{abs(row['error']):.2g} of {row['scale']:.3g} not accounted for".strip()
-                )
+                verdict = "balances" if holds else "does NOT balance"
+                rest = f"{abs(row['error']):.2g} of {row['scale']:.3g} {unit} not accounted for"
+                balances.append(f"{name} {what} {verdict}: {rest}".strip())
     judged = bool(balances)
     if not judged:
         balances = ["not judged: masses or forces are not known (--masses FILE)"]
@@ -177,7 +183,7 @@ class _Page:
                 self._plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
                 if body.recorded.rates.count:
                     self._plots.append((f"{name}: total wrench recorded", body.recorded))
-                self._plots.append((f"{name}: kinetic energy and momenta from poses", body.state))
+                self._plots.append((f"{name}: {STATE} from poses", body.state))
         self._sizes = sizes_of(self._plots, found.length)
         columns = sum(len(figures.names) for _, figures in self._plots)
         self._points = max(FEWEST, int(CURVE_BYTES / (5.4 * max(columns, 1))))
@@ -238,7 +244,7 @@ class _Page:
             curves = values[:, which]
             spec = {
                 "section": "energy" if unit == "J" else "time",
-                "title": name,
+                "title": name.replace(STATE, STATES.get(unit, STATE)),
                 "unit": unit,
                 "across": axis,
                 "scale": size,

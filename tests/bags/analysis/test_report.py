@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from rb_sim.bags.analysis import report
+from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.figures import COLUMNS, Figures, unit_of
 from rb_sim.bags.analysis.report import _Page
 from rb_sim.bags.analysis.result import Analysis
 from rb_sim.base.palette import BAD
+from tests.bags.scenes import PUSHED, record_run
 from tests.browser import ask
 from tests.io.test_page import numbers
 
@@ -109,6 +111,20 @@ def test_a_plot_for_each_unit_in_its_section() -> None:
     assert ("energy", "energy", "J", [""]) in shown
     assert ("spectra", "energy", "J²/Hz", [""]) in shown
     assert unit_of("/somebody/energy", "value") == ""
+
+
+def test_balances_have_units_and_each_quantity_its_name(tmp_path) -> None:
+    found = analyze(record_run(PUSHED, tmp_path))
+    titles = {plot["unit"]: plot["title"] for plot in _Page(found).data()["plots"]
+              if "from poses" in plot["title"]}  # fmt: skip
+    assert titles["J"].endswith(": kinetic energy from poses")
+    assert titles["N s"].endswith(": momentum from poses")
+    lines = re.findall(r"[^>]* not accounted for", report._verdict(found))
+    assert [re.search(r" ([A-Z][ A-Za-z]*) not", line)[1] for line in lines] == [
+        "J",
+        "N s",
+        "N m s",
+    ]
 
 
 def test_the_page_is_light_and_its_time_axes_are_one(tmp_path) -> None:
