@@ -107,17 +107,31 @@ def run_here(scene: str, text: str, *options: str) -> tuple[int, str]:
 
 
 def run_line(name: str, scene: str, text: str, options: tuple[str, ...] = ()) -> Line:
-    """A run by the command line: the bytes of its bag, its summary but for costs, what it prints on
-    stderr. scene: name of the file with the text."""
+    """A run by the command line: the bytes of its bag, the messages alone, its summary but for
+    costs, what it prints on stderr. scene: name of the file with the text."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         code, said = run_here(scene, text, *options)
         bags = sorted(Path("o").glob("bag/*.mcap"))
         summary = Path("o/summary.json")
         made = COSTS.sub("", summary.read_text(encoding="utf-8")) if summary.exists() else ""
-        found = digest(*[bag.read_bytes() for bag in bags]), digest(made)
+        found = digest(*[bag.read_bytes() for bag in bags]), recorded(bags), digest(made)
     first = [line.split("; ")[0] for line in said.splitlines() if line]  # without the advice
     words = " | ".join(first)
-    return Line(name, f"exit {code} {words}".strip(), "bag {} summary {}".format(*found))
+    return Line(
+        name, f"exit {code} {words}".strip(), "bag {} messages {} summary {}".format(*found)
+    )
+
+
+def recorded(bags: list[Path]) -> str:
+    """The digest of the messages alone: a bag has its summary beside them."""
+    from mcap.reader import make_reader
+
+    parts: list[bytes | str] = []
+    for bag in bags:
+        with bag.open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages():
+                parts += [f"{channel.topic} {message.log_time}", message.data]
+    return digest(*parts)
 
 
 def shipped(name: str) -> list[Line]:
