@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding, tell
-from rb_sim.checks.balance import Ledger, bodies_at_work, energy, momentum
+from rb_sim.checks.balance import Ledger, bodies_at_work
 from rb_sim.checks.check import Check, Effort, Run, Seen, effort_of
+from rb_sim.checks.imbalance import energy, momentum
 from rb_sim.checks.sample_integrals import Resolutions
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank

@@ -19,11 +19,11 @@ from rb_sim.checks.balance import (
     ends_of_tables,
     external_wrench,
     jumps_of_tables,
-    liveliest,
     may_work,
     unknown_force,
 )
 from rb_sim.checks.check import Effort
+from rb_sim.checks.imbalance import liveliest
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import scene_from_mapping

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.checks.balance import CLOSER, INTERVALS, closer_samples
 from rb_sim.checks.check import Effort, below, effort_of, finer_step, round_down
+from rb_sim.checks.imbalance import CLOSER, INTERVALS, closer_samples
 from rb_sim.checks.step_doubling import LocalError
 from tests.checks.blocks import Block
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.balance import DOUBTS
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.imbalance import DOUBTS
 from rb_sim.checks.sample_integrals import CheckedQuadrature, Quadrature, Resolution
 
 RNG = np.random.default_rng(38)
