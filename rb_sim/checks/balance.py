@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Body, Scene
 
+
 # What happened to the contacts of a run, counted and summed up.
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +10,12 @@ from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.check import Look, Run, Seen
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rb_sim.checks.balance import Ledger
     from rb_sim.checks.check import Effort
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+
 
 # What a motion does between two samples: some taken closer, on the way ahead.
 #
