@@ -25,7 +25,7 @@ from benchmarks.start_time import COMMAND, Taken, timed
 
 WARM = """
 import sys
-from rb_sim.simulation.compiling import compiled
+from rb_sim.simulation.simulation import compiled
 from rb_sim.scene.load import load_scene
 for scene, method in zip(sys.argv[1::2], sys.argv[2::2]):
     compiled(load_scene(scene, method=method or None), lambda line: None)

@@ -26,11 +26,11 @@ import yaml
 import rb_sim
 from rb_sim import RbSimError, Simulation
 from rb_sim.compiler import program, ship
-from rb_sim.compiler.marshal import words_of
+from rb_sim.compiler.program import words_of
 from rb_sim.io.messages.topics import TopicTable
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.scene.load import load_scene
-from rb_sim.sweeps.lane_runs import LaneRunner
+from rb_sim.sweeps.batch import LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan, points
 

@@ -23,7 +23,7 @@ from rb_sim.accuracy.closed_forms.statics import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
 from rb_sim.base.errors import RbSimError
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.admissible import eliminate
+from rb_sim.statics.equilibrium import eliminate
 from rb_sim.statics.of_scene import at_rest
 from rb_sim.statics.result import StaticsResult
 from rb_sim.statics.solve import solve

@@ -1,17 +1,354 @@
-"""Guide curves c(s): point, first and second derivative by the parameter; nearest parameter."""
+"""Guide curves c(s): point and derivatives by the parameter; splines as one table."""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.catalogue.splines import Pieces
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.types import Vec3
 from rb_sim.graph.functions import call
-from rb_sim.numerics.kernels import dispatch
+from rb_sim.graph.machine import bound
+from rb_sim.graph.symbols import External, stepwise
+from rb_sim.numerics.kernels import Routine, dispatch, inline, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
+
+# A spline c(s) as data: its pieces in one table, which functions compiled once read by address.
+#
+# A traced law asks for the coefficients of the piece at a parameter and evaluates them itself, so
+# the same code serves every spline of a degree, and its derivatives are those of the piece.
+
+
+# The table of a spline as compiled functions read it: its pieces, nearest points and breaks.
+
+
+HEAD = 4
+"""Numbers of a table before its breaks: pieces m, degree k, period (0 for an open curve), points.
+Then come m + 1 breaks, m + 1 jumps, the coefficients, by piece, axis and power with the highest
+first, and the points from which the nearest is looked for, each s and c(s)."""
+SHARE = 0.1
+"""Of the tolerance that crossing breaks within a step may cost."""
+SWEEPS = 30
+
+
+@inline
+def breaks_of(table):
+    return table[HEAD : HEAD + int(table[0]) + 1]
+
+
+@inline
+def piece_at(breaks, s):
+    """Number of the piece of s; the first and the last go on beyond the ends."""
+    low, high = 0, breaks.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if breaks[middle] <= s:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@inline
+def turns_before(period, s):
+    """Whole periods before s; 0 on an open curve."""
+    return math.floor(s / period) if period > 0.0 and math.isfinite(s) else 0.0
+
+
+@inline
+def put_piece(table, s, results):
+    """Where the piece of s begins, then its coefficients."""
+    breaks, turns = breaks_of(table), turns_before(table[2], s)
+    i = piece_at(breaks, s - table[2] * turns)
+    results[0] = breaks[i] + table[2] * turns
+    width = 3 * (int(table[1]) + 1)
+    first = HEAD + 2 * breaks.shape[0] + i * width
+    for j in range(width):
+        results[1 + j] = table[first + j]
+
+
+@inline
+def along(table, s, x, y, z):
+    """((c - p) . c', c' . c', (c - p) . c'') at s for p = (x, y, z)."""
+    breaks, turns, k = breaks_of(table), turns_before(table[2], s), int(table[1])
+    i = piece_at(breaks, s - table[2] * turns)
+    u = s - (breaks[i] + table[2] * turns)
+    first = HEAD + 2 * breaks.shape[0] + 3 * i * (k + 1)
+    gap, square, bend = 0.0, 0.0, 0.0
+    for axis in range(3):
+        c0, c1, c2 = 0.0, 0.0, 0.0
+        for j in range(k + 1):
+            c2 = c2 * u + 2.0 * c1
+            c1 = c1 * u + c0
+            c0 = c0 * u + table[first + axis * (k + 1) + j]
+        off = c0 - (x if axis == 0 else y if axis == 1 else z)
+        gap, square, bend = gap + off * c1, square + c1 * c1, bend + off * c2
+    return gap, square, bend
+
+
+@inline
+def nearest_to(table, x, y, z):
+    """The parameter of the point nearest to (x, y, z), for a point close to the curve.
+
+    Nearest of the table's points, then Newton's iteration on (c - p) . c' = 0.
+    """
+    count = int(table[3])
+    first = table.shape[0] - 4 * count
+    best, s = math.inf, table[first]
+    for i in range(count):
+        at = first + 4 * i
+        dx, dy, dz = table[at + 1] - x, table[at + 2] - y, table[at + 3] - z
+        square = dx * dx + dy * dy + dz * dz
+        if square < best:
+            best, s = square, table[at]
+    for _ in range(SWEEPS):
+        gap, square, bend = along(table, s, x, y, z)
+        step = gap / (square + max(bend, -0.5 * square))
+        s -= step
+        if abs(step) <= SUM_ROUNDING * (1.0 + abs(s)):
+            break
+    return s
+
+
+@inline
+def break_between(table, a, b, weight, limit):
+    """The first break on the way from a to b that may not be crossed; NaN where all may.
+
+    Across a break c'' is off by its jump times u^(k - 2), where u is the way on the shorter side.
+    """
+    breaks, k, period = breaks_of(table), int(table[1]), table[2]
+    m = breaks.shape[0] - 1
+    turns = int(turns_before(period, a))
+    i = piece_at(breaks, a - period * turns)
+    ahead = 1 if b > a else -1
+    j = i + 1 if b > a else i
+    total = 0.0
+    for _ in range(m + 1):
+        if period == 0.0 and (j < 1 or j > m - 1):
+            break
+        if j > m - 1:
+            j, turns = j - m, turns + 1
+        elif j < 0:
+            j, turns = j + m, turns - 1
+        at = breaks[j] + period * turns
+        if not (b - at) * ahead > 0.0:
+            break
+        u = min(abs(b - at), abs(at - a))
+        total += weight * table[HEAD + m + 1 + j] * u ** (k - 2)
+        if total > limit:
+            return at
+        j += ahead
+    return math.nan
+
+
+@inline
+def way(x, s, first, second, third):
+    """The cubic s + first x + second x^2 + third x^3."""
+    return s + x * (first + x * (second + x * third))
+
+
+@inline
+def share_of_step(table, s0, v0, s1, v1, h, tolerance):
+    """Share of a step after which a break comes that it may not cross; 1 where there is none.
+
+    The step goes from s0 with ds/dt = v0 to s1 with v1 in the time h; in between the cubic through
+    them is looked at piece by piece where it runs one way (it may turn within the step).
+    """
+    period = table[2]
+    if period > 0.0:
+        s1 += period * math.floor((s0 + 0.5 * h * (v0 + v1) - s1) / period + 0.5)
+    first, gone = h * v0, s1 - s0
+    second, third = 3.0 * gone - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * gone
+    fastest = max(abs(v0), abs(v1))
+    weight, limit = h * fastest * min(1.0, fastest), SHARE * tolerance
+    root = second * second - 3.0 * third * first
+    turn = math.sqrt(root) if root > 0.0 else 0.0
+    begin = 0.0
+    for i in range(3):
+        end = 1.0
+        if i < 2 and turn > 0.0:  # zeros of the slope first + 2 second x + 3 third x^2, in order
+            sign = -1.0 if (i == 0) == (third > 0.0) else 1.0
+            end = (sign * turn - second) / (3.0 * third) if third != 0.0 else -0.5 * first / second
+        if not begin < end <= 1.0:
+            continue
+        a, b = way(begin, s0, first, second, third), way(end, s0, first, second, third)
+        at = break_between(table, a, b, weight, limit)
+        if at == at:
+            low, high = begin, end
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                if (way(middle, s0, first, second, third) - at) * (b - a) < 0.0:
+                    low = middle
+                else:
+                    high = middle
+            return high
+        begin = end
+    return 1.0
+
+
+@routine
+def piece_routine(arguments, results):
+    """arguments: place and length of the table, s; results: see put_piece."""
+    put_piece(table_at(arguments[0], int(arguments[1])), arguments[2], results)
+
+
+@routine
+def nearest_routine(arguments, results):
+    """arguments: place and length of the table, a point; results: s."""
+    table = table_at(arguments[0], int(arguments[1]))
+    results[0] = nearest_to(table, arguments[2], arguments[3], arguments[4])
+
+
+@routine
+def share_routine(arguments, results):
+    """arguments: place and length of the table, s0, v0, s1, v1, h, tolerance; results: a share."""
+    table = table_at(arguments[0], int(arguments[1]))
+    results[0] = share_of_step(
+        table,
+        arguments[2],
+        arguments[3],
+        arguments[4],
+        arguments[5],
+        arguments[6],
+        arguments[7],
+    )
+
+
+LEAST_POINTS = 64
+"""Points from which the nearest is looked for, at least; and as many as there are breaks."""
+
+
+class Pieces:
+    """The pieces of a spline; equal to others with the same numbers.
+
+    breaks: (m + 1,); coefficients: highest power first, (m, 3, degree + 1); period: length of the
+    parameter range of a closed curve, 0 for an open one.
+    """
+
+    def __init__(self, breaks: np.ndarray, coefficients: np.ndarray, period: float) -> None:
+        self.breaks, self.coefficients, self.period = breaks, coefficients, period
+        m, _, width = coefficients.shape
+        points = points_of(breaks, coefficients)
+        head = [float(m), float(width - 1), period, float(len(points))]
+        jumps = jumps_of(breaks, coefficients, period)
+        parts = [head, breaks, jumps, coefficients.ravel(), points.ravel()]
+        self.table = np.concatenate(parts)
+        self._digest = hashlib.sha256(self.table.tobytes()).hexdigest()[:32]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pieces) and self._digest == other._digest
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def point(self, s: Any) -> tuple[Any, Any, Any]:
+        """(c, c', c'') at the parameter s."""
+        start, *numbers = call(self.piece, s)
+        u, width = s - start, len(numbers) // 3
+        x, y, z = (derivatives(numbers[i * width : (i + 1) * width], u) for i in range(3))
+        c, slope, bend = zip(x, y, z, strict=True)
+        return c, slope, bend
+
+    @cached_property
+    def piece(self) -> External:
+        """s -> where its piece begins, and its coefficients."""
+        width = 3 * self.coefficients.shape[2]
+
+        def plainly(s: float) -> tuple[float, ...]:
+            results = [0.0] * (1 + width)
+            put_piece(self.table, s, results)
+            return tuple(map(float, results))
+
+        return External(
+            f"rb_sim_piece_{self._digest}",
+            1 + width,
+            plainly,
+            lambda: self._address("_piece_law", piece_routine, 1),
+            stepwise,
+        )
+
+    @cached_property
+    def nearest(self) -> External:
+        """A point -> the parameter of the nearest point of the curve."""
+
+        def slope(x: float, y: float, z: float) -> list[tuple[float, ...]]:
+            """ds/dp = c' / (c' . c' + (c - p) . c'')."""
+            p = (x, y, z)
+            c, c1, c2 = self.point(call(self.nearest, *p)[0])
+            below = sum(a * a for a in c1) + sum(
+                (a - b) * d for a, b, d in zip(c, p, c2, strict=True)
+            )
+            return [tuple(a / below for a in c1)]
+
+        return External(
+            f"rb_sim_nearest_{self._digest}",
+            1,
+            lambda *p: (float(nearest_to(self.table, *p)),),
+            lambda: self._address("_nearest_law", nearest_routine, 3),
+            slope,
+        )
+
+    @cached_property
+    def share(self) -> External:
+        """s0, v0, s1, v1, h, tolerance -> share of a step that ends where a piece does."""
+        return External(
+            f"rb_sim_share_{self._digest}",
+            1,
+            lambda *step: (float(share_of_step(self.table, *step)),),
+            lambda: self._address("_share_law", share_routine, 6),
+            stepwise,
+        )
+
+    def _address(self, name: str, does: Routine, arguments: int) -> int:
+        """The address of the routine with this table; made once."""
+        if name not in self.__dict__:
+            numbers = (place_of(self.table), float(len(self.table)))
+            self.__dict__[name] = bound(does.address, numbers, arguments)
+        return self.__dict__[name].address
+
+
+def derivatives(coefficients: Sequence[Any], u: Any) -> tuple[Any, Any, Any]:
+    """A polynomial, its first and its second derivative at u; highest power first (Horner)."""
+    c0: Any = 0.0
+    c1: Any = 0.0
+    c2: Any = 0.0
+    for a in coefficients:
+        c0, c1, c2 = c0 * u + a, c1 * u + c0, c2 * u + 2.0 * c1
+    return c0, c1, c2
+
+
+def jumps_of(breaks: np.ndarray, coefficients: np.ndarray, period: float) -> np.ndarray:
+    """|c'' after - c'' before| / (|c'| u^(k - 2)) across each break, u beyond it; 0 at ends.
+
+    Only the highest derivative jumps at a break of a spline.
+    """
+    m, _, width = coefficients.shape
+    k = width - 1
+    before = coefficients[np.arange(-1, m - 1)]
+    jump = k * (k - 1) * np.linalg.norm(coefficients[:, :, 0] - before[:, :, 0], axis=1)
+    jump /= np.linalg.norm(coefficients[:, :, k - 1], axis=1)
+    jumps = np.append(jump, jump[0])
+    if period == 0.0:
+        jumps[[0, -1]] = 0.0
+    return jumps
+
+
+def points_of(breaks: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Rows s, c(s), equally many on each piece, its beginning among them, and the end; (n, 4)."""
+    m, _, width = coefficients.shape
+    inner = np.arange(-(-LEAST_POINTS // m)) / -(-LEAST_POINTS // m)
+    u = np.diff(breaks)[:, None] * inner
+    powers = u[:, :, None] ** np.arange(width - 1, -1, -1)
+    c = np.einsum("iak,ijk->ija", coefficients, powers).reshape(-1, 3)
+    last = coefficients[-1] @ (breaks[-1] - breaks[-2]) ** np.arange(width - 1.0, -1.0, -1.0)
+    s = np.append((breaks[:-1, None] + u).ravel(), breaks[-1])
+    return np.column_stack([s, np.vstack([c, last])])
+
 
 SPLINE_DEGREE = 7
 """Seventh degree: curvature, and the reaction with it, is sixth-order accurate in the spacing."""

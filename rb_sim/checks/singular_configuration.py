@@ -13,9 +13,9 @@ from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.checks.violation import coordinates
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.graph.machine import evaluate_rows
-from rb_sim.mechanics.independent import Dependent
 from rb_sim.mechanics.initial_projection import lines_left, lines_matrix
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.mechanics.systems.elimination import Dependent
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.numerics.vectors import quaternion_rate
 from rb_sim.scene.compile import compile_motion

@@ -152,7 +152,9 @@ def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any
 
 
 def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:
-    from rb_sim.catalogue.geometry.carriers import carrier  # loaded if contacts are there
-    from rb_sim.catalogue.geometry.pairs import touching
+    from rb_sim.catalogue.geometry.pairs import (
+        carrier,  # loaded if contacts are there
+        touching,
+    )
 
     return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)

@@ -19,7 +19,7 @@ from typing import Any
 import llvmlite.binding as llvm
 
 from rb_sim.compiler import program, shipped
-from rb_sim.compiler.marshal import kind_from
+from rb_sim.compiler.program import kind_from
 from rb_sim.compiler.unit import Unit, object_code
 
 LIST = shipped.HERE / "loops.json"

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.contacts.touching import Sides, edges_of_box
-from rb_sim.catalogue.geometry.carriers import Resting, carrier
-from rb_sim.catalogue.geometry.pairs import BallOnCylinder
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder, Resting, carrier
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
 from rb_sim.catalogue.types import WORLD
 from rb_sim.mechanics.samples import Array

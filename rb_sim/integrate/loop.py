@@ -63,7 +63,7 @@ from rb_sim.integrate.layout import (
     WORK_AT,
     WORST,
 )
-from rb_sim.integrate.taylor_steps import (
+from rb_sim.integrate.methods.taylor import (
     LOOKS,
     agrees,
     before_events,
@@ -393,7 +393,7 @@ def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]
 
     Nothing is sampled where `out` is None; the places were made with a width of 0 then.  The last
     of the inputs is the length of a step that is one law.  At SIZES_AT and SERIES_AT: sizes of a
-    Taylor series, see `integrate.taylor_steps`, and its workspace, which is kept from call to call.
+    Taylor series, see `integrate.methods.taylor`, and its workspace, kept from call to call.
     Returns (status, number of times reached).
     """
     first, count, status = 0, len(times), FINE

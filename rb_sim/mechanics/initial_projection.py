@@ -33,18 +33,21 @@ from rb_sim.graph.machine import (
 )
 from rb_sim.graph.machine import folder as laws_folder
 from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
-from rb_sim.mechanics.independent import Dependent, changing_lines, dense_matrix, factored
 from rb_sim.mechanics.inputs import cleared
 from rb_sim.mechanics.laws import CompiledLaws
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import (
+    Dependent,
     Factors,
+    changing_lines,
     constraint_matrix,
+    dense_matrix,
+    factored,
     hasten,
     with_object_tables,
 )
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, MultiBody, arms
-from rb_sim.mechanics.systems.multipliers import (
+from rb_sim.mechanics.systems.multibody import (
     add_multipliers,
     clear_push,
     move_by_push,

@@ -10,17 +10,16 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from rb_sim.graph.derivative import jacobian
+from rb_sim.graph.derivative import PlainColumns, compile_columns, jacobian
 from rb_sim.graph.functions import where
-from rb_sim.graph.jacobian_columns import PlainColumns, compile_columns
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
 from rb_sim.graph.symbols import Graph, Symbol, operations
 from rb_sim.graph.table_program import PlainProgram
 from rb_sim.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, rate, sample, settle
-from rb_sim.mechanics.systems.guides import GuidedLaws, ways
 from rb_sim.mechanics.systems.many_bodies import state_of
+from rb_sim.mechanics.systems.translation import GuidedLaws, ways
 from rb_sim.mechanics.taylor_variables import Variables, variables_of
 from rb_sim.numerics.kernels import Step
 

@@ -16,9 +16,8 @@ from rb_sim.integrate.methods.radau5 import AdaptiveRadau5, Radau5, radau5
 from rb_sim.integrate.methods.rk4 import Rk4, rk4
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor, taylor
 from rb_sim.mechanics.laws import traceable
-from rb_sim.mechanics.systems.guides import splines_of
 from rb_sim.mechanics.systems.many_bodies import MultiBody
-from rb_sim.mechanics.systems.translation import GuidedBody
+from rb_sim.mechanics.systems.translation import GuidedBody, splines_of
 from rb_sim.numerics.kernels import Step
 
 # Time stepping as a method that scenes name; its steps are those of `contact.stepping`.

@@ -7,26 +7,27 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
-from rb_sim.graph.jacobian_columns import compile_columns
+from rb_sim.graph.derivative import compile_columns
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.taylor_code import SeriesLaws
-from rb_sim.mechanics.independent import INDEPENDENT, Dependent, lines_in_loops
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law
 from rb_sim.mechanics.systems.elimination import (
+    INDEPENDENT,
+    Dependent,
     Factors,
     Matrix,
     chosen_lines,
     constraint_matrix,
     hasten,
+    lines_in_loops,
     lines_in_order,
     switch_off,
     take_least_norm,
     with_object_tables,
 )
 from rb_sim.mechanics.systems.free import settle_spins
-from rb_sim.mechanics.systems.guides import GuidedLaws, on_guides, ways
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     INERTIA,
@@ -42,22 +43,21 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
 )
 from rb_sim.mechanics.systems.multibody import (
-    power_of_reactions,
-    put_balances,
-    put_rates,
-    put_reactions,
-    worst_gap,
-)
-from rb_sim.mechanics.systems.multipliers import (
     add_multipliers,
     clear_loads,
     clear_push,
     free_accelerations,
     move_by_push,
+    power_of_reactions,
+    put_balances,
+    put_rates,
+    put_reactions,
     row_times_push,
     row_velocity,
+    worst_gap,
     write_rows,
 )
+from rb_sim.mechanics.systems.translation import GuidedLaws, on_guides, ways
 from rb_sim.mechanics.tables.blocks import Plan, constraint_nodes, hubs_of, planned
 from rb_sim.numerics.kernels import Step
 

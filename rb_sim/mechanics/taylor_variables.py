@@ -10,7 +10,7 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
 from rb_sim.catalogue.geometry.smooth_surfaces import RimSurface, SphereSurface
 from rb_sim.catalogue.types import BodyState
-from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
+from rb_sim.mechanics.systems.fixed_point import FixedAxisBody
 from rb_sim.mechanics.systems.one_body import total_wrench
 from rb_sim.mechanics.systems.rolling import RollingBody
 from rb_sim.numerics.vectors import (

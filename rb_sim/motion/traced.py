@@ -21,7 +21,7 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WORK_ROWS,
 )
-from rb_sim.integrate.taylor_steps import SERIES_SIZES
+from rb_sim.integrate.methods.taylor import SERIES_SIZES
 from rb_sim.mechanics.error_scales import Small, small_motions
 from rb_sim.mechanics.laws import reference
 from rb_sim.mechanics.samples import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.compiler.lapack import singular_vectors, work_of_singular_vectors
+from rb_sim.compiler.calls import singular_vectors, work_of_singular_vectors
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 

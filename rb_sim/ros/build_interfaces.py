@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.io.messages.message_types import FIELDS, TF_MESSAGE
+from rb_sim.io.messages.cdr import FIELDS, TF_MESSAGE
 
 # Builds interface packages where ROS was installed by pip: python -m rb_sim.ros.build_interfaces
 #

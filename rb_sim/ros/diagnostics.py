@@ -12,12 +12,12 @@ from rclpy.time import Time
 from rb_sim.base.diagnostic import Finding
 from rb_sim.io.messages.topic_names import CLOCK
 from rb_sim.ros.logs.process import LogProcess
-from rb_sim.ros.offers import offer
 from rb_sim.ros.pacing import Pacer, Priority
+from rb_sim.ros.serving import offer
 from rb_sim.ros.stepper import Stepper
-from rb_sim.ros.topics.check_sink import WatchSink
 from rb_sim.ros.topics.command import OVERTAKEN, Commands
 from rb_sim.ros.topics.presence import twins
+from rb_sim.ros.topics.topic_sink import WatchSink
 
 PERIOD = 1.0
 """[s] of wall time."""

@@ -23,7 +23,7 @@ from rb_sim.ros.serving import Serving
 from rb_sim.ros.topics.inbox import HidesPolled
 
 if TYPE_CHECKING:
-    from rb_sim.ros.live_settings import LiveSettings
+    from rb_sim.ros.parameters import LiveSettings
     from rb_sim.ros.topics.presence import Presence
     from rb_sim.simulation.signals import Interruption
 

@@ -22,7 +22,7 @@ from rb_sim.base.errors import RbSimError
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from rb_sim.ros.live_settings import LiveSettings
+    from rb_sim.ros.parameters import LiveSettings
     from rb_sim.ros.topics.presence import Presence
     from rb_sim.simulation.signals import Interruption
 
@@ -173,7 +173,7 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
     presence.tell("unconfigured" if managed else "compiling")
     with ExitStack() as standing:
         standing.enter_context(presence.telling_time())
-        from rb_sim.ros.live_settings import LiveSettings
+        from rb_sim.ros.parameters import LiveSettings
 
         asked = LiveSettings(node)
         if managed:

@@ -14,18 +14,17 @@ from rclpy.node import Node
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.motion.pieces import Limits
 from rb_sim.ros.diagnostics import Diagnostics, Watched
-from rb_sim.ros.live_settings import LiveSettings
 from rb_sim.ros.logs.process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer, Priority
+from rb_sim.ros.parameters import LiveSettings
 from rb_sim.ros.services.optional import offer_services
 from rb_sim.ros.services.services import Services
 from rb_sim.ros.serving import Serving
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics import command
-from rb_sim.ros.topics.check_sink import WatchSink
 from rb_sim.ros.topics.conventions import asked_for
 from rb_sim.ros.topics.presence import Presence
-from rb_sim.ros.topics.topic_sink import TopicSink
+from rb_sim.ros.topics.topic_sink import TopicSink, WatchSink
 
 if TYPE_CHECKING:
     from signal import Signals

@@ -16,7 +16,7 @@ from rb_sim.ros.parameters import OF_TOPICS, warn_of_unknown
 from rb_sim.ros.topics.presence import is_alone
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
-from rb_sim.simulation.compiling import compiled
+from rb_sim.simulation.simulation import compiled
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -51,8 +51,7 @@ from rb_sim.mechanics.contact.motion_kernels import bring_positions, bring_to_ma
 from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
-from rb_sim.mechanics.systems.multibody import body_table
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import body_table, write_rows
 from rb_sim.numerics.kernels import python_of
 from rb_sim.numerics.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled

@@ -15,12 +15,12 @@ import numpy as np
 
 from rb_sim.graph.machine import interpreted
 from rb_sim.graph.store import cache_root
-from rb_sim.mechanics.independent import INDEPENDENT, Dependent
 from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
 from rb_sim.mechanics.inputs import Family, Place, cleared
 from rb_sim.mechanics.laws import ReducedLaws, traceable
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import SampleLayout, row_width
+from rb_sim.mechanics.systems.elimination import INDEPENDENT, Dependent
 from rb_sim.mechanics.systems.many_bodies import MultiBody
 from rb_sim.mechanics.tables.table_laws import laws_over_tables
 

@@ -20,7 +20,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     MultiBody,
     angles,
 )
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.rank import Ranked, null_space, ranked
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit

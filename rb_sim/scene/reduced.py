@@ -29,8 +29,7 @@ from rb_sim.catalogue.types import (
     Symmetric,
     Vec3,
 )
-from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
-from rb_sim.mechanics.systems.fixed_point import FixedPointBody
+from rb_sim.mechanics.systems.fixed_point import FixedAxisBody, FixedPointBody
 from rb_sim.mechanics.systems.free import FreeBody, free_rotor
 from rb_sim.mechanics.systems.multibody import inverse_symmetric
 from rb_sim.mechanics.systems.rolling import LineRollingBody, RollingBody

@@ -30,9 +30,8 @@ from rb_sim.mechanics.samples import (
     concatenate,
     in_order,
 )
-from rb_sim.motion.instants import is_finite
 from rb_sim.motion.motion import Motion
-from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, Watcher
+from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, Watcher, is_finite
 from rb_sim.numerics.kernels import on_compilation
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.compiled import Compiled

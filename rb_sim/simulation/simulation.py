@@ -20,14 +20,17 @@ from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
-from rb_sim.motion.instants import (
+from rb_sim.motion.pieces import (
+    NO_LIMITS,
+    Limits,
+    Watch,
+    Watcher,
     instants_at_rate,
     instants_beside,
     instants_given,
     is_finite,
     samples_at_rate,
 )
-from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, Watcher
 from rb_sim.numerics.kernels import own_time
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
@@ -37,6 +40,52 @@ from rb_sim.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rb_sim.linear import LinearModel
+    from rb_sim.scene.schema import Scene
+
+
+# Compile a scene ahead of its first step, and say so when it takes more than the cache.
+
+
+Say = Callable[[str], None]
+
+ATTEMPTS = 8
+"""More than there are kernels; each may fail to be kept once."""
+
+
+def compiled(scene: Scene, say: Say) -> Simulation:
+    """The simulation of a scene, ready to step.
+
+    say: gets a line where something really has to be compiled, or cannot be kept.
+    """
+    from rb_sim.numerics.kernels import on_compilation
+    from rb_sim.simulation.scene_in_motion import compiling
+    from rb_sim.simulation.simulation import Simulation
+
+    said: list[str] = []
+
+    def say_once(line: str) -> None:
+        if line not in said:
+            said.append(line)
+            say(line)
+
+    def announce() -> None:
+        say_once(compiling(scene.name))
+
+    if scene.simulation.method == "auto":
+        say_once(
+            f"choosing the cheapest method for a global error of {scene.simulation.tolerance:g}"
+        )
+    with on_compilation(announce):
+        for attempt in range(ATTEMPTS):
+            try:
+                simulation = Simulation(scene, announce=None)
+                simulation.warm()
+                return simulation
+            except OSError as error:  # the code is compiled, but there is no room to keep it
+                if attempt == ATTEMPTS - 1:
+                    raise
+                say_once(f"note: the compiled code is not kept: {error.strerror}")
+    raise AssertionError("the loop returns or raises")
 
 
 # Commands, resets and states that were given to a simulation, given to another one.

@@ -11,10 +11,23 @@ torques of hinges with an axis and of welds [N m].
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.numerics.cone_program import (
+    Cones,
+    Objective,
+    Optimum,
+    linear,
+    minimise,
+    moderate,
+    widest,
+)
+from rb_sim.numerics.rank import LEAST_SINGULAR, split
 
 Array = NDArray[np.float64]
 Law = Literal["two-way", "one-way"]
@@ -190,3 +203,206 @@ def add_end(
             matrix[6 * row + 3 : 6 * row + 6, column] += sign * turning
             loads[row, :3] += sign * element.given_W
             loads[row, 3:] += sign * np.cross(lever, element.given_W)
+
+
+# All reactions that balance the loads, as an affine set cut by cones.
+#
+# Scaled unknowns: forces by the largest load, torques by it times the lever (see `Equilibrium`).
+# With x = x0 + Z y, Z an orthonormal basis of the states of self-stress (null space of the matrix),
+# every question about the reactions is a small cone program in y. The margin of an x is the largest
+# s such that x stays admissible after s has been taken off every tension and normal force: >= 0
+# says admissible, and how far from slack, lift-off or slip.
+
+
+LOWEST_FRICTION = 1e-3
+"""coefficient of friction below which a contact's margin is measured in friction force."""
+
+
+class Reduced(NamedTuple):
+    """The scaled system after elimination of the balance equations.
+
+    u unknowns, r rows, k = u - rank.
+    """
+
+    force: float
+    """unit of force [N]: the largest load (force, or torque over lever); 1 without loads."""
+    unit: Array
+    """SI value of one scaled unknown, (u,)."""
+    row_unit: Array
+    """SI value of one scaled row, (r,)."""
+    particular: Array
+    """x0: the shortest scaled solution in the least-squares sense, (u,)."""
+    self_stress: Array
+    """Z, (u, k)."""
+    motions: Array
+    """orthonormal virtual motions that no support resists (scaled rows), (r, r - rank)."""
+    uncarried: Array
+    """part of the scaled load along those motions: what no reaction can balance, (r,)."""
+    round_off: float
+    """imbalance (scaled) that rounding explains."""
+
+
+def eliminate(system: Equilibrium) -> Reduced:
+    """Scale the system and eliminate the balance equations by a singular value decomposition."""
+    rows = np.tile(np.repeat([1.0, system.lever], 3), len(system.bodies))
+    force = float(np.abs(system.load / rows).max(initial=0.0)) or 1.0
+    columns = np.where(system.is_torque, system.lever, 1.0)
+    matrix = system.matrix / rows[:, None] * columns
+    load = system.load / rows / force
+    u, sigma, vt = np.linalg.svd(matrix, full_matrices=True)
+    noise = 8.0 * float(np.finfo(float).eps) * (1.0 + system.reach / system.lever)
+    found = split(u, sigma, vt, max(LEAST_SINGULAR, noise))
+    x = found.least(-load)
+    for _ in range(2):  # iterative refinement: the balance closes to round-off
+        x = x - found.least(matrix @ x + load)
+    motions = u[:, found.rank :]
+    return Reduced(
+        force=force,
+        unit=force * columns,
+        row_unit=force * rows,
+        particular=x,
+        self_stress=found.null,
+        motions=motions,
+        uncarried=motions @ (motions.T @ load),
+        round_off=max(COMPUTED_ROUNDING, noise),
+    )
+
+
+class Cone(NamedTuple):
+    """|x[tails]| <= coefficient x[head] + constant, scaled."""
+
+    element: Element
+    bound: Bound
+    coefficient: float
+    constant: float
+    head: int | None
+    tails: list[int]
+
+
+def cones_of(system: Equilibrium, force: float) -> list[Cone]:
+    """The bounds of all elements, scaled: arms are over the lever where torques are."""
+    found = []
+    for element, column in zip(system.elements, system.columns, strict=True):
+        for bound in element.bounds:
+            tails = [column.start + k for k in bound.tails]
+            unit = system.lever if system.is_torque[tails[0]] else 1.0
+            coefficient, head, constant = bound.coefficient / unit, column.start, 0.0
+            if bound.push is not None:
+                head, constant = None, coefficient * bound.push / force
+            found.append(Cone(element, bound, coefficient, constant, head, tails))
+    return found
+
+
+def _share(cone: Cone) -> float:
+    """Friction force per unit of margin: the coefficient, or LOWEST_FRICTION if that is more.
+
+    So the margin of a rubbing contact is the normal force that it can spare; at coefficients so low
+    that this would drown in rounding, it is a friction force of fixed size.
+    """
+    return max(cone.coefficient, LOWEST_FRICTION)
+
+
+class AdmissibleSet:
+    """{x = x0 + Z y : pulls only, pushes only, within friction}, optionally relaxed.
+
+    relax: scaled force by which every tension and normal force is let off (0: not at all).
+    """
+
+    def __init__(self, system: Equilibrium, reduced: Reduced, relax: float = 0.0) -> None:
+        self.reduced = reduced
+        self.one_way: list[int] = []
+        self.owners: list[tuple[str, Bound | None]] = []
+        """element of each inequality, and which of its bounds it is."""
+        for element, column in zip(system.elements, system.columns, strict=True):
+            if element.law == "one-way" and not element.bounds:  # a bound says it, too
+                self.one_way.append(column.start)
+                self.owners.append((element.name, None))
+        self.cones = cones_of(system, reduced.force)
+        self.owners += [(cone.element.name, cone.bound) for cone in self.cones]
+        self.relax = relax
+        self.gap = 0.0
+        """largest bound of the error of an optimum so far, scaled force."""
+        self._found: dict[tuple[float, ...], Optimum] = {}
+
+    @property
+    def freedom(self) -> int:
+        """k: dimension of the states of self-stress."""
+        return self.reduced.self_stress.shape[1]
+
+    @cached_property
+    def program(self) -> Cones:
+        """The cones on y; heads and tails are measured as normal forces (see `_share`)."""
+        x, z = self.reduced.particular, self.reduced.self_stress
+        soc_h = np.zeros((len(self.cones), 3))
+        soc_G = np.zeros((len(self.cones), 3, self.freedom))
+        for row, cone in enumerate(self.cones):
+            share = _share(cone)
+            soc_h[row, 0] = cone.constant / share
+            if cone.head is not None:
+                soc_h[row, 0] += cone.coefficient / share * x[cone.head]
+                soc_G[row, 0] = cone.coefficient / share * z[cone.head]
+            last = 1 + len(cone.tails)
+            soc_h[row, 1:last] = x[cone.tails] / share
+            soc_G[row, 1:last] = z[cone.tails] / share
+        soc_h[:, 0] += self.relax
+        return Cones(x[self.one_way] + self.relax, z[self.one_way], soc_h, soc_G)
+
+    def slack(self, x: Array) -> Array:
+        """How far each one-way or friction support is from giving, scaled force, as `owners`."""
+        plain = x[self.one_way]
+        round_ = []
+        for cone in self.cones:
+            push = 0.0 if cone.head is None else cone.coefficient * x[cone.head]
+            across = float(np.linalg.norm(x[cone.tails]))
+            round_.append((cone.constant + push - across) / _share(cone))
+        return np.concatenate([plain, np.array(round_)])
+
+    def at(self, y: Array) -> Array:
+        """x of a y."""
+        return self.reduced.particular + self.reduced.self_stress @ y
+
+    def widest(self) -> Array:
+        """The y of largest margin (capped at one unit of force)."""
+        return self._noted(widest(self.program))
+
+    def near_middle(self, y: Array) -> Array:
+        """A strictly admissible y of moderate size, from which programs are solved more sharply."""
+        return self._noted(moderate(self.program, y))
+
+    def shortest(self, inside: Array) -> Array:
+        """x of least Euclidean norm in SI units (N and N m); `inside`: a strictly admissible y."""
+        if self.freedom == 0:
+            return self.reduced.particular
+        weight = self.reduced.unit / self.reduced.force
+        stress = weight[:, None] * self.reduced.self_stress
+        offset = weight * self.reduced.particular
+        free = np.asarray(np.linalg.lstsq(stress, -offset, rcond=None)[0], dtype=float)
+        if self.program.slack(free).min(initial=0.0) >= -1e-14:
+            return self.at(free)
+        size = max(1.0, float(np.abs(stress).max()))
+        objective = Objective(stress / size, stress.T @ offset / size**2)
+        return self.at(self._minimise(objective, self.program, inside).y)
+
+    def least(self, row: Array, inside: Array) -> float:
+        """Minimum of row . x over the set; -inf when unbounded."""
+        slope = row @ self.reduced.self_stress
+        slope = slope / np.linalg.norm(slope)
+        key = tuple(np.round(slope, 12) + 0.0)  # the two ends of a support ask the same
+        if key not in self._found:
+            self._found[key] = self._minimise(linear(slope), self.program, inside)
+        best = self._found[key]
+        return float(row @ self.at(best.y)) if best.bounded else -np.inf
+
+    def _minimise(self, objective: Objective, cones: Cones, start: Array) -> Optimum:
+        best = minimise(objective, cones, start)
+        self._noted(best)
+        return best
+
+    def _noted(self, best: Optimum) -> Array:
+        self.gap = max(self.gap, best.gap)
+        return best.y
+
+    def fixed(self, row: Array) -> bool:
+        """Whether row . x is the same for all solutions of the balance."""
+        slope = row @ self.reduced.self_stress
+        return bool(np.linalg.norm(slope) <= 1e-11 * np.linalg.norm(row))

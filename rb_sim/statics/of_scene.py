@@ -28,8 +28,8 @@ from rb_sim.catalogue.constraints.rows import (
 )
 from rb_sim.catalogue.contacts.touching import ContactLaw, Touching
 from rb_sim.catalogue.effects.wrench import Wrench
-from rb_sim.catalogue.geometry.boxes import box_points
 from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.catalogue.geometry.solids import box_points
 from rb_sim.catalogue.types import WORLD, BodyState, Placed, wrench
 from rb_sim.numerics.vectors import ZERO, add, rotate, sub
 from rb_sim.scene.compile import named

@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.admissible import AdmissibleSet, Reduced, eliminate
-from rb_sim.statics.equilibrium import Bound, Element, Equilibrium
+from rb_sim.statics.equilibrium import (
+    AdmissibleSet,
+    Bound,
+    Element,
+    Equilibrium,
+    Reduced,
+    eliminate,
+)
 from rb_sim.statics.of_scene import at_rest
 from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 

@@ -244,7 +244,7 @@ def test_a_linkage_that_holds_too_much_has_no_dead_point():
 
 def test_lines_left_out_that_come_to_be_needed_are_told_as_that(monkeypatch):
     """In loops too long to choose lines anew the choice of the start serves for good."""
-    monkeypatch.setattr("rb_sim.mechanics.independent.MOST_CHANGING", 19)
+    monkeypatch.setattr("rb_sim.mechanics.systems.elimination.MOST_CHANGING", 19)
     found = followed(spatial_loop())
     assert found is not None
     assert found.too_many

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.compiler.lapack import WORK, eigenvectors, singular_vectors, work_of_singular_vectors
+from rb_sim.compiler.calls import WORK, eigenvectors, singular_vectors, work_of_singular_vectors
 from rb_sim.compiler.program import Entry
 
 

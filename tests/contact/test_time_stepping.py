@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from rb_sim import Simulation, load_scene
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.mechanics.contact.contact_bodies import GAP
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import scene_from_mapping

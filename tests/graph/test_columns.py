@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rb_sim.graph import jacobian_columns
-from rb_sim.graph.derivative import jacobian
+from rb_sim.graph import derivative as jacobian_columns
+from rb_sim.graph.derivative import Tangents, compile_columns, jacobian
 from rb_sim.graph.functions import atan2, cos, floor, rarely, sin, sqrt, where
-from rb_sim.graph.jacobian_columns import Tangents, compile_columns
 from rb_sim.graph.machine import PlainLaw, evaluate
 from rb_sim.graph.symbols import Graph
 

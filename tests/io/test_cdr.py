@@ -12,7 +12,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages import message_types as types
+from rb_sim.io.messages import cdr as types
 
 STAMP = 12 * cdr.NANO + 345_678_901
 FRAMES = ["", "w", "ab", "abc", "world", "hinge/A/anchor", "x" * 29]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.io.decimate import Envelope, Thinned
-from rb_sim.io.sink import Timeline
+from rb_sim.io.sink import Envelope, Thinned, Timeline
 
 
 def feed(envelope: Envelope, t, values, sizes) -> None:

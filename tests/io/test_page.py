@@ -14,8 +14,7 @@ from rb_sim import Simulation, Trajectory, load_scene
 from rb_sim.accuracy.closed_forms import exact_samples
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.replay import show
-from rb_sim.io.page.motion_page import RunPage
-from rb_sim.io.page.write import save
+from rb_sim.io.page.motion_page import RunPage, save
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 from tests.bags.analysis import foreign
 from tests.bags.scenes import record_run
@@ -159,7 +158,7 @@ def test_a_run_that_was_pushed_has_no_closed_form(tmp_path):
     )
     simulation = Simulation(load_scene(pushed))
     simulation.apply_wrench("rod", force=[0, 0, 30.0], torque=[0, 0, 0])
-    from rb_sim.simulation.shown import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     page = page_of_run(simulation.run(watched=False), [], [])
     assert page["exact"] is None
@@ -197,7 +196,7 @@ def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
 def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
     """Without a complaint of the page; a turntable turns its grid."""
     scene = load_scene(f"config/{name}.yaml", duration=0.1)
-    from rb_sim.simulation.shown import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -263,7 +262,7 @@ def test_shapes_are_drawn_as_large_as_they_are(tmp_path):
         for i, (shape, _) in enumerate(SHAPES)
     }
     scene = load_scene({"bodies": bodies, "simulation": {"duration": 0.1}})
-    from rb_sim.simulation.shown import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     save(page_of_run(Simulation(scene).run(watched=False), [], []), tmp_path / "page.html")
     drawn = ask(tmp_path / "page.html", """

@@ -17,8 +17,7 @@ from rb_sim.contact.stepping.stepping_motion import Joints
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.attempt import position_error
 from rb_sim.mechanics.contact.motion_kernels import HoldingLines
-from rb_sim.mechanics.systems.multibody import residual_of
-from rb_sim.mechanics.systems.multipliers import AllLines, write_rows
+from rb_sim.mechanics.systems.multibody import AllLines, residual_of, write_rows
 from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_motion, compile_scene
 from rb_sim.scene.load import scene_from_mapping

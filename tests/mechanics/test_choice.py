@@ -13,9 +13,8 @@ from scipy.linalg.lapack import dpstrf
 from rb_sim import Simulation
 from rb_sim.graph.machine import compile_law, evaluate
 from rb_sim.graph.symbols import Graph
-from rb_sim.mechanics.independent import changing_lines
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.mechanics.systems.elimination import chosen_lines
+from rb_sim.mechanics.systems.elimination import changing_lines, chosen_lines
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.load import scene_from_mapping
 from tests.interpreted import interpreted

@@ -11,10 +11,10 @@ from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
 
 from rb_sim import load_scene
-from rb_sim.catalogue.splines import HEAD, LEAST_POINTS, SHARE, Pieces
+from rb_sim.catalogue.curves import HEAD, LEAST_POINTS, SHARE, Pieces
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import evaluate
-from rb_sim.mechanics.systems.guides import on_guides, share_law, splines_of, ways
+from rb_sim.mechanics.systems.translation import on_guides, share_law, splines_of, ways
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
 from tests.mechanics.test_guides import LOOP, VALLEY, Straight, parabola, pieces, sliding

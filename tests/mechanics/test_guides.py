@@ -15,8 +15,7 @@ from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError
-from rb_sim.catalogue.curves import spline_through
-from rb_sim.catalogue.splines import Pieces, share_of_step
+from rb_sim.catalogue.curves import Pieces, share_of_step, spline_through
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import PlainLaw, compile_law, evaluate

@@ -13,11 +13,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation
-from rb_sim.mechanics import independent
-from rb_sim.mechanics.independent import SURE, factored
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.mechanics.systems.elimination import Factors, constraint_matrix, with_object_tables
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems import elimination as independent
+from rb_sim.mechanics.systems.elimination import (
+    SURE,
+    Factors,
+    constraint_matrix,
+    factored,
+    with_object_tables,
+)
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.initial import jacobian
 from rb_sim.scene.load import scene_from_mapping

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.graph.jacobian_columns import PlainColumns
+from rb_sim.graph.derivative import PlainColumns
 from rb_sim.graph.machine import compile_law, evaluate, interpreted
 from rb_sim.graph.symbols import Graph
 from rb_sim.mechanics import laws as engine

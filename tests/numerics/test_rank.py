@@ -109,7 +109,7 @@ def test_lines_that_vanish_stay_zero_and_restrict_nothing() -> None:
 
 ELSEWHERE = {
     "numerics/rank.py", "accuracy/certify.py",  # a straight line through logarithms
-    "compiler/lapack.py", "contact/events/instant.py",  # what can be called, and its errors
+    "compiler/calls.py", "contact/events/instant.py",  # what can be called, and its errors
     "catalogue/geometry/hull.py",  # axes of a cloud of points, whose rank is not asked
     "fit/fit.py", "statics/picture.py",  # likewise: of residuals, of a drawing
     "contact/events/shares.py",  # which way of sharing a load changes the motion most
@@ -117,7 +117,7 @@ ELSEWHERE = {
     "numerics/cone_program.py",  # a step of an iteration, which the next one mends
     "linear/state_space.py",  # null spaces of powers of A, which split off multiple zeros
     "scene/initial.py",  # how far from dependent lines are that are not
-    "statics/admissible.py",  # whole rank by construction, and `split`
+    "statics/equilibrium.py",  # whole rank by construction, and `split`
 }  # fmt: skip
 """Modules that decompose matrices themselves, and why that decides no rank."""
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.pacing import Pacer, Priority
-from rb_sim.ros.topics.check_sink import BATCH, WatchSink
+from rb_sim.ros.topics.topic_sink import BATCH, WatchSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
 from tests.checks.test_check_list import TOP

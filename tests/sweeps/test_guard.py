@@ -10,9 +10,9 @@ from types import ModuleType
 import pytest
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.sweeps.schedule import check_guarded
+from rb_sim.sweeps.sweep import check_guarded
 
-CALL = "from rb_sim.sweeps.schedule import check_guarded\n"
+CALL = "from rb_sim.sweeps.sweep import check_guarded\n"
 
 
 def run(script: Path, text: str) -> None:

@@ -10,9 +10,8 @@ import pytest
 
 pytest.importorskip("pyarrow")
 
-from rb_sim.sweeps.batch import Batch, BatchRunner, described, do_batch
+from rb_sim.sweeps.batch import Batch, BatchRunner, LaneRunner, described, do_batch
 from rb_sim.sweeps.expressions import Expression
-from rb_sim.sweeps.lane_runs import LaneRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan, points
 from rb_sim.sweeps.storage import open_table

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("pyarrow")
 
 from rb_sim.sweeps import storage
-from rb_sim.sweeps.pictures import RunTable
 from rb_sim.sweeps.plan import load_plan
+from rb_sim.sweeps.report import RunTable
 from tests.sweeps.plans import plan
 
 

@@ -30,8 +30,7 @@ from rb_sim.sweeps import sweep
 from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
-from rb_sim.sweeps.schedule import client
-from rb_sim.sweeps.sweep import _checked
+from rb_sim.sweeps.sweep import _checked, client
 from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
 

@@ -20,8 +20,7 @@ from rb_sim.accuracy.closed_forms.exact import (
     unturned,
 )
 from rb_sim.catalogue.contacts.friction import Coulomb, NoResistance, Smooth
-from rb_sim.catalogue.geometry.carriers import Resting
-from rb_sim.catalogue.geometry.pairs import PointOnPlane, SurfaceOnPlane
+from rb_sim.catalogue.geometry.pairs import PointOnPlane, Resting, SurfaceOnPlane
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.numerics.rotations import rotate, unit

@@ -27,8 +27,7 @@ from rb_sim.accuracy.closed_forms.rotors import PI, about_hanging
 from rb_sim.catalogue.contacts.friction import Rough, Smooth
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
-from rb_sim.catalogue.geometry.carriers import Turntable
-from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, SurfaceOnPlane
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, SurfaceOnPlane, Turntable
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
 from rb_sim.mechanics.systems.rolling import RollingBody
 from rb_sim.numerics.rotations import product, rotate, unit

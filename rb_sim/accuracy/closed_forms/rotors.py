@@ -22,8 +22,7 @@ from rb_sim.accuracy.closed_forms.exact import (
     tensor,
     unturned,
 )
-from rb_sim.mechanics.systems.fixed_axis import FixedAxisBody
-from rb_sim.mechanics.systems.fixed_point import FixedPointBody
+from rb_sim.mechanics.systems.fixed_point import FixedAxisBody, FixedPointBody
 from rb_sim.mechanics.systems.free import FreeRotor
 from rb_sim.numerics.rotations import conjugate, product, rotate, unit
 from rb_sim.scene.compiled import Compiled

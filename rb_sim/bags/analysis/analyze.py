@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from rb_sim.bags.analysis.anybody import Anybody
+from rb_sim.bags.analysis.bodies import bodies_of
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.figures import COLUMNS
-from rb_sim.bags.analysis.masses import bodies_of
-from rb_sim.bags.analysis.result import Analysis
+from rb_sim.bags.analysis.result import Aligned, Analysis
 from rb_sim.bags.analysis.run import RecordedRun
-from rb_sim.bags.analysis.table import Aligned
 from rb_sim.bags.readings import Readings
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.reader import reader_of

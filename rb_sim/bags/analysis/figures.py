@@ -10,7 +10,7 @@ import numpy as np
 from rb_sim.bags.message_rates import LONG, Rates
 from rb_sim.bags.sources import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.decimate import Envelope
+from rb_sim.io.sink import Envelope
 
 # Units of what an analysis tells, by the names of its columns.
 

@@ -25,9 +25,9 @@ from rb_sim.bags.analysis.result import Analysis
 from rb_sim.bags.sources import POSE
 from rb_sim.base.palette import AXES, BAD, BLACK, BLUE, CYCLE, FAINT, GRID
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.decimate import Envelope
-from rb_sim.io.page.write import packed, save
+from rb_sim.io.page.motion_page import packed, save
 from rb_sim.io.plots.panels import LEAST_DRAWN
+from rb_sim.io.sink import Envelope
 
 STATE = "kinetic energy and momenta"
 STATES = {"J": "kinetic energy", "N s": "momentum", "N m s": "angular momentum"}

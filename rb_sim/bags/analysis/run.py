@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.analysis.bodies import BodyFigures, Struck
-from rb_sim.bags.analysis.masses import bodies_of
+from rb_sim.bags.analysis.bodies import BodyFigures, Struck, bodies_of
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import Impacts, length_of

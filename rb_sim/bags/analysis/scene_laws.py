@@ -16,17 +16,14 @@ from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE
 from rb_sim.catalogue.contacts.touching import Touching
 from rb_sim.catalogue.effects.torsion import TorsionSpringRow, twist
-from rb_sim.catalogue.geometry.carriers import carrier
-from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.catalogue.geometry.pairs import carrier, touching
 from rb_sim.catalogue.types import BodyState, potential, wrench
 from rb_sim.graph.functions import call
-from rb_sim.graph.on_arrays import ArrayLaw
-from rb_sim.graph.symbols import External, Graph
+from rb_sim.graph.symbols import ArrayLaw, External, Graph
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, arm_of, fill_all, inertial_of, state_of
-from rb_sim.mechanics.systems.multibody import put_momenta
-from rb_sim.mechanics.systems.multipliers import row_velocity
+from rb_sim.mechanics.systems.multibody import put_momenta, row_velocity
 from rb_sim.numerics.vectors import add, cross, dot, rotate, sub
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.place import InitialPlace

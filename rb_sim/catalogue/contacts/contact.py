@@ -20,7 +20,7 @@ from rb_sim.catalogue.contacts.surfaces import (
     pairs_of,
 )
 from rb_sim.catalogue.contacts.touching import Compliance, ContactLaw, ContactRow, Touching
-from rb_sim.catalogue.geometry import carriers
+from rb_sim.catalogue.geometry import pairs as carriers
 from rb_sim.catalogue.geometry.corners_and_rims import held_by_faces
 from rb_sim.catalogue.spec import (
     Finite,

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from rb_sim.catalogue.constraints.simple import distance_at_start
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.contacts.touching import Compliance, ContactLaw, ContactRow, Touching
-from rb_sim.catalogue.geometry import carriers
+from rb_sim.catalogue.geometry import pairs as carriers
 from rb_sim.catalogue.geometry.pairs import BallOnSphere
 from rb_sim.catalogue.spec import NonNegative, Positive, Spec, Vector3, refuse, refuse_at
 from rb_sim.catalogue.types import Part, Place

@@ -1,17 +1,26 @@
-"""Nearest point of a solid to a given point, by its formula for each face, edge and corner.
-
-`nearest` works in the body axes of the solid, from its centre of mass.  A ball that touches a
-solid, or a solid that touches a ball, needs no more: the nearest point to the ball's centre is
-the point of contact.  Inside a solid the distance is negative, to the nearest face.
-"""
+"""Solids: the nearest point of one to a point, and where two boxes touch."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.types import Vec3
 from rb_sim.numerics.kernels import branching, dispatch, inline
-from rb_sim.numerics.vectors import ZERO, add, dot, neg, norm, perpendicular, scale, sub
+from rb_sim.numerics.vectors import (
+    ZERO,
+    add,
+    cross,
+    dot,
+    neg,
+    norm,
+    perpendicular,
+    rotate,
+    scale,
+    sub,
+)
 
 SPARE = (0.0, 0.0, 1.0)
 """Direction taken where none is better than another."""
@@ -147,3 +156,183 @@ def nearest_of_rod(rod, x, x_dot):
     away, away_dot = off_segment(sub(x, rod.end), x_dot, rod.axis, rod.length)
     spare, _ = perpendicular(rod.axis)
     return direction(away, away_dot, spare)
+
+
+# Two boxes: where their surfaces touch, corners on faces both ways and edge on edge.
+#
+# The direction of least overlap (or of largest distance) among the normals of the six faces and the
+# nine products of edges is the normal of all points (separating axis theorem; Gottschalk 1996).  If
+# a face gives it, the opposite face of the other box is cut to the prism over it, and what is left
+# has up to eight corners: those of either box, and crossings of edges.
+
+
+MOST_POINTS = 8
+FACE_FIRST = 1e-3
+"""Of the size of the smaller box, by which an edge has to be farther than the best face to count:
+nearly parallel edges lie in nearly the same place as the face, which has more points."""
+
+
+@inline
+def axes_of(q):
+    return (
+        rotate(q, (1.0, 0.0, 0.0)),
+        rotate(q, (0.0, 1.0, 0.0)),
+        rotate(q, (0.0, 0.0, 1.0)),
+    )
+
+
+@inline
+def reach_along(axes, half, n):
+    """Half extent of a box along n."""
+    return (
+        half[0] * abs(dot(axes[0], n))
+        + half[1] * abs(dot(axes[1], n))
+        + half[2] * abs(dot(axes[2], n))
+    )
+
+
+@inline
+def best_face(axes, half, other_axes, other_half, d):
+    """(separation, axis, sign) of the face of the first box from which d leads farthest away."""
+    best, axis, sign = -1e300, 0, 1.0
+    for i in range(3):
+        along = dot(axes[i], d)
+        apart = abs(along) - half[i] - reach_along(other_axes, other_half, axes[i])
+        if apart > best:
+            best, axis, sign = apart, i, 1.0 if along >= 0.0 else -1.0
+    return best, axis, sign
+
+
+@inline
+def best_edges(axes_A, half_A, axes_B, half_B, d):
+    """(separation, edge of A, edge of B, direction from A to B) of the best product of edges."""
+    best, first, second, normal = -1e300, -1, -1, (0.0, 0.0, 0.0)
+    for i in range(3):
+        for j in range(3):
+            n = cross(axes_A[i], axes_B[j])
+            size = norm(n)
+            if size < WRITTEN_ROUNDING:
+                continue
+            n = scale((1.0 if dot(n, d) >= 0.0 else -1.0) / size, n)
+            apart = dot(n, d) - reach_along(axes_A, half_A, n) - reach_along(axes_B, half_B, n)
+            if apart > best:
+                best, first, second, normal = apart, i, j, n
+    return best, first, second, normal
+
+
+@inline
+def farthest(centre, axes, half, n):
+    """The corner of a box that is farthest along n."""
+    p = centre
+    for i in range(3):
+        p = add(p, scale(half[i] if dot(axes[i], n) >= 0.0 else -half[i], axes[i]))
+    return p
+
+
+@inline
+def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart):
+    """The one point of two edges: on B's, nearest to A's; how many there are."""
+    p = farthest(c_A, axes_A, half_A, n)
+    r = farthest(c_B, axes_B, half_B, scale(-1.0, n))
+    e, f = axes_A[i], axes_B[j]
+    d, b = sub(p, r), dot(e, f)
+    s = (dot(d, f) - dot(d, e) * b) / (1.0 - b * b)
+    r = add(r, scale(s, f))
+    points[0, 0], points[0, 1], points[0, 2], points[0, 3] = r[0], r[1], r[2], apart
+    return 1
+
+
+@inline
+def cut(polygon, count, out, n, height):
+    """Cut a polygon (rows of points) to n . x <= height; how many corners are left."""
+    kept = 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        a = (polygon[i, 0], polygon[i, 1], polygon[i, 2])
+        b = (polygon[j, 0], polygon[j, 1], polygon[j, 2])
+        over_a, over_b = dot(n, a) - height, dot(n, b) - height
+        if over_a <= 0.0:
+            out[kept, 0], out[kept, 1], out[kept, 2] = a
+            kept += 1
+        if (over_a > 0.0 and over_b < 0.0) or (over_a < 0.0 and over_b > 0.0):
+            p = add(a, scale(over_a / (over_a - over_b), sub(b, a)))
+            out[kept, 0], out[kept, 1], out[kept, 2] = p
+            kept += 1
+    return kept
+
+
+@inline
+def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_I):
+    """Corners of the face of the other box (I) cut to the prism over a face of the first one.
+
+    points: rows (x, y, z, distance from that face); workspace: work space of two polygons.
+    """
+    n = scale(sign, axes[axis])
+    facing, side = 0, 1.0
+    for i in range(3):
+        if abs(dot(axes_I[i], n)) > abs(dot(axes_I[facing], n)):
+            facing = i
+    side = -1.0 if dot(axes_I[facing], n) > 0.0 else 1.0
+    middle = add(c_I, scale(side * half_I[facing], axes_I[facing]))
+    u, v = (facing + 1) % 3, (facing + 2) % 3
+    for k in range(4):
+        su = half_I[u] if k == 0 or k == 3 else -half_I[u]
+        sv = half_I[v] if k < 2 else -half_I[v]
+        p = add(middle, add(scale(su, axes_I[u]), scale(sv, axes_I[v])))
+        workspace[0, k, 0], workspace[0, k, 1], workspace[0, k, 2] = p
+    count, now = 4, 0
+    for k in range(1, 3):
+        i = (axis + k) % 3
+        slack = WRITTEN_ROUNDING * half[i]
+        for way in range(2):
+            e = axes[i] if way == 0 else scale(-1.0, axes[i])
+            count = cut(workspace[now], count, workspace[1 - now], e, dot(e, c) + half[i] + slack)
+            now = 1 - now
+    level = dot(n, c) + half[axis]
+    for k in range(count):
+        p = (workspace[now, k, 0], workspace[now, k, 1], workspace[now, k, 2])
+        points[k, 0], points[k, 1], points[k, 2] = p
+        points[k, 3] = dot(n, p) - level
+    return count
+
+
+@inline
+def boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach):
+    """(how many points, normal from A to B) of two boxes; none where they are apart by `reach`.
+
+    points: rows (x, y, z, gap), x on B's surface; c: centres, half: half edges.
+    """
+    d = sub(c_B, c_A)
+    spheres = norm(half_A) + norm(half_B) + reach
+    if dot(d, d) > spheres * spheres:
+        return 0, (0.0, 0.0, 1.0)
+    axes_A, axes_B = axes_of(q_A), axes_of(q_B)
+    size = min(min(half_A), min(half_B))
+    of_A, axis_A, sign_A = best_face(axes_A, half_A, axes_B, half_B, d)
+    of_B, axis_B, sign_B = best_face(axes_B, half_B, axes_A, half_A, scale(-1.0, d))
+    if max(of_A, of_B) > reach:
+        return 0, (0.0, 0.0, 1.0)
+    edges, i, j, n = best_edges(axes_A, half_A, axes_B, half_B, d)
+    if edges > reach:
+        return 0, n
+    if i >= 0 and edges > max(of_A, of_B) + FACE_FIRST * size:
+        count = edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, edges)
+        return count, n
+    if of_B > of_A + FACE_FIRST * size:
+        count = face_points(
+            points, workspace, c_B, axes_B, half_B, axis_B, sign_B, c_A, axes_A, half_A
+        )
+        n = scale(-sign_B, axes_B[axis_B])
+        for k in range(count):
+            for m in range(3):
+                points[k, m] += points[k, 3] * n[m]
+        return count, n
+    count = face_points(points, workspace, c_A, axes_A, half_A, axis_A, sign_A, c_B, axes_B, half_B)
+    return count, scale(sign_A, axes_A[axis_A])
+
+
+def box_points(q_A, c_A, half_A, q_B, c_B, half_B, reach):
+    """(points, normal) of two boxes, as arrays: what the tests look at."""
+    points, workspace = np.zeros((12, 4)), np.zeros((2, 12, 3))
+    count, n = boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach)
+    return points[:count].copy(), np.array(n)

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.report import as_dict, print_report, write_json
 from rb_sim.base.errors import RbSimError
-from rb_sim.cli.plain import plain_console
+from rb_sim.cli.options import plain_console
 from rb_sim.scene.load import load_scene
 
 

@@ -34,9 +34,9 @@ class AnalyzeOptions:
 def analyze(options: AnalyzeOptions) -> int:
     """Analyze, print, write; 0. Raises RbSimError."""
     from rb_sim.bags.analysis.analyze import analyze as read
-    from rb_sim.bags.analysis.masses import masses_of, scene_of
+    from rb_sim.bags.analysis.bodies import masses_of, scene_of
     from rb_sim.bags.analysis.report import write_report
-    from rb_sim.bags.analysis.table import Aligned
+    from rb_sim.bags.analysis.result import Aligned
     from rb_sim.cli.summary import finite
     from rb_sim.cli.verbs.replay import warn
     from rb_sim.simulation.outputs import make_folder, writing
@@ -69,7 +69,7 @@ def analyze(options: AnalyzeOptions) -> int:
 
 
 def _print(summary: dict[str, Any]) -> None:
-    from rb_sim.cli.plain import plain_console
+    from rb_sim.cli.options import plain_console
 
     console = plain_console(highlight=False)
     sources = dict(islice(summary["sources"].items(), SHOWN))

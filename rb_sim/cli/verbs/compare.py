@@ -163,7 +163,7 @@ def _print(report: dict[str, Any]) -> None:
     from rich.table import Table
 
     from rb_sim.bags.compare import UNITS
-    from rb_sim.cli.plain import plain_console
+    from rb_sim.cli.options import plain_console
 
     print(_clocks(report))
     start = report["start"]

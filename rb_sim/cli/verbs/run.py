@@ -189,8 +189,8 @@ class _Run:
     def run(self) -> int:
         from rb_sim.checks.check_list import WatchList
         from rb_sim.checks.second_run import SecondRun
-        from rb_sim.simulation.compiling import compiled
         from rb_sim.simulation.outputs import choose, refuse_logs
+        from rb_sim.simulation.simulation import compiled
 
         options = self.options
         check_npz(options.npz)
@@ -402,7 +402,7 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
 def _console() -> Console:
     from rich.console import Console
 
-    from rb_sim.cli.plain import width
+    from rb_sim.cli.options import width
 
     return Console(highlight=False, width=width())
 

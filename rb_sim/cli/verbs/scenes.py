@@ -25,7 +25,7 @@ def warm(names: list[str], method: str | None = None) -> int:
     """
     from rb_sim.scene.listing import find_scene, list_scenes
     from rb_sim.scene.load import load_scene
-    from rb_sim.simulation.compiling import compiled
+    from rb_sim.simulation.simulation import compiled
 
     paths = [find_scene(name) for name in names] or [scene.path for scene in list_scenes()]
     if not paths:

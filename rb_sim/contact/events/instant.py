@@ -13,7 +13,7 @@ import numpy as np
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.contacts.touching import ContactLaw
-from rb_sim.compiler.marshal import address_of
+from rb_sim.compiler.program import address_of
 from rb_sim.contact.events.search import begin_step
 from rb_sim.contact.problem.assembly import (
     CANDIDATE,
@@ -70,7 +70,7 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.system import settle
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, WIDTH
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
 from rb_sim.numerics.rank import LEAST_SINGULAR
 from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.effects.wrench import BodyHarmonicRow, WorldHarmonicRow
-from rb_sim.catalogue.geometry.carriers import Shaken, Turntable, carrier
-from rb_sim.catalogue.geometry.pairs import touching
+from rb_sim.catalogue.geometry.pairs import Shaken, Turntable, carrier, touching
 from rb_sim.catalogue.types import WORLD
 from rb_sim.compiler.builder import Value
 from rb_sim.compiler.calls import means

@@ -37,7 +37,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, PUSH, WIDTH, six
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.complementarity import (
     CONTRADICTION,
     FIRST,

@@ -65,7 +65,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import settle
 from rb_sim.mechanics.systems.many_bodies import vec
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT

@@ -10,15 +10,16 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.effects.gravity import GravityRow
-from rb_sim.catalogue.geometry.boxes import MOST_POINTS, box_points
-from rb_sim.catalogue.geometry.carriers import Resting, carrier
 from rb_sim.catalogue.geometry.pairs import (
     BallOnCylinder,
     BallOnSolid,
     BallOnSphere,
+    Resting,
     SolidOnSphere,
+    carrier,
     touching,
 )
+from rb_sim.catalogue.geometry.solids import MOST_POINTS, box_points
 from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
 from rb_sim.graph.functions import explored, leaves

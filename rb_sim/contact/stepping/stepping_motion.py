@@ -51,11 +51,11 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
 from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
-from rb_sim.mechanics.independent import Dependent
 from rb_sim.mechanics.inputs import kept_inputs, with_kept
 from rb_sim.mechanics.laws import CompiledLaws, reference
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.systems.elimination import Dependent
 from rb_sim.mechanics.systems.many_bodies import (
     LINE_COLUMNS,
     MULTIPLIERS,
@@ -64,8 +64,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     energetics,
     state_of,
 )
-from rb_sim.mechanics.systems.multibody import residual_of
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import residual_of, write_rows
 from rb_sim.motion.motion import Motion
 from rb_sim.numerics.vectors import add, cross, rotate, sub
 from rb_sim.scene.compiled import Compiled

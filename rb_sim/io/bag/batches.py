@@ -24,8 +24,14 @@ from rb_sim.io.bag.checked_records import (
     Frames,
     Missing,
 )
-from rb_sim.io.bag.records import FRAME, count_entries, index_entries, name_of, parse_record
-from rb_sim.io.bag.salvage import Unchecked
+from rb_sim.io.bag.records import (
+    FRAME,
+    Unchecked,
+    count_entries,
+    index_entries,
+    name_of,
+    parse_record,
+)
 
 PATTERN = 64
 """Messages read one by one before those that follow are taken to repeat their lengths."""

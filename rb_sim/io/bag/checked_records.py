@@ -23,12 +23,13 @@ from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.records import (
     FRAME,
     INDEX_HEAD,
+    MESSAGE_HEAD,
     NO_SUMMARY,
     ChunkPlace,
+    Unchecked,
     past_indices,
     read_summary,
 )
-from rb_sim.io.bag.salvage import MESSAGE_HEAD, Unchecked
 
 # What can be broken in a file of a bag, and how a reader tells it.
 

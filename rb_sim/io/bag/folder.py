@@ -15,8 +15,7 @@ from mcap.writer import MCAP0_MAGIC
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.checked_records import Frames
-from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
-from rb_sim.io.bag.salvage import MESSAGE_HEAD
+from rb_sim.io.bag.records import MESSAGE_HEAD, BrokenRecordError, name_of, parse_record
 from rb_sim.io.bag.sqlite import SUFFIX, SqliteScan, is_sqlite, span_of
 
 STORAGES = (".mcap", SUFFIX)

@@ -31,9 +31,8 @@ from rb_sim.io.bag.folder import (
     unlisted,
 )
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
-from rb_sim.io.messages.cdr import NANO
+from rb_sim.io.messages.cdr import NANO, STRING
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.message_types import STRING
 from rb_sim.io.messages.topic_names import (
     CONTACT_WORK,
     DESCRIPTION,

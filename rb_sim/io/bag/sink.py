@@ -25,10 +25,9 @@ from rb_sim.io.bag.file import CHUNK_SIZE, LATCHED, BagFile, mcap_path
 from rb_sim.io.bag.writer import Rows
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages.cdr import NANO, stamp_of
+from rb_sim.io.messages.cdr import JOINT_STATE, NANO, STRING, TYPE_HASHES, schema_text, stamp_of
 from rb_sim.io.messages.input_messages import InputTable
-from rb_sim.io.messages.joints import JointTable
-from rb_sim.io.messages.message_types import JOINT_STATE, STRING, TYPE_HASHES, schema_text
+from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE, STATE
 from rb_sim.io.messages.topics import (
     AccelTable,

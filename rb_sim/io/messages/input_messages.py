@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages import message_types as types
+from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.topic_names import (
     RESETS,

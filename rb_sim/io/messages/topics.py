@@ -61,7 +61,7 @@ import numpy as np
 from rb_sim.base import __version__
 from rb_sim.base.errors import SinkError
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages import message_types as types
+from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.packing import Packer, Topic, Values

@@ -17,9 +17,8 @@ import numpy as np
 from rb_sim.base.errors import SinkError
 from rb_sim.base.palette import AXES, EVENT, FAINT, GRID, SLIPPING, STICKING
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.decimate import Envelope
 from rb_sim.io.plots.panels import ANGLES, Accelerating, Panel, panels_of, scales
-from rb_sim.io.sink import Timeline
+from rb_sim.io.sink import Envelope, Timeline
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
-from rb_sim.io.extent import THIN_DISK, THIN_ROD, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
 from rb_sim.numerics.rotations import rotate
+from rb_sim.scene.shapes import THIN_DISK, THIN_ROD, inertia_box, reach_of
 
 if TYPE_CHECKING:
     from rb_sim.io.plots.panels import Panel

@@ -54,7 +54,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.mechanics.systems.multipliers import (
+from rb_sim.mechanics.systems.multibody import (
     add_push,
     clear_loads,
     coupling,
@@ -62,7 +62,7 @@ from rb_sim.mechanics.systems.multipliers import (
     rise_of,
     row_times_push,
 )
-from rb_sim.mechanics.systems.multipliers import inverse_mass_times as inverse_mass_row
+from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mass_row
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate

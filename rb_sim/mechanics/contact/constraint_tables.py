@@ -49,7 +49,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.mechanics.systems.multipliers import write_rows
+from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import call_law, dispatch, inline, part, pointer
 from rb_sim.numerics.vectors import norm
 

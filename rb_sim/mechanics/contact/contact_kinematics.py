@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rb_sim.catalogue.contacts.friction import NoResistance, resisting, traction
-from rb_sim.catalogue.geometry.carriers import carrier
 from rb_sim.catalogue.geometry.corners_and_rims import (
     Lean,
     PointOnSolid,
@@ -20,7 +19,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     rim_on_cylinder_touching,
     rim_touching,
 )
-from rb_sim.catalogue.geometry.pairs import Touch, touching
+from rb_sim.catalogue.geometry.pairs import Touch, carrier, touching
 from rb_sim.catalogue.types import BodyState, Vec3
 from rb_sim.numerics.vectors import (
     ZERO,

@@ -44,12 +44,14 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.mechanics.systems.multibody import put_momenta, put_rates, residual_of
-from rb_sim.mechanics.systems.multipliers import (
+from rb_sim.mechanics.systems.multibody import (
     add_multiplier,
     clear_push,
     inverse_mass_times,
     move_by_push,
+    put_momenta,
+    put_rates,
+    residual_of,
     rise_of,
     row_velocity,
 )

@@ -1,19 +1,17 @@
-"""Body with a fixed point O: I_O dw/dt + w x I_O w = K_O, reaction R = m a_C - F (LL 36, 38).
-
-Reduced coordinates: the point cannot drift, and the motion costs a solve with a constant matrix.
-"""
+"""Body held at a point or on an axis: the torque equations, and the reactions that hold it."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from rb_sim.catalogue.types import BodyState, Inertial, Symmetric, Vec3
+from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Symmetric, Vec3
 from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.one_body import (
     put_balance,
     put_reaction,
     put_state,
+    put_wrench,
     quaternion_defect,
     reaction_at_com,
     torque_about,
@@ -21,11 +19,17 @@ from rb_sim.mechanics.systems.one_body import (
 )
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
+    ZERO,
     add,
+    cos,
     cross,
+    dot,
     gyroscopic,
+    quaternion_product,
     quaternion_rate,
     rotate,
+    scale,
+    sin,
     sub,
     symmetric_times,
 )
@@ -86,4 +90,82 @@ def pivot_sample(system, t, y, out):
 
 @inside.register(FixedPointBody)
 def pivot_inside(system, y):
+    return True
+
+
+# A body on a fixed axis, and the reactions of its two bearings.
+
+
+class FixedAxisBody(NamedTuple):
+    """y = phi [rad], dphi/dt [rad/s]; phi counts from the initial pose and does not wrap."""
+
+    body: Inertial
+    rho: Vec3
+    """from bearing A to C, body axes [m]."""
+    point: Vec3
+    """bearing A, world [m]."""
+    axis_B: Vec3
+    q_0: Quaternion
+    """orientation at phi = 0."""
+    inverse_J: float
+    """1 / (n . I_A n) [1/(kg m^2)]."""
+    bearing_distance: float
+    axial_share_A: float
+    """share of the axial force that bearing A carries: 0, 1, or 1/2 where it is indeterminate."""
+    effects: tuple
+
+
+CONFIGURATION[FixedAxisBody] = 1
+
+
+@inline
+def hinge_state(system, y):
+    half = 0.5 * y[0]
+    s, n = sin(half), system.axis_B
+    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
+    w = scale(y[1], n)
+    p = add(system.point, rotate(q, system.rho))
+    return BodyState(p, q, rotate(q, cross(w, system.rho)), w)
+
+
+@inline
+def hinge_angular_acceleration(system, t, B):
+    moment = torque_about(system.effects, t, system.body, B, system.rho)
+    return system.inverse_J * dot(system.axis_B, moment)
+
+
+@rate.register(FixedAxisBody)
+def hinge_rate(system, t, y):
+    return (y[1], hinge_angular_acceleration(system, t, hinge_state(system, y)))
+
+
+@settle.register(FixedAxisBody)
+def hinge_settle(system, t, y):
+    return y
+
+
+@sample.register(FixedAxisBody)
+def hinge_sample(system, t, y, out):
+    B = hinge_state(system, y)
+    w, rho = B.w_WB_B, system.rho
+    alpha = scale(hinge_angular_acceleration(system, t, B), system.axis_B)
+    a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
+    f, k = total_wrench(system.effects, t, system.body, B)
+    force, torque_C = reaction_at_com(system.body, B, a, alpha, f, k)
+    n = rotate(B.q_WB, system.axis_B)
+    torque_A = add(torque_C, cross(sub(B.p_WC, system.point), force))
+    axial = dot(n, force)
+    force_B = add(
+        scale(1.0 / system.bearing_distance, cross(torque_A, n)),
+        scale((1.0 - system.axial_share_A) * axial, n),
+    )
+    far = add(system.point, scale(system.bearing_distance, n))
+    i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
+    i = put_wrench(out, i, sub(force, force_B), ZERO, system.point)
+    i = put_wrench(out, i, force_B, ZERO, far)
+    put_balance(out, i, system.effects, t, system.body, B, 0.0)
+
+
+@inside.register(FixedAxisBody)
+def hinge_inside(system, y):
     return True

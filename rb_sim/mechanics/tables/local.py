@@ -29,12 +29,13 @@ from rb_sim.mechanics.systems.many_bodies import (
     power_one,
     state_of,
 )
-from rb_sim.mechanics.systems.multibody import put_momenta, put_rates
-from rb_sim.mechanics.systems.multipliers import (
+from rb_sim.mechanics.systems.multibody import (
     coupling,
     free_accelerations,
     inverse_mass_times,
     move_by_push,
+    put_momenta,
+    put_rates,
 )
 from rb_sim.numerics.vectors import add, cross, gyroscopic, rotate, scale, sub
 

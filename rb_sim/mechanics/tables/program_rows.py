@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.splines import Pieces
+from rb_sim.catalogue.curves import Pieces
 from rb_sim.catalogue.types import Placed
 from rb_sim.graph.symbols import Symbol
 from rb_sim.graph.table_program import Field, Program

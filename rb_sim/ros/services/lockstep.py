@@ -18,9 +18,8 @@ from rb_sim.io.messages.packing import Packer
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.io.messages.topics import Topic
 from rb_sim.mechanics.samples import Origins, centers_of_mass
-from rb_sim.ros.offers import serve
 from rb_sim.ros.services.services import INACTIVE
-from rb_sim.ros.serving import Turns
+from rb_sim.ros.serving import Turns, serve
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics.command import (
     Command,

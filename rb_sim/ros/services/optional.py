@@ -11,10 +11,9 @@ from rclpy.time import Time
 from rb_sim.base.errors import RbSimError
 from rb_sim.numerics.rotations import conjugate, rotate
 from rb_sim.ros.build_interfaces import is_there
-from rb_sim.ros.offers import serve
 from rb_sim.ros.services.lockstep import Advancing, Commands, Lockstep, StateMessages
 from rb_sim.ros.services.services import INACTIVE
-from rb_sim.ros.serving import Turns
+from rb_sim.ros.serving import Turns, serve
 
 if TYPE_CHECKING:
     from rb_sim.ros.stepper import Stepper

@@ -13,8 +13,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.ros.offers import serve
-from rb_sim.ros.serving import Turns
+from rb_sim.ros.serving import Turns, serve
 
 COMPILING = "refused: still compiling, or not configured (wait for ~/state paused or running)"
 INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"

@@ -17,11 +17,11 @@ from rb_sim.base.names import ros_name
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.joints import JointTable
-from rb_sim.io.messages.topic_names import JOINT_STATES, body_frame, body_topic
+from rb_sim.io.messages.robot_description import JointTable, marker_array, urdf
+from rb_sim.io.messages.topic_names import JOINT_STATES, MARKERS, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
-from rb_sim.ros.offers import message_class, offer
+from rb_sim.ros.serving import message_class, offer
 from rb_sim.ros.topics.topic_sink import Latest
 from rb_sim.trajectory.trajectory import Trajectory
 from rb_sim.trajectory.wrenches import accelerating, accelerations
@@ -35,6 +35,62 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
     Make = Callable[[Scene, SampleLayout, str], AccelTable | OdometryTable]
+    from rb_sim.mechanics.samples import SampleLayout
+    from rb_sim.scene.schema import Scene
+
+
+# Robot description (URDF) and markers, latched for viewers that come late.
+
+
+class RobotDescription:
+    """Publishes `robot_description` (std_msgs/String), the scene's URDF, with the first sample."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node = node
+        self._publisher: Publisher | None = None
+        self._told = False
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Create the publisher."""
+        self._scene, self._layout = scene, layout
+        self._message = import_module("std_msgs.msg").String
+        self._publisher = offer(self._node, self._message, "robot_description", 1, latched=True)
+
+    def write(self, block: SampleBlock) -> None:
+        """Publish once."""
+        if self._publisher is not None and not self._told:
+            self._told = True
+            text = urdf(self._scene, self._layout, block)
+            self._publisher.publish(self._message(data=text))
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publisher."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+        self._publisher = None
+
+
+class Markers:
+    """Publishes `~/markers` (visualization_msgs/MarkerArray): the shapes of the bodies, once."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node, self._prefix = node, settings.frame_prefix
+        self._publisher: Publisher | None = None
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Publish the markers."""
+        kind = import_module("visualization_msgs.msg").MarkerArray
+        self._publisher = offer(self._node, kind, f"~/{MARKERS}", 1, latched=True)
+        self._publisher.publish(marker_array(scene, self._prefix))
+
+    def write(self, block: SampleBlock) -> None:
+        """Nothing changes."""
+
+    def close(self, summary: dict[str, Any] | None = None) -> None:
+        """Remove the publisher."""
+        if self._publisher is not None:
+            self._node.destroy_publisher(self._publisher)
+        self._publisher = None
 
 
 # ~/BODY/accel and ~/BODY/odometry: published where parameters ask, as the bag has them.
@@ -195,7 +251,7 @@ def imu_codec(frame_id: str) -> cdr.Codec:
 
 
 class JointStates:
-    """Publishes joint_states, as the bag has them (`rb_sim.io.messages.joints`)."""
+    """Publishes joint_states, as the bag has them (`rb_sim.io.messages.robot_description`)."""
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
@@ -226,7 +282,7 @@ class JointStates:
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
     """A sink for each convention that a parameter asks for."""
-    from rb_sim.ros.topics.latched import Markers, RobotDescription
+    from rb_sim.ros.topics.conventions import Markers, RobotDescription
 
     tables = {OdometryTable: settings.odometry, accel_table: settings.accelerations}
     wanted = {

@@ -14,7 +14,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from rb_sim.ros.offers import accept
+from rb_sim.ros.serving import accept
 
 DEPTH = 1000
 """Messages kept until they are taken, the newest ones, and taken at once."""

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 
 from rb_sim.io.messages.topic_names import CLOCK
 from rb_sim.io.messages.topics import description
-from rb_sim.ros.offers import offer
+from rb_sim.ros.serving import offer
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene

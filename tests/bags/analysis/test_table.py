@@ -7,7 +7,7 @@ import tracemalloc
 
 import numpy as np
 
-from rb_sim.bags.analysis import table
+from rb_sim.bags.analysis import result as table
 
 
 def test_text_is_made_piece_by_piece(tmp_path, monkeypatch) -> None:

@@ -14,7 +14,7 @@ HALF_A, HALF_B = (0.05, 0.08, 0.03), (0.04, 0.06, 0.07)
 
 
 def found(q_A, c_A, q_B, c_B, reach):
-    from rb_sim.catalogue.geometry.boxes import box_points
+    from rb_sim.catalogue.geometry.solids import box_points
 
     return box_points(q_A, c_A, HALF_A, q_B, c_B, HALF_B, reach)
 

@@ -15,7 +15,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.geometry import carriers, pairs
+from rb_sim.catalogue.geometry import pairs
+from rb_sim.catalogue.geometry import pairs as carriers
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
 from rb_sim.catalogue.types import BodyState
 from tests.moving import (

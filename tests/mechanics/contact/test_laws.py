@@ -11,15 +11,7 @@ import pytest
 
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.contacts.touching import ContactRow
-from rb_sim.catalogue.geometry import (
-    carriers,
-    corners_and_rims,
-    curved,
-    hull,
-    pairs,
-    smooth_surfaces,
-    solids,
-)
+from rb_sim.catalogue.geometry import corners_and_rims, curved, hull, pairs, smooth_surfaces, solids
 from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder
 from rb_sim.catalogue.types import WORLD, BodyState
 from rb_sim.graph.functions import leaves
@@ -101,9 +93,9 @@ def every_row() -> list[ContactRow]:
     turning = cycle([friction.NoResistance(), friction.Resistance(0.1, 0.2)])
     motions = cycle(
         [
-            carriers.Resting(),
-            carriers.Turntable(r.point(), r.unit()),
-            carriers.Shaken(r.point(), 3.0, 0.2),
+            pairs.Resting(),
+            pairs.Turntable(r.point(), r.unit()),
+            pairs.Shaken(r.point(), 3.0, 0.2),
         ]
     )
     springs = cycle([(), (), (100.0, 3.0)])
@@ -129,7 +121,7 @@ def name(row: ContactRow) -> str:
 @pytest.mark.parametrize("row", every_row(), ids=name)
 def test_law_of_a_kind_is_its_python(row: ContactRow) -> None:
     r, kept_tables = Random(3), []
-    in_world = not isinstance(row.carrier, carriers.Resting)
+    in_world = not isinstance(row.carrier, pairs.Resting)
     packed = with_packed_hulls(row, kept_tables)
     opened, closed = laws_of_kind(packed, in_world)
     constants = np.array([value for _, value in numbers(packed)])
@@ -156,7 +148,7 @@ def test_kinds_share_their_laws() -> None:
             pairs.PointOnPlane(r.point(), r.point(), r.unit()),
             friction.Coulomb(0.1 * k, 0.05 * k),
             friction.NoResistance(),
-            carriers.Resting(),
+            pairs.Resting(),
             (),
         )
         for k in (1.0, 2.0)

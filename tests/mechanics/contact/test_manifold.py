@@ -16,7 +16,7 @@ from rb_sim.mechanics.contact.motion_kernels import (
     error_of_holding,
 )
 from rb_sim.mechanics.systems.many_bodies import LOAD
-from rb_sim.mechanics.systems.multipliers import settle_bodies
+from rb_sim.mechanics.systems.multibody import settle_bodies
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
 from tests.interpreted import interpreted
