@@ -2,8 +2,8 @@
 
 Each mutant changes one operator, comparison, constant or call of one module; tests run on it, as
 plain Python, in a copy of the package: those of `--tests`, else the file or folder of tests/ that
-mirrors the module.  What they pass is printed: a line that no test would miss.
-docs/mutants.md tells what was found and why what is left is no fault.
+mirrors the module.  What they pass is printed: a line that no test would miss, or a mutant that
+changes nothing.
 """
 
 from __future__ import annotations

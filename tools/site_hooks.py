@@ -11,7 +11,6 @@ APART = (
     "measurements.md",
     "thresholds.md",
     "steps.md",
-    "mutants.md",
 )
 
 
