@@ -288,7 +288,7 @@ UNSUITED = {
 @pytest.mark.parametrize("name", UNSUITED)
 def test_a_scene_without_a_series_is_refused_in_one_line(name: str) -> None:
     scene, coordinates = UNSUITED[name]
-    message = r"simulation\.method: got 'taylor'; must be dopri853, auto or"
+    message = r"simulation\.method: got 'taylor'; must be dopri853 or auto here"
     with pytest.raises(SceneError, match=message) as caught:
         Simulation(scene, coordinates=coordinates)
     assert "\n" not in str(caught.value)
