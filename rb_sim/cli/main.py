@@ -8,6 +8,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -75,6 +76,8 @@ NEAREST = re.compile(
 )
 """The nearest name at the end of a message of click's, in the forms of its versions."""
 
+NO_COMMAND = re.compile(r"No such command '(.*)'")
+
 
 def _complain(error: Any) -> int:
     """Print the error; its exit code."""
@@ -84,6 +87,12 @@ def _complain(error: Any) -> int:
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     message = NEAREST.sub(r" (did you mean \1?)", message)
+    verb = NO_COMMAND.fullmatch(message)
+    if (
+        verb is not None and context is not None
+    ):  # older versions of typer do not look for the nearest
+        near = get_close_matches(verb[1], context.command.list_commands(context), n=1)
+        message += f" (did you mean {near[0]}?)" if near else ""
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
