@@ -64,6 +64,11 @@ def test_bad_scene(name, tmp_path):
         (("warm", "nowhere"), "error: nowhere: does not exist"),
         (("replay", "/no"), "error: /no: no such bag"),
         (("recover", "/no"), "error: /no: no such bag"),
+        (
+            ("compare", "pendulum", "/bag"),
+            "error: BAG: got pendulum, a scene; must be a bag, OTHER",
+        ),
+        (("compare", "pendulum.yaml", "/bag"), "error: BAG: got pendulum.yaml, a scene; must be a"),
         (("node", "nowhere"), "error: nowhere: does not exist"),
         (("accuracy", "nowhere"), "error: nowhere: does not exist"),
         (("explain", "nowhere"), "error: nowhere: does not exist"),

@@ -82,10 +82,16 @@ def first_tracks(options: CompareOptions) -> Tracks:
     """The motion in A; beside a scene also what the joint states of somebody else's bag say."""
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.io.bag.reader import reader_of
-    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.listing import find_scene, list_scenes
     from rb_sim.scene.load import load_scene
 
-    other = Path(options.b)
+    first, other = Path(options.a), Path(options.b)
+    names_a_scene = not first.exists() and str(first) in {scene.name for scene in list_scenes()}
+    if names_a_scene or (first.suffix in (".yaml", ".yml") and first.name != "metadata.yaml"):
+        turned = f"rb_sim compare {options.b} {options.a}"
+        raise RbSimError(
+            f"BAG: got {options.a}, a scene; must be a bag, OTHER may be a scene: {turned}"
+        )
     is_scene = other.suffix not in (*BAGS, *TEXTS) and not other.is_dir()
     scene = None
     if is_scene and reader_of(options.a, unfinished=True) is None:
