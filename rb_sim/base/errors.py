@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 
 class RbSimError(Exception):
     """Base of all errors of rb_sim; the text is one line that says what is wrong and allowed."""
@@ -62,3 +64,9 @@ class SinkError(RbSimError):
 
     After a write the sink that raised it is closed; the caller drops it and goes on.
     """
+
+
+def check_ending(path: Path | None, ending: str) -> None:
+    """Refuse a file name with another ending. Raises SinkError."""
+    if path is not None and path.suffix != ending:
+        raise SinkError(f"{path}: the name must end in {ending}")

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 Scene = Annotated[
     str, typer.Argument(metavar="SCENE", help="Scene: a YAML file, or a name from `rb_sim scenes`.")
@@ -138,24 +133,3 @@ Turning = Annotated[
     float,
     typer.Option(metavar="RAD/S", help="Rate at which the world axes turn about z."),
 ]
-
-
-# Tables and lines as they are written.
-
-
-WIDTH = 160
-"""Characters of a line in a file or a pipe, where names are searched for and not to be folded."""
-
-
-def width() -> int | None:
-    """Of a line of standard output; None: that of the screen."""
-    return None if sys.stdout.isatty() else WIDTH
-
-
-def plain_console(**options: Any) -> Console:
-    """A console that takes no text for markup: units, topics and paths have brackets and colons,
-    and `[ms]` would vanish, `[/]` end the program."""
-    from rich.console import Console
-
-    options = {"width": width()} | options
-    return Console(markup=False, emoji=False, **options)

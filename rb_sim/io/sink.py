@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from rb_sim.base.errors import SinkError
 from rb_sim.mechanics.samples import ARRAYS, Input, SampleBlock
 
 if TYPE_CHECKING:
@@ -37,12 +35,6 @@ class Sink(Protocol):
         What was written so far must be readable afterwards.
         """
         ...
-
-
-def check_ending(path: Path | None, ending: str) -> None:
-    """Refuse a file name with another ending. Raises SinkError."""
-    if path is not None and path.suffix != ending:
-        raise SinkError(f"{path}: the name must end in {ending}")
 
 
 # A time that never goes back, for logs of a simulation that may be reset.

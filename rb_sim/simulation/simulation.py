@@ -31,10 +31,10 @@ from rb_sim.motion.pieces import (
     is_finite,
     samples_at_rate,
 )
-from rb_sim.numerics.kernels import own_time
+from rb_sim.numerics.kernels import on_compilation, own_time
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
-from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion
+from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion, compiling
 from rb_sim.simulation.state_override import placement
 from rb_sim.trajectory.trajectory import Trajectory
 
@@ -57,10 +57,6 @@ def compiled(scene: Scene, say: Say) -> Simulation:
 
     say: gets a line where something really has to be compiled, or cannot be kept.
     """
-    from rb_sim.numerics.kernels import on_compilation
-    from rb_sim.simulation.scene_in_motion import compiling
-    from rb_sim.simulation.simulation import Simulation
-
     said: list[str] = []
 
     def say_once(line: str) -> None:

@@ -347,8 +347,6 @@ def report(folder: str | Path) -> Report:
 
 def _written(where: Path) -> Report:
     """The report of the sweep in that folder."""
-    from rb_sim.sweeps import report as pictures
-
     table = RunTable(where)
     loaded = table.plan()
     outputs = numeric_outputs(loaded, table)
@@ -359,20 +357,20 @@ def _written(where: Path) -> Report:
     runner = PlanRunner(loaded)
     at_middle = slopes(runner, *_middle(loaded, table))
     varied = list(loaded.plan.vary)
-    scattered = pictures.picked_columns(varied, outputs, MOST_IN_SCATTER)
-    drawn = pictures.save(loaded, table, outputs, where)
+    scattered = picked_columns(varied, outputs, MOST_IN_SCATTER)
+    drawn = save(loaded, table, outputs, where)
     sections = [
         _summary(loaded, table),
-        pictures.distributions(table, outputs),
-        pictures.scatter_matrix(table, scattered, len(varied) + len(outputs), MOST_POINTS),
-        pictures.index_bars(indices),
+        distributions(table, outputs),
+        scatter_matrix(table, scattered, len(varied) + len(outputs), MOST_POINTS),
+        index_bars(indices),
         _slopes_section(at_middle, table),
-        pictures.maps_section(loaded, table, outputs),
+        maps_section(loaded, table, outputs),
         _extremes_section(extremes, table, len(outputs)),
         _failures_section(table),
     ]
     path = where / "report.html"
-    path.write_text(pictures.page(f"Sweep of {Path(loaded.scene_file).stem}", sections))
+    path.write_text(page(f"Sweep of {Path(loaded.scene_file).stem}", sections))
     failed = int((~table.ok).sum())
     return Report(path, tuple(drawn), len(table), failed, extremes, indices, at_middle)
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import sys
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.diagnostic import findings_in, global_error_in, tell
-from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
-from rb_sim.io.plots.plots import Plots, save
-from rb_sim.io.sink import check_ending
+from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.numerics.rotations import roll_pitch_yaw
 from rb_sim.trajectory.record import (
@@ -32,124 +26,7 @@ from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
-    from rb_sim.trajectory.record import Record
-
-
-# Views of a trajectory: matplotlib figures, and the Rerun viewer.
-
-
-# The plots of a trajectory as matplotlib figures, shown in a notebook or saved.
-
-
-class Pages(Mapping[str, Any]):
-    """Matplotlib figures by page: "" is the first, the others are named by a body.
-
-    A notebook shows them all.
-    """
-
-    def __init__(self, figures: dict[str, Any]) -> None:
-        self._figures = figures
-
-    def __getitem__(self, name: str) -> Any:
-        return self._figures[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._figures)
-
-    def __len__(self) -> int:
-        return len(self._figures)
-
-    def __repr__(self) -> str:
-        bodies = [name for name in self._figures if name]
-        return f"<plots: {'one page' if not bodies else 'the whole, ' + ', '.join(bodies)}>"
-
-    def _repr_html_(self) -> str:
-        return "".join(f'<img src="data:image/png;base64,{_png(f)}">' for f in self.values())
-
-    def save(self, path: Path) -> None:
-        """Write the pages as PNG: the first to `path`, those of bodies beside it; folders are made.
-
-        Raises SinkError.
-        """
-        check_ending(path, ".png")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
-        save(self._figures, path)
-
-
-def pages_of(trajectory: Record) -> Pages:
-    """The pages of a trajectory. Raises RbSimError without samples or a scene."""
-    if trajectory.scene is None or not len(trajectory):
-        missing = "samples" if trajectory.scene is not None else "scene"
-        raise RbSimError(f"plot: the trajectory has no {missing}")
-    plots = Plots(trajectory.scene, trajectory.layout)
-    plots.add(trajectory.block)
-    return Pages(plots.figures())
-
-
-def _png(figure: Any) -> str:
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return base64.b64encode(file.getvalue()).decode("ascii")
-
-
-# Shows a trajectory in the Rerun viewer: in a window, in a notebook, or saved for later.
-
-
-def view(trajectory: Record, save: Path | None = None) -> None:
-    """Save the run as .rrd, or show it: in a notebook its widget, else the viewer in a window.
-
-    Raises MissingExtraError, SinkError; RbSimError for a trajectory without a scene.
-    """
-    if save is not None:
-        check_ending(save, ".rrd")
-        record(trajectory, save)
-        return
-    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
-        recording = Path(folder) / f"{getattr(trajectory.scene, 'name', 'run')}.rrd"
-        record(trajectory, recording)
-        if in_notebook():
-            _widget(recording)
-            return
-        from rb_sim.io.rerun.viewer import show
-
-        show(recording)
-
-
-def record(trajectory: Record, path: Path) -> None:
-    """Write the run as a Rerun recording."""
-    from rb_sim.io.rerun.sink import RerunSink
-
-    if trajectory.scene is None:
-        raise RbSimError("view: the trajectory has no scene")
-    sink = RerunSink(path)
-    sink.open(trajectory.scene, trajectory.layout)
-    try:
-        sink.write(trajectory.block)
-    finally:
-        sink.close()
-
-
-def in_notebook() -> bool:
-    """Whether a notebook's kernel runs this."""
-    ipython = sys.modules.get("IPython")
-    shell = None if ipython is None else ipython.get_ipython()
-    return shell is not None and getattr(shell, "kernel", None) is not None
-
-
-def _widget(recording: Path) -> None:
-    """Rerun's viewer as a notebook shows it."""
-    from importlib.util import find_spec
-
-    if find_spec("rerun_notebook") is None:
-        raise MissingExtraError("rerun-notebook", "notebook", "a viewer in a notebook")
-    import rerun
-
-    stream = rerun.RecordingStream("rb_sim")
-    stream.log_file_from_path(recording)
-    stream.notebook_show(width=1200, height=700)
+    from rb_sim.trajectory.views import Pages
 
 
 class Trajectory(Record):
@@ -341,7 +218,7 @@ class Trajectory(Record):
         Raises:
             RbSimError: The scene is not known, `path` does not end in .png or cannot be written.
         """
-        from rb_sim.trajectory.trajectory import pages_of
+        from rb_sim.trajectory.views import pages_of
 
         pages = pages_of(self)
         if path is not None:
@@ -358,7 +235,7 @@ class Trajectory(Record):
             RbSimError: rerun-sdk is not installed, there is no screen, `save` does not end in .rrd
                 or cannot be written.
         """
-        from rb_sim.trajectory.trajectory import view
+        from rb_sim.trajectory.views import view
 
         view(self, None if save is None else Path(save))
 

@@ -158,7 +158,7 @@ def test_a_run_that_was_pushed_has_no_closed_form(tmp_path):
     )
     simulation = Simulation(load_scene(pushed))
     simulation.apply_wrench("rod", force=[0, 0, 30.0], torque=[0, 0, 0])
-    from rb_sim.cli.verbs.replay import page_of_run
+    from rb_sim.bags.pages import page_of_run
 
     page = page_of_run(simulation.run(watched=False), [], [])
     assert page["exact"] is None
@@ -196,7 +196,7 @@ def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
 def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
     """Without a complaint of the page; a turntable turns its grid."""
     scene = load_scene(f"config/{name}.yaml", duration=0.1)
-    from rb_sim.cli.verbs.replay import page_of_run
+    from rb_sim.bags.pages import page_of_run
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -262,7 +262,7 @@ def test_shapes_are_drawn_as_large_as_they_are(tmp_path):
         for i, (shape, _) in enumerate(SHAPES)
     }
     scene = load_scene({"bodies": bodies, "simulation": {"duration": 0.1}})
-    from rb_sim.cli.verbs.replay import page_of_run
+    from rb_sim.bags.pages import page_of_run
 
     save(page_of_run(Simulation(scene).run(watched=False), [], []), tmp_path / "page.html")
     drawn = ask(tmp_path / "page.html", """

@@ -7,9 +7,16 @@ from pathlib import Path
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.report import as_dict, print_report, write_json
+from rb_sim.accuracy.report import (
+    as_dict,
+    measure,
+    print_report,
+    print_statics,
+    statics_as_dict,
+    write_json,
+)
 from rb_sim.base.errors import RbSimError
-from rb_sim.cli.options import plain_console
+from rb_sim.cli.plain import plain_console
 from rb_sim.scene.load import load_scene
 
 
@@ -59,7 +66,6 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
     Returns the exit code 0. Raises RbSimError for a scene that cannot be read and a folder that
     cannot be written.
     """
-    from rb_sim.accuracy.report import measure, print_statics, statics_as_dict
     from rb_sim.statics import load_statics
 
     described = load_statics(scene)

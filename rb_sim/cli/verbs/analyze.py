@@ -69,7 +69,7 @@ def analyze(options: AnalyzeOptions) -> int:
 
 
 def _print(summary: dict[str, Any]) -> None:
-    from rb_sim.cli.options import plain_console
+    from rb_sim.cli.plain import plain_console
 
     console = plain_console(highlight=False)
     sources = dict(islice(summary["sources"].items(), SHOWN))

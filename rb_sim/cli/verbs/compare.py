@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import MissingExtraError, RbSimError
+from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending
 
 if TYPE_CHECKING:
     from rb_sim.bags.compare import Differences
@@ -42,7 +42,6 @@ def compare(options: CompareOptions) -> int:
     """Compare; 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
     from rb_sim.cli.verbs.replay import warn
-    from rb_sim.io.sink import check_ending
 
     check_ending(options.screenshot, ".png")
     for name, bound in options.bounds.items():
@@ -169,7 +168,7 @@ def _print(report: dict[str, Any]) -> None:
     from rich.table import Table
 
     from rb_sim.bags.compare import UNITS
-    from rb_sim.cli.options import plain_console
+    from rb_sim.cli.plain import plain_console
 
     print(_clocks(report))
     start = report["start"]

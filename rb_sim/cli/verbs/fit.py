@@ -133,7 +133,7 @@ def refuse_wrench(wrench: Sequence[str]) -> None:
 def _print(found: Fitted) -> None:
     from rich.table import Table
 
-    from rb_sim.cli.options import plain_console
+    from rb_sim.cli.plain import plain_console
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("", "number", "start", "fitted", "std. error", "most with"):

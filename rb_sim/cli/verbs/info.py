@@ -35,7 +35,7 @@ def _print(found: dict[str, Any]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from rb_sim.cli.options import plain_console
+    from rb_sim.cli.plain import plain_console
 
     console = plain_console(highlight=False)
     table = Table.grid(padding=(0, 3))

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
-from rb_sim.cli.options import plain_console
+from rb_sim.cli.plain import plain_console
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation, check_smooth

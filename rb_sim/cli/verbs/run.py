@@ -402,7 +402,7 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
 def _console() -> Console:
     from rich.console import Console
 
-    from rb_sim.cli.options import width
+    from rb_sim.cli.plain import width
 
     return Console(highlight=False, width=width())
 

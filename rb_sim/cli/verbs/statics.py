@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.cli.options import plain_console
+from rb_sim.cli.plain import plain_console
 from rb_sim.statics import load_statics, solve
-from rb_sim.statics.result import print_report, write_json
+from rb_sim.statics.report import print_report, write_json
 
 
 def statics(scene: Path, out: Path | None = None) -> int:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from rb_sim.base.errors import AccuracyWarning
-from rb_sim.cli.options import plain_console
+from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.replay import warn
 from rb_sim.sweeps.plan import load_plan, shipped_plans
 from rb_sim.sweeps.sweep import sweep as run_plan

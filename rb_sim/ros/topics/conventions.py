@@ -282,8 +282,6 @@ class JointStates:
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
     """A sink for each convention that a parameter asks for."""
-    from rb_sim.ros.topics.conventions import Markers, RobotDescription
-
     tables = {OdometryTable: settings.odometry, accel_table: settings.accelerations}
     wanted = {
         JointStates: settings.joint_states,

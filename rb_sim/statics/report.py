@@ -1,0 +1,161 @@
+"""The answer as a table for the terminal and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from rb_sim.scene.schema import Scene
+from rb_sim.statics.result import Reaction, ReactionRange, StaticsResult
+
+AXES = ("x", "y", "z")
+COLOURS = {
+    "equilibrium": "green",
+    "indeterminate": "yellow",
+    "at the limit": "yellow",
+    "no equilibrium": "red",
+}
+
+
+def print_report(scene: Scene, result: StaticsResult, console: Console) -> None:
+    """Verdict in words, then one line per component of a reaction that can be other than zero."""
+    if scene.description:
+        console.print(Text(scene.description))
+    console.print(Text(result.explanation, style=f"bold {COLOURS[result.verdict]}"))
+    if result.apart:
+        console.print(Text(f"not touching: {_listed(result.apart)}", style="dim"))
+    if not result.reactions:
+        return
+    table = Table(title="Reactions by the support on the body, world axes", title_justify="left")
+    for heading in ("support", "kind", "on", "component"):
+        table.add_column(heading, no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("range", no_wrap=True)
+    scale = max(float(np.abs(r.force).max()) for r in result.reactions.values())
+    for name, reaction in result.reactions.items():
+        rows = list(_lines(reaction, result.ranges[name], scale))
+        for i, (component, value, span) in enumerate(rows):
+            head = (name, reaction.kind, _on(reaction)) if i == 0 else ("", "", "")
+            table.add_row(*head, component, value, span, end_section=i == len(rows) - 1)
+    console.print(table)
+    console.print(Text(_closing_line(result), style="dim"))
+
+
+def _listed(names: tuple[str, ...], most: int = 8) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _on(reaction: Reaction) -> str:
+    return reaction.body if reaction.parent is None else f"{reaction.body} by {reaction.parent}"
+
+
+def _lines(reaction: Reaction, span: ReactionRange, scale: float):
+    """(component, value, range) of what is not zero for good."""
+    tiny = 1e-12 * scale
+    if reaction.along is not None and span.along is not None:
+        word = {"contact": "normal N", "string": "tension T"}.get(reaction.kind, "pull S")
+        yield word, f"{_clean(reaction.along, tiny):.6g} N", _span_text(span.along, "N", tiny)
+    for unit, letter, values, ranges in (
+        ("N", "R", reaction.force, span.force),
+        ("N m", "K", reaction.torque, span.torque),
+    ):
+        for axis, value, (low, high) in zip(AXES, values, ranges, strict=True):
+            if abs(value) > tiny or low < -tiny or high > tiny:
+                text = f"{_clean(value, tiny):.6g} {unit}"
+                yield f"{letter}_{axis}", text, _span_text((low, high), unit, tiny)
+
+
+def _span_text(span: Any, unit: str, tiny: float) -> str:
+    low, high = (float(end) for end in span)
+    if low == high:
+        return ""
+    if math.isnan(low):
+        return "not unique"
+    left = "unbounded" if math.isinf(low) else f"{_clean(low, tiny):.6g}"
+    right = "unbounded" if math.isinf(high) else f"{_clean(high, tiny):.6g}"
+    return f"{left} to {right} {unit}"
+
+
+def _clean(value: float, tiny: float) -> float:
+    return 0.0 if abs(value) <= tiny else value
+
+
+def _closing_line(result: StaticsResult) -> str:
+    worst = max((float(np.abs(force).max()) for force, _ in result.balance.values()), default=0.0)
+    turn = max((float(np.abs(torque).max()) for _, torque in result.balance.values()), default=0.0)
+    loose = "" if result.accuracy <= 1e-9 else f", ranges good to {result.accuracy:.1g} of it"
+    return (
+        f"self-stress states {result.indeterminacy}, motions left free {result.mobility}, "
+        f"margin {result.margin:.3g} of the largest load{loose}, "
+        f"balance closes to {worst:.1e} N and {turn:.1e} N m"
+    )
+
+
+def as_dict(scene: Scene, result: StaticsResult) -> dict[str, Any]:
+    """The answer in plain types; infinite ends of ranges become null, nan too."""
+    return {
+        "scene": scene.name,
+        "description": scene.description,
+        "verdict": result.verdict,
+        "explanation": result.explanation,
+        "indeterminacy": result.indeterminacy,
+        "mobility": result.mobility,
+        "margin": _number(result.margin),
+        "tolerance": result.tolerance,
+        "accuracy": result.accuracy,
+        "not_touching": list(result.apart),
+        "findings": [
+            {"kind": f.kind, "name": f.name, "amount": _number(f.amount), "words": f.words}
+            for f in result.findings
+        ],
+        "reactions": {
+            name: _reaction(reaction, result.ranges[name])
+            for name, reaction in result.reactions.items()
+        },
+        "balance": {
+            name: {"force_N": force.tolist(), "torque_Nm": torque.tolist()}
+            for name, (force, torque) in result.balance.items()
+        },
+    }
+
+
+def _reaction(reaction: Reaction, span: ReactionRange) -> dict[str, Any]:
+    plain: dict[str, Any] = {
+        "kind": reaction.kind,
+        "body": reaction.body,
+        "parent": reaction.parent,
+        "anchor_m": reaction.anchor.tolist(),
+        "force_N": reaction.force.tolist(),
+        "torque_Nm": reaction.torque.tolist(),
+        "force_range_N": _ends(span.force),
+        "torque_range_Nm": _ends(span.torque),
+        "determinate": span.determinate,
+    }
+    if reaction.along is not None and span.along is not None:
+        plain |= {"along_N": reaction.along, "along_range_N": _ends(span.along)}
+    if reaction.friction_used is not None:
+        plain["friction_used"] = _number(reaction.friction_used)
+    return plain
+
+
+def _ends(ranges: np.ndarray) -> list[Any]:
+    return [_ends(row) if row.ndim else _number(float(row)) for row in ranges]
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def write_json(scene: Scene, result: StaticsResult, path: Path) -> None:
+    """Write the answer as JSON."""
+    text = json.dumps(as_dict(scene, result), indent=2, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
