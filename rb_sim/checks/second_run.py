@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -82,9 +82,6 @@ contact half of the steps may change little of an error that a quarter of them c
 SLOWEST = 16.0
 """Times the difference of two runs that their error is taken to be at most, where the next
 difference is hardly smaller."""
-
-INDEPENDENT = 1.0
-"""Share of the error of a run that it differs by from a second run that is right."""
 
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
@@ -183,13 +180,13 @@ class SecondRun:
         fixed = getattr(simulation.method, "tolerance", None) is None
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
         for _ in range(REFINED):
-            trial, by, share = _finer(simulation, finer)
+            other = _finer(simulation, finer)
             try:
-                rows, upto = self._carried(trial, grid, limit, look)
+                rows, upto = self._carried(other.motion, grid, limit, look)
             except SimulationError:
-                return GlobalError(math.inf, trial.time, "", math.inf, by)
-            more = trial.steps > (1.5 if fixed else 1.0) * taken
-            if more or upto is not None or share < 0.0 or share == INDEPENDENT:
+                return GlobalError(math.inf, other.motion.time, "", math.inf, other.by)
+            more = other.motion.steps > (1.5 if fixed else 1.0) * taken
+            if more or upto is not None or other.last:
                 break
             finer += 1
         if upto is not None:  # in time it came so far only
@@ -203,19 +200,14 @@ class SecondRun:
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
-            again, *_ = _finer(simulation, 0)
+            again = motion_of(run.compiled, simulation.method)
             rows, _ = self._carried(again, grid, math.inf, look)
             times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
         found = apart(times, poses, second, simulation)
-        stated = found._replace(relative=found.relative / abs(share), by=by, upto=upto)
-        if (
-            share < 0.0
-            or share == INDEPENDENT
-            or upto is not None
-            or not DOUBTFUL * BOUND < stated.relative <= BOUND
-        ):
+        stated = found._replace(relative=found.relative / other.share, by=other.by, upto=upto)
+        if other.last or upto is not None or not DOUBTFUL * BOUND < stated.relative <= BOUND:
             return stated
         return self._by_third(stated, found.relative, finer + 1, times, second, limit, look)
 
@@ -236,7 +228,7 @@ class SecondRun:
         finer: how many times the third one is made finer than the run.
         """
         simulation = self._simulation
-        trial, by, _ = _finer(simulation, finer)
+        trial, by, *_ = _finer(simulation, finer)
         try:
             rows, upto = self._carried(trial, times, limit, look)
         except SimulationError:
@@ -346,28 +338,42 @@ def is_decided(finding: Finding) -> bool:
     return finding.watch in ("step", "turn")
 
 
-def _finer(simulation: Any, times: int) -> tuple[Motion, str, float]:
-    """A motion of half of the steps, or a tenth of the tolerance, taken so many times; how, in
-    words; and the share of the error of the run that the two differ by, negative where the second
-    one is the coarser."""
+class SecondMotion(NamedTuple):
+    """What a run is compared with."""
+
+    motion: Motion
+    by: str
+    """how it differs from the run, in words."""
+    share: float
+    """of the error of the run that the two differ by."""
+    last: bool = False
+    """whether none follows that is finer by the same rule."""
+
+
+def _finer(simulation: Any, times: int) -> SecondMotion:
+    """A motion of half of the steps, or a tenth of the tolerance, taken so many times.
+
+    The last ones: a looser tolerance where a tighter one is below rounding, and one that does not
+    take steps of the run's length.
+    """
     compiled, method = simulation.motion.compiled, simulation.method
     step = getattr(method, "step", None)
-    if times == 0:
-        return motion_of(compiled, method), "with the same setting", INDEPENDENT
     if step is not None and simulation.motion.event_driven:
         sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
-        span = simulation.scene.simulation.duration
-        return motion_of(compiled, sharp.build(span)), f"{sharp}", INDEPENDENT
+        motion = motion_of(compiled, sharp.build(simulation.scene.simulation.duration))
+        return SecondMotion(motion, str(sharp), 1.0, last=True)
     if getattr(method, "tolerance", None) is None:
         parts = 2**times
         order = METHODS[simulation.setting.name].order
         finer = method._replace(step=step / parts)
         words = "with half the step" if times == 1 else f"with 1/{parts} of the step"
-        return motion_of(_cut_between(compiled, parts), finer), words, 1.0 - parts ** -float(order)
-    factor = 10.0**-times if method.tolerance * 10.0**-times >= TIGHTEST else 10.0
+        motion = motion_of(_cut_between(compiled, parts), finer)
+        return SecondMotion(motion, words, 1.0 - parts ** -float(order))
+    looser = method.tolerance * 10.0**-times < TIGHTEST
+    factor = 10.0 if looser else 10.0**-times
     words = f"at tolerance {factor * method.tolerance:.2g}"
-    share = 1.0 - factor if factor < 1.0 else -(factor - 1.0) / factor
-    return _at_tolerance(simulation, factor), words, share
+    share = (factor - 1.0) / factor if looser else 1.0 - factor
+    return SecondMotion(_at_tolerance(simulation, factor), words, share, looser)
 
 
 def _coarser(simulation: Any) -> tuple[Motion, str] | None:
