@@ -16,6 +16,7 @@ from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import WatchList
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
+from tests.checks.test_check_list import SWING
 from tests.checks.test_singular_configuration import driven_to_the_end
 
 BLOCK = 1024
@@ -23,20 +24,8 @@ BLOCKS = 300
 LATE = 20 * BLOCK + 300
 """A sample far from the start."""
 
-ROD: dict[str, Any] = {
-    "bodies": {
-        "rod": {
-            "mass": 1.0,
-            "inertia": [0.1, 0.1, 0.01],
-            "center_of_mass": [0.0, 0.0, -0.5],
-            "angular_velocity": [0.0, 2.0, 0.0],
-        }
-    },
-    "constraints": {"hinge": {"type": "fixed_point", "body": "rod"}},
-    "effects": {
-        "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
-        "air": {"type": "angular_damping", "body": "rod", "coefficient": 1e-3},
-    },
+ROD: dict[str, Any] = SWING | {
+    "effects": SWING["effects"] | {"air": SWING["effects"]["air"] | {"coefficient": 1e-3}},
     "simulation": {"duration": BLOCKS * BLOCK / 200.0, "rate": 200.0, "tolerance": 1e-13},
 }
 TIGHT = Effort("dopri853", None, 1e-11, 100)

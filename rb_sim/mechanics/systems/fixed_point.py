@@ -65,6 +65,16 @@ def pivot_spin_rate(system, t, B):
     return symmetric_times(system.inverse_O, sub(moment, gyroscopic(system.inertia_O, B.w_WB_B)))
 
 
+@inline
+def held_reaction(system, t, B, alpha):
+    """Reaction force (world) and its torque about C (world) of a body that turns about a fixed
+    point, which C is `rho` from."""
+    w, rho = B.w_WB_B, system.rho
+    a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
+    f, k = total_wrench(system.effects, t, system.body, B)
+    return reaction_at_com(system.body, B, a, alpha, f, k)
+
+
 @rate.register(FixedPointBody)
 def pivot_rate(system, t, y):
     B = pivot_state(system, y)
@@ -79,11 +89,7 @@ def pivot_settle(system, t, y):
 @sample.register(FixedPointBody)
 def pivot_sample(system, t, y, out):
     B = pivot_state(system, y)
-    w, rho = B.w_WB_B, system.rho
-    alpha = pivot_spin_rate(system, t, B)
-    a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
-    f, k = total_wrench(system.effects, t, system.body, B)
-    force, torque_C = reaction_at_com(system.body, B, a, alpha, f, k)
+    force, torque_C = held_reaction(system, t, B, pivot_spin_rate(system, t, B))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
     put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(B.q_WB))
 
@@ -147,11 +153,8 @@ def hinge_settle(system, t, y):
 @sample.register(FixedAxisBody)
 def hinge_sample(system, t, y, out):
     B = hinge_state(system, y)
-    w, rho = B.w_WB_B, system.rho
     alpha = scale(hinge_angular_acceleration(system, t, B), system.axis_B)
-    a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
-    f, k = total_wrench(system.effects, t, system.body, B)
-    force, torque_C = reaction_at_com(system.body, B, a, alpha, f, k)
+    force, torque_C = held_reaction(system, t, B, alpha)
     n = rotate(B.q_WB, system.axis_B)
     torque_A = add(torque_C, cross(sub(B.p_WC, system.point), force))
     axial = dot(n, force)
