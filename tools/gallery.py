@@ -19,11 +19,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from rb_sim import Simulation, load_scene, scenes
+from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.sink import RerunSink
 from rb_sim.io.rerun.viewer import frames
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock
 from rb_sim.scene.listing import shipped_statics
-from rb_sim.scene.shapes import reach_of
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.picture import save_picture
 

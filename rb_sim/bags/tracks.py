@@ -23,6 +23,7 @@ from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.batches import unpacked
 from rb_sim.io.bag.folder import bag_paths, scan_of
 from rb_sim.io.bag.reader import BagReader, reader_of
+from rb_sim.io.extent import reach_of
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import JOINT_STATE
 from rb_sim.io.messages.robot_description import joints_above, slides
@@ -30,7 +31,6 @@ from rb_sim.io.sink import restarts
 from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
 from rb_sim.numerics.rotations import from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
-from rb_sim.scene.shapes import reach_of
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene

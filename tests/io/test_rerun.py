@@ -193,6 +193,31 @@ def test_every_shape(tmp_path, shape):
 
 
 @needs_rerun
+@pytest.mark.parametrize(
+    ("shape", "length", "radius"),
+    [
+        ({"type": "rod", "length": 2.0}, 2.0, 0.06),
+        ({"type": "rod", "length": 2.0, "radius": 0.5}, 2.0, 0.5),
+        ({"type": "disk", "radius": 2.0}, 0.06, 2.0),
+        ({"type": "cylinder", "radius": 0.5, "length": 2.0}, 2.0, 0.5),
+    ],
+)
+def test_what_has_no_thickness_is_drawn_with_three_percent(shape, length, radius):
+    """In a recording and on a page alike."""
+    from rb_sim.io.page.supports import solid_of
+    from rb_sim.io.rerun.static import shape_archetype
+
+    body = load_scene({"bodies": {"b": {"mass": 1, "inertia": [1, 1, 1], "shape": shape}}}).bodies[
+        "b"
+    ]
+    recorded = shape_archetype(body.shape, (0, 0, 0, 255))
+    drawn = recorded.lengths.as_arrow_array()[0].as_py(), recorded.radii.as_arrow_array()[0].as_py()
+    assert drawn == pytest.approx((length, radius), rel=1e-6)
+    solid = solid_of(body)
+    assert (solid["length"], solid["radius"]) == pytest.approx((length, radius))
+
+
+@needs_rerun
 @pytest.mark.parametrize("parent", [True, False])
 def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
     """Else it would hide the body's lower half; a plane in the world is drawn."""

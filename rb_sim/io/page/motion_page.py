@@ -26,6 +26,7 @@ from rb_sim.base.palette import (
     STICKING,
 )
 from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.io.extent import reach_of
 from rb_sim.io.page.supports import Supports, solid_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
@@ -37,7 +38,6 @@ from rb_sim.io.rerun.arrow_scales import (
 from rb_sim.io.sink import Envelope, Timeline
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import norms
-from rb_sim.scene.shapes import reach_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

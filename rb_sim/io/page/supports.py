@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.io.extent import drawn_cylinder, half_box, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import nice
 from rb_sim.numerics.rotations import conjugate, rotate
-from rb_sim.scene.shapes import THIN_DISK, THIN_ROD, half_box, inertia_box, reach_of
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
@@ -41,13 +41,10 @@ def _sizes(shape: Any) -> dict[str, Any]:
             return {"kind": "box", "half": (0.5 * np.array(shape.size)).tolist()}
         case "ellipsoid":
             return {"kind": "ellipsoid", "half": list(shape.semi_axes)}
-        case "disk":
-            length, radius = THIN_DISK * shape.radius, shape.radius
         case _:
-            length = shape.length
-            radius = THIN_ROD * length if shape.radius is None else shape.radius
-    along = {"axis": list(shape.axis_B)}
-    return {"kind": "cylinder", "radius": radius, "length": length, **along}
+            length, radius = drawn_cylinder(shape)
+            along = {"axis": list(shape.axis_B)}
+            return {"kind": "cylinder", "radius": radius, "length": length, **along}
 
 
 class Supports:

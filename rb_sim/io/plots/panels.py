@@ -10,11 +10,11 @@ import numpy as np
 
 from rb_sim.base.palette import AXES, ENERGIES
 from rb_sim.io.contact_power import smooth_power
+from rb_sim.io.extent import reach
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import roll_pitch_yaw, rotate, without_jumps
-from rb_sim.scene.shapes import reach
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
+from rb_sim.io.extent import drawn_cylinder, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
 from rb_sim.numerics.rotations import rotate
-from rb_sim.scene.shapes import THIN_DISK, THIN_ROD, inertia_box, reach_of
 
 if TYPE_CHECKING:
     from rb_sim.io.plots.panels import Panel
@@ -35,13 +35,10 @@ def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
             return rr.Ellipsoids3D(half_sizes=[shape.semi_axes], **common)
         case "box":
             return rr.Boxes3D(half_sizes=[0.5 * np.array(shape.size)], **common)
-        case "disk":
-            length, radius = THIN_DISK * shape.radius, shape.radius
         case _:
-            length = shape.length
-            radius = THIN_ROD * length if shape.radius is None else shape.radius
-    turn = [_from_z(np.array(shape.axis_B))]
-    return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
+            length, radius = drawn_cylinder(shape)
+            turn = [_from_z(np.array(shape.axis_B))]
+            return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
 
 
 def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:

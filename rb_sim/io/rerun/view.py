@@ -32,6 +32,7 @@ import rerun.blueprint as rrb
 
 from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.contact_power import contacts_of
+from rb_sim.io.extent import half_box
 from rb_sim.io.plots.panels import Panel, panels_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
@@ -46,7 +47,6 @@ from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import rotate
-from rb_sim.scene.shapes import half_box
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
