@@ -170,7 +170,7 @@ def documented(path: str) -> list[Line]:
     for number, block in enumerate(b for b in blocks(Path(path)) if b.language == "yaml"):
         data = yaml.safe_load(block.text) if "..." not in block.text else None
         if isinstance(data, dict) and "bodies" in data and "supports" not in data:
-            name = f"{Path(path).stem} {number}"
+            name = f"{Path(path).relative_to(ROOT / 'docs').with_suffix('')} {number}"
             lines.append(run_line(name, "scene", block.text, ("--duration", "1")))
     return lines
 
@@ -330,7 +330,7 @@ PARTS: dict[str, tuple[Callable[[str], list[Line]], Callable[[], list[str]]]] = 
 def made(part: str, workers: int) -> Iterator[list[Line]]:
     """The lines of a part, job by job; each job in a process of its own."""
     make, jobs = PARTS[part]
-    os.environ["RB_SIM_DRAFT"] = "1"  # laws compile in a fifth of the time and give the same bits
+    os.environ["RB_SIM_DRAFT"] = "1"  # laws compile in a fifth of the time
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with get_context("spawn").Pool(workers, maxtasksperchild=4) as pool:
         yield from pool.imap(make, jobs())
