@@ -126,10 +126,12 @@ class TracedStepper:
 
     @property
     def steps(self) -> int:
+        """Steps of the grid taken since its start."""
         return int(self._count[place.TAKEN])
 
     @property
     def rejected(self) -> int:
+        """Attempts given up since the start of the grid."""
         return int(self._count[place.REJECTED])
 
     @property
@@ -144,6 +146,7 @@ class TracedStepper:
 
     @property
     def next_length(self) -> float:
+        """Length that the adaptive control proposes for the next step [s]."""
         return float(self._clock[place.NEXT])
 
     @property
@@ -275,6 +278,7 @@ class TracedMotion(Motion):
         return super().take(method)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """As Motion.reset; the counts of steps begin at zero."""
         compiled = self.compiled
         self.system = compiled.system if y is None else started(compiled.system, y)
         self.time, self.as_compiled = time, y is None
@@ -283,18 +287,22 @@ class TracedMotion(Motion):
 
     @property
     def steps(self) -> int:
+        """As Motion.steps, over all grids since the last reset."""
         return self._steps_before + self._stepper.steps
 
     @property
     def rejected_steps(self) -> int:
+        """As Motion.rejected_steps, over all grids since the last reset."""
         return self._rejected_before + self._stepper.rejected
 
     @property
     def cut_steps(self) -> int:
+        """As Motion.cut_steps, over all grids since the last reset."""
         return self._cut_before + self._stepper.cut
 
     @property
     def kept(self) -> Array:
+        """As Motion.kept; the stepper has it."""
         return self._stepper.kept
 
     @kept.setter
@@ -303,24 +311,29 @@ class TracedMotion(Motion):
 
     @property
     def frontier(self) -> tuple[float, float]:
+        """As Motion.frontier."""
         begin, end = self._stepper.last_step
         return end, end - begin
 
     @property
     def coordinates(self) -> Any:
+        """As Motion.coordinates: a tuple in reduced coordinates, else an array."""
         y = self._stepper.y
         return tuple(y.tolist()) if self.compiled.reduced else y
 
     def keep(self) -> tuple[Any, ...]:
+        """As Motion.keep: time, system, counts and the grid of steps."""
         before = self._steps_before, self._rejected_before, self._cut_before
         return (self.time, self.system, before, self._stepper.keep())
 
     def back_to(self, kept: tuple[Any, ...]) -> None:
+        """As Motion.back_to."""
         self.time, self.system, before, grid = kept
         self._steps_before, self._rejected_before, self._cut_before = before
         self._stepper.back_to(grid)
 
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        """As Motion.run_to; a grid ends at each breakpoint and a new one begins."""
         times = np.asarray(times, dtype=float)
         if not self.compiled.breakpoints:  # a loop that asks for one instant at a time is quick
             self._record(times, math.inf, out)
@@ -340,9 +353,11 @@ class TracedMotion(Motion):
         return done
 
     def take_worst(self) -> float:
+        """As Motion.take_worst: the loop keeps it."""
         return self._stepper.take_worst()
 
     def sample(self) -> Array:
+        """As Motion.sample; at the end of a table its last value still counts."""
         out = np.zeros((1, self.width))
         self._sample_now(out)
         return out
