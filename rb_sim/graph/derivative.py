@@ -238,6 +238,7 @@ class PlainColumns:
         self._n, self._law = tangents.n, PlainLaw(tangents.outputs)
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the Jacobian at (t, y), row by row, into out: n calls of the law."""
         n = self._n
         both, column = np.concatenate([y[:n], np.zeros(n)]), np.zeros(len(out) // n)
         for j in range(n):

@@ -61,6 +61,7 @@ class PlainLaw:
         self.call = plain_function(python_source(outputs), Pieces(outputs))
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the law at (t, y) with the inputs p into out."""
         self.call(float(t), y, p, out)
 
 

@@ -304,6 +304,7 @@ class PlainProgram:
         self._constants = tuple(program.constants)
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the law at (t, y) with the inputs p into out: every call of the program in turn."""
         frame = [0.0] * self._frame
         bases = {"y": y, "p": p, "const": self._constants, "frame": frame, "out": out}
         for does, fields, count in self._calls:

@@ -571,6 +571,7 @@ class PlainExpansion:
         self._start, self._order = PlainLaw(series.start), PlainLaw(series.order)
 
     def __call__(self, t: float, y: Any, p: Any, workspace: Any) -> None:
+        """Write the series at (t, y) into the workspace, whose first number is the order wanted."""
         series, order = self._series, int(workspace[0])
         n, sums, width = series.n, series.sums, series.width
         left, given = n + series.events, workspace[HEAD:]
@@ -594,6 +595,7 @@ class PlainSum:
         self._n, self._width = series.n, series.width
 
     def __call__(self, h: float, rows: Any, order: Any, out: Any) -> None:
+        """Write the change over h, by Horner's rule, and its rate into out: n numbers each."""
         n = self._n
         change, slope = np.zeros(n), np.zeros(n)
         for k in range(int(order[0]), 0, -1):
