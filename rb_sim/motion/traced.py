@@ -58,7 +58,7 @@ class TracedStepper:
         self._kept = np.array(laws.inputs.kept(laws.system), dtype=int)
         """places of the inputs that laws keep from step to step."""
         self._inputs = np.zeros(0)
-        self._rooms: dict[int, Array] = {}
+        self._workspaces: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
     def start(self, t: float, y: Any, system: Any, h: float = 0.0, *, fresh: bool = True) -> None:
@@ -67,7 +67,7 @@ class TracedStepper:
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
-        for workspace in self._rooms.values():
+        for workspace in self._workspaces.values():
             workspace[1:] = (
                 0.0  # a series that was not finite must not get into the sums of another
             )
@@ -113,16 +113,16 @@ class TracedStepper:
 
     def keep(self) -> Kept:
         """A record from which `back_to` carries on from here again, to the last bit."""
-        rooms = {order: workspace.copy() for order, workspace in self._rooms.items()}
+        workspaces = {order: workspace.copy() for order, workspace in self._workspaces.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
-        return (*grid, self._inputs.copy(), rooms)
+        return (*grid, self._inputs.copy(), workspaces)
 
     def back_to(self, kept: Kept) -> None:
         """The grid of steps as it was then; `kept` serves again."""
         self._clock[:], self._count[:], self._state[:] = kept[:3]
         self._inputs[:] = kept[3]
         for order, workspace in kept[4].items():
-            self._rooms[order][:] = workspace
+            self._workspaces[order][:] = workspace
 
     @property
     def steps(self) -> int:
@@ -214,18 +214,19 @@ class TracedStepper:
         return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
-        """The laws of the series, their sizes, and room for one; nothing for other methods."""
+        """The laws of the series, their sizes, and a workspace for one; nothing for other
+        methods."""
         if step.series is None:
             return (None,) * 5, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
         laws, own = self.laws.series, getattr(self.laws, "variables", None)
         key = int(order)
-        if key not in self._rooms:
+        if key not in self._workspaces:
             beside = 0 if own is None else self.laws.n + 2 * laws.n
-            self._rooms[key] = np.zeros(laws.size(key) + beside)
-            self._rooms[key][0] = order
+            self._workspaces[key] = np.zeros(laws.size(key) + beside)
+            self._workspaces[key][0] = order
         sizes = [key, laws.first, laws.width, laws.events, laws.events_at, laws.n, laws.size(key)]
         used = (self.laws.rate, None, None) if own is None else (own.rate, own.begin, own.end)
-        return (laws.expand, laws.add, *used), np.array(sizes), self._rooms[key]
+        return (laws.expand, laws.add, *used), np.array(sizes), self._workspaces[key]
 
     def _size(self, small: Small, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
