@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal, NamedTuple
 
-from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
+from rb_sim.catalogue.spec import Angle, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Quaternion, Vec3, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
@@ -44,7 +44,7 @@ class TorsionSpring(Spec):
     """stiffness k [N m/rad]."""
     damping: NonNegative = 0.0
     """damping c of the relative rate about the axis [N m s/rad]."""
-    rest_angle: Finite = 0.0
+    rest_angle: Angle = 0.0
     """angle theta0 without torque, counted from the initial pose [rad]."""
 
     EQUATION: ClassVar[str] = """

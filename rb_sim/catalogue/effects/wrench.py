@@ -11,7 +11,17 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import model_validator
 
-from rb_sim.catalogue.spec import Finite, Name, Numbers, Spec, Strength3, Strengths, Vector3, refuse
+from rb_sim.catalogue.spec import (
+    Angle,
+    Finite,
+    Name,
+    Numbers,
+    Spec,
+    Strength3,
+    Strengths,
+    Vector3,
+    refuse,
+)
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
 from rb_sim.numerics.vectors import ZERO, add, cross, rotate, scale, sin, unrotate
 
@@ -37,7 +47,7 @@ class Wrench(Spec):
     """amplitude of the harmonic torque [N m]."""
     angular_frequency: Finite = 0.0
     """angular frequency omega of the harmonic part [rad/s]."""
-    phase: Finite = 0.0
+    phase: Angle = 0.0
     """phase of the harmonic part at t = 0 [rad]."""
 
     EQUATION: ClassVar[str] = """
