@@ -262,8 +262,9 @@ def commanded() -> tuple[list[float], list[float]]:
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-8])
 def test_a_spring_that_turns_round_at_its_anchor_is_not_leapt_over(tolerance: float) -> None:
-    """A body on a line through the anchor: its spring pulls back towards a length of 0.3 m on either
-    side, |x| = 0.3 + 0.7 cos w t while x keeps its sign.  The series of |x| is that of x or of -x."""
+    """A body on a line through the anchor: its spring pulls back towards a length of 0.3 m on
+    either side, |x| = 0.3 + 0.7 cos w t while x keeps its sign.  The series of |x| is that of x or
+    of -x."""
     w, turned = math.sqrt(30.0), math.acos(-3.0 / 7.0)  # where |x| = 0, w t
     spring = {"type": "spring", "body": "b", "stiffness": w * w, "rest_length": 0.3}
     scene = {

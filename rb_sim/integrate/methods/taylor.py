@@ -27,10 +27,10 @@ from rb_sim.numerics.kernels import SeriesStep, call_law, helper, part
 # tell is looked at afterwards: the slope of the series at the end must be dy/dt there, and no event
 # may have changed its sign on the way.  A step that fails is shortened; its series stays.
 #
-# The root of a square is such an event: where a body turns round on a line its speed is |v|, and the
-# series of it is v, which is negative from there on.  A drag |v| v that is leapt over twice has the
-# right slope again.  A step may end a little beyond the zero, though, where the slope tells whether
-# it matters: nearer to it the series has nothing left but rounding.
+# The root of a square is such an event: where a body turns round on a line its speed is |v|, and
+# the series of it is v, which is negative from there on.  A drag |v| v that is leapt over twice has
+# the right slope again.  A step may end a little beyond the zero, though, where the slope tells
+# whether it matters: nearer to it the series has nothing left but rounding.
 #
 # The series may be that of other variables z than the coordinates y: a law gives z at the start of
 # a step, and another the change of y from that of z.
