@@ -539,6 +539,7 @@ class SeriesLaws:
     def __init__(self, outputs: Sequence[Any]) -> None:
         series = Series(outputs)
         self.n, self.events, self.width = series.n, series.events, series.width
+        self.roots = series.roots
         self.events_at = HEAD + series.sums
         self.first = self.events_at + series.numbers + series.n + BEFORE * series.width
         self.expand: Law | PlainLaw | PlainExpansion

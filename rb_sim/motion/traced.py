@@ -225,6 +225,7 @@ class TracedStepper:
             self._workspaces[key] = np.zeros(laws.size(key) + beside)
             self._workspaces[key][0] = order
         sizes = [key, laws.first, laws.width, laws.events, laws.events_at, laws.n, laws.size(key)]
+        sizes.append(laws.roots)
         used = (self.laws.rate, None, None) if own is None else (own.rate, own.begin, own.end)
         return (laws.expand, laws.add, *used), np.array(sizes), self._workspaces[key]
 
