@@ -268,6 +268,14 @@ def test_what_acts_from_outside_by_hand() -> None:
         assert_allclose(found[k], [*force, *torque], rtol=1e-13, atol=1e-12)
 
 
+def test_a_weight_of_one_body_alone() -> None:
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -1.0], "bodies": ["b"]}
+    names, block = SampleLayout(("a", "b"), (), (), ()), drawn(4)
+    found = external_wrench(block, scene_of({"weight": weight}), names)
+    arms = np.cross(block.position[:, 1], [0.0, 0.0, -3.0])
+    assert_allclose(found, np.hstack([[[0.0, 0.0, -3.0]] * 2, arms]), atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("sine", "known"),
     [({}, True), ({"sine_force": [1.0, 0, 0]}, False), ({"sine_torque": [0, 1.0, 0]}, False)],
