@@ -212,7 +212,7 @@ def balanced(groups: Sequence[Sequence[str]]) -> list[list[tuple[str, bool]]]:
 
 def is_words(row: Row) -> bool:
     """Whether what must come is a message, not a figure."""
-    return row.check in ("told", "refused")
+    return row.check in ("warned", "refused")
 
 
 def least_margin(rows: Sequence[Row]) -> float:
