@@ -416,7 +416,7 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
         frame = plain(sources[source][0].frame)
         return (
             f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
-            "the body's: left out"
+            "the body's: not used"
         )
     track.linear_velocity, track.angular_velocity = v, w
     return ""

@@ -107,7 +107,7 @@ def pairs_of(
             f"{', '.join(bodies)}; assign them with {option}"
         )
     return pairs, [
-        f"{body}: left out: its poses may be {' or '.join(found)}; say which with {option}"
+        f"{body} is not used: its poses may be {' or '.join(found)}; say which with {option}"
         for body, found in several.items()
     ]
 

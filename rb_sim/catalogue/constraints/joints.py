@@ -64,7 +64,7 @@ class Weld(Spec):
     """the point about which the reaction is given, from the body origin, body axes [m]."""
 
     EQUATION: ClassVar[str] = """
-    p_B = p_A,  q_AB = q_AB(0)       the pose against the parent stays what it is at the start
+    p_B = p_A,  q_AB = q_AB(0)       the pose relative to the parent stays constant
     on the body: a force and a torque about point_B
     """
 

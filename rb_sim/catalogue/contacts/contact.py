@@ -59,7 +59,7 @@ class CoulombLaw(Spec):
     static: NonNegative
     """coefficient of a contact that sticks or rolls."""
     kinetic: NonNegative | None = None
-    """coefficient of one that slips; left out: as static."""
+    """coefficient of a contact that slips; default: static."""
 
     @model_validator(mode="after")
     def _ordered(self) -> CoulombLaw:
@@ -175,15 +175,15 @@ def _group(value: Any) -> Any:
 class Contact(Touching):
     """The body's shape (or its `points`) against a support.
 
-    Outputs: NAME, the total, about the contact point (about C where there are several); with
-    several points also NAME/1, NAME/2 ..., each about its own point. Of a contact `between` bodies
-    NAME_BODY of each, about C: what all others exert on it.
+    Outputs: NAME, the total, about the contact point (about C if there are several points); with
+    several points also NAME/1, NAME/2 ..., each about its own point. A contact `between` bodies
+    has NAME_BODY for each, about C: the total wrench of the others on it.
     """
 
     type: Literal["contact"]
     body: Name
     """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
-    Left out where `between` is given."""
+    Omitted if `between` is given."""
     parent: Name | None = None
     between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
     """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
@@ -192,25 +192,25 @@ class Contact(Touching):
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),
     ] = PlaneSurface()
-    """in the parent's coordinates (from its origin), or in the world."""
+    """the support, in the parent's coordinates (from its origin), or in the world."""
     points: Points | None = None
-    """what touches instead of the shape, from the body origin [m]."""
+    """points that touch instead of the shape, from the body origin [m]."""
     lies_flat: bool | None = None
-    """of a disk or a cylinder on a plane: whether an end may lie on it, held by six points of its
-    rim; left out: a cylinder's may, a disk's may not."""
+    """whether the end of a disk or a cylinder may lie on a plane, held by six points of its rim;
+    default: true for a cylinder, false for a disk."""
     friction: Annotated[
         SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
         PlainValidator(lambda value: spec_of_type(LAWS, value)),
     ] = SmoothLaw()
-    """what acts along the support where the body slips or sticks on it."""
+    """friction law: the force along the support."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
-    """e: share of the speed of approach that comes back in an impact."""
+    """e: speed of rebound over speed of approach in an impact."""
     rolling_resistance: NonNegative = 0.0
     """arm [m]: torque of at most arm N against rolling."""
     spinning_resistance: NonNegative = 0.0
     """arm [m]: the same about the normal."""
     mode: Literal["unilateral", "bilateral"] = "unilateral"
-    """whether it only pushes and may open, or also pulls and stays closed."""
+    """unilateral: only pushes and may open; bilateral: also pulls and stays closed."""
     motion: (
         Annotated[
             TurntableMotion | ShakenMotion,
@@ -218,9 +218,9 @@ class Contact(Touching):
         ]
         | None
     ) = None
-    """of a support in the world; left out: it rests."""
+    """prescribed motion of a support in the world; default: it rests."""
     compliance: Compliance | None = None
-    """of a support that gives way; left out: rigid."""
+    """stiffness and damping of the support; default: rigid."""
 
     EQUATION: ClassVar[str] = """
     g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign

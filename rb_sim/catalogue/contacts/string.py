@@ -41,7 +41,7 @@ class String(Touching):
     point_A: Vector3
     """the other end, on the parent from its origin, or in the world [m]."""
     length: Positive | None = None
-    """[m]; left out: the initial distance, where it is just taut."""
+    """largest distance of the points [m]; default: the initial distance, just taut."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
     """share of the speed of parting that comes back when it jerks taut."""
     compliance: Compliance | None = None
