@@ -196,7 +196,7 @@ def sampled(mapping: dict[str, Any], judge: Judge | None = None) -> str:
             run = Simulation(load_scene(mapping)).run(check=False)
     except RbSimError as error:
         # how fine a step would do is searched for as long as the machine lets it
-        return f"refused\t{digest(str(error).partition('; with step ')[0])}"
+        return f"refused\t{digest(str(error).partition('; ')[0])}"
     except Exception as error:  # noqa: BLE001 (a traceback is an outcome)
         return f"traceback {type(error).__name__}\t{digest(str(error))}"
     block = run.block
