@@ -355,6 +355,8 @@ def next_knob(
 
 
 def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
+    """The sentence that says why a setting was chosen: method, bound, error, and what confirms
+    it."""
     others = f"cheapest of {count} methods within" if count > 1 else "within"
     return (
         f"{others} {target:g} (rad, m) over {runner.duration:g} s; global error {error:.1e}, "

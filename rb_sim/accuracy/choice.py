@@ -139,6 +139,7 @@ class Setting(NamedTuple):
 
     @property
     def order(self) -> int:
+        """Order of the method."""
         return METHODS[self.name].order
 
     @property
@@ -152,6 +153,7 @@ class Setting(NamedTuple):
         return float(self.order) if self.step is not None else 1.0
 
     def with_knob(self, value: float) -> Setting:
+        """The same method with this step [s] or tolerance."""
         if self.step is not None:
             return self._replace(step=value)
         return self._replace(tolerance=value)
@@ -190,6 +192,7 @@ class Choice:
 
     @property
     def setting(self) -> Setting:
+        """The setting that was chosen."""
         return Setting(self.method, self.step, self.tolerance)
 
     def build(self, duration: float) -> Any:

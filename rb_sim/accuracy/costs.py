@@ -255,6 +255,7 @@ def cost_of_events(
 
 
 def cost_of(samples: np.ndarray) -> Cost:
+    """Median of the samples, and half the distance of their quartiles."""
     low, middle, high = np.percentile(samples, [25.0, 50.0, 75.0])
     return Cost(float(middle), 0.5 * float(high - low))
 
@@ -434,6 +435,7 @@ def priced(cost: Cost) -> tuple[Cost | None, str]:
 
 
 def item(name: str, spec: Any, cost: Cost | None, reason: str = "", rows: int = 0) -> Item:
+    """The entry of a constraint or an effect; cost None: not measured, for this reason."""
     on = getattr(spec, "body", None) or ", ".join(getattr(spec, "bodies", None) or ("all bodies",))
     parent = getattr(spec, "parent", None)
     return Item(name, spec.type, f"{on} by {parent}" if parent else on, rows, cost, reason)

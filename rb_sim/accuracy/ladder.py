@@ -184,6 +184,7 @@ class Accuracy:
 
     @property
     def rungs(self) -> list[Rung]:
+        """The rungs of all ladders."""
         return [rung for ladder in self.ladders for rung in ladder.rungs]
 
 
@@ -196,6 +197,7 @@ class Clock:
 
     @property
     def left(self) -> float:
+        """Wall-clock time that is left [s]; negative once it is used up."""
         return self.budget - (time.perf_counter() - self.start)
 
 
@@ -307,6 +309,7 @@ def ladder_name(setting: Setting) -> str:
 
 
 def finer(setting: Setting, ratio: float, duration: float) -> Setting:
+    """The setting with its step or tolerance times `ratio`; steps divide the duration."""
     knob = setting.knob * ratio
     if setting.step is not None:
         return setting.with_knob(dividing(knob, duration))

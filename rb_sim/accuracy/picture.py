@@ -78,6 +78,7 @@ def diagrams(accuracy: Accuracy, target: float | None = None) -> Figure:
 
 
 def footnote(accuracy: Accuracy) -> str:
+    """What the errors are measured against, and which methods have no usable run."""
     true = accuracy.reference
     names = ", ".join(ladder.name for ladder in accuracy.ladders if not usable(ladder))
     nothing = f" Without a usable run: {names}." if names else ""

@@ -261,6 +261,7 @@ class CountedRunner(Runner):
         self._loses_slips = False
 
     def motion(self, setting: Setting) -> Motion:
+        """As Runner.motion; the run is counted and ends at the limit."""
         motion = super().motion(setting)
         self._current = setting, motion
         motion.watch = self._in_time
@@ -342,6 +343,8 @@ class CountedRunner(Runner):
         self._loses_slips = self._sharing and (self._loses_slips or stuck)
 
     def beyond(self, setting: Setting) -> bool:
+        """Whether a run is known to cost more than the limit or than what is left, before it is
+        begun."""
         if self._loses_slips and METHODS[setting.name].family == ITERATED:
             return True
         known = 0.0
@@ -350,6 +353,8 @@ class CountedRunner(Runner):
         return known > self.limit or known + self._looking(setting) > self.purse - self.spent
 
     def known_cost(self, setting: Setting) -> float:
+        """Counted seconds of a whole run, if one was made; 0 if not, or if it did not reach the
+        end."""
         cost = self._costs.get(setting, 0.0)  # infinite of one that does not come to the end
         return cost * self.duration if math.isfinite(cost) else 0.0
 

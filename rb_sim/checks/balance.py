@@ -144,6 +144,7 @@ class Exchanged:
         self._potential: float | None = None
 
     def add(self, block: SampleBlock) -> None:
+        """Take the next samples into account."""
         if self._potential is None:
             self._potential = float(block.potential_energy[0])
             self._kinetic = float(block.kinetic_energy[0])
@@ -299,6 +300,7 @@ class Balance(NamedTuple):
 
     @property
     def relative(self) -> float | None:
+        """|change - supply| over the scale; None if nothing was exchanged."""
         return abs(self.error) / self.scale if self.scale > 0.0 else None
 
     def as_dict(self) -> dict[str, Any]:

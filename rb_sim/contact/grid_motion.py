@@ -69,6 +69,7 @@ class GridMotion(Motion):
     """As Motion; a subclass says how the loop carries the grid (`_record`)."""
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """As Motion.reset, with a new grid of steps."""
         self.system = self.compiled.system
         self.time, self.as_compiled = time, y is None
         self._grid = start_grid(time, self.compiled.y if y is None else y)
@@ -76,14 +77,17 @@ class GridMotion(Motion):
 
     @property
     def steps(self) -> int:
+        """As Motion.steps, over all grids since the last reset."""
         return self._steps_before + self._grid.steps
 
     @property
     def rejected_steps(self) -> int:
+        """As Motion.rejected_steps, over all grids since the last reset."""
         return self._rejected_before + self._grid.rejected
 
     @property
     def frontier(self) -> tuple[float, float]:
+        """As Motion.frontier."""
         return self._grid.t1, self._grid.t1 - self._grid.t0
 
     @property
@@ -93,9 +97,11 @@ class GridMotion(Motion):
 
     @property
     def coordinates(self) -> Any:
+        """As Motion.coordinates: an array."""
         return self._grid.y
 
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        """As Motion.run_to; a grid ends at each breakpoint and a new one begins."""
         times = np.asarray(times, dtype=float)
         done = 0
         while done < len(times):

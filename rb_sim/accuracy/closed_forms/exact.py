@@ -174,6 +174,7 @@ class Spin(NamedTuple):
 
 
 def steady_spin(w: LongArray) -> Spin:
+    """The spin that stays w [rad/s], (3,)."""
     none = np.zeros(3, dtype=Long)
     return Spin(long(w), none, none, none, Long(0))
 

@@ -71,6 +71,7 @@ class Ball(NamedTuple):
 
     @property
     def radius(self) -> Long:
+        """Radius of the sphere [m]."""
         pair: Any = self.pair
         return Long(getattr(pair, "surface", pair).radius)
 

@@ -86,10 +86,13 @@ def law(system: FixedAxisBody) -> tuple[Long, Long]:
 
 
 def uniform(angle: Long, speed: Long) -> Any:
+    """(angle, speed) at times t of a turn at constant speed [rad, rad/s]."""
     return lambda t: (angle + speed * t, speed + 0 * t)
 
 
 def shifted(motion: Any, by: Long) -> Any:
+    """The motion with its angle larger by a constant [rad]."""
+
     def moved(t: LongArray) -> tuple[LongArray, LongArray]:
         angle, speed = motion(t)
         return angle + by, speed

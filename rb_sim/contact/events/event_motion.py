@@ -309,6 +309,7 @@ class ContactMotion(GridMotion):
         return not special and not any(law.drags or math.isinf(law.static) for law in laws)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """As Motion.reset; the modes of the contacts are chosen for the state."""
         self.laws = self.compiled.contact_laws
         self._journal = Journal(self.names, self.laws)
         super().reset(y, time)
@@ -358,12 +359,14 @@ class ContactMotion(GridMotion):
         return max(widest, self._lifted_off, widest_kept(self._kept, self.names))
 
     def warm(self) -> None:
+        """As Motion.warm, and what the first event needs."""
         super().warm()
         self._call(LINES, self.time, self._grid.y)
         self._warm = True
         importlib.import_module("rb_sim.numerics.cone_program")  # which shares of a load need
 
     def change_law(self, system: Any) -> None:
+        """As Motion.change_law; the modes of the contacts are chosen anew."""
         self.system, self.as_compiled = system._replace(**slow_slips(system, self.method)), False
         self._take_inputs()
         self._due = -1
@@ -708,6 +711,7 @@ class ContactMotion(GridMotion):
 
     @property
     def kept(self) -> Array:
+        """As Motion.kept: those inputs of the laws that are kept from step to step."""
         return self._inputs[self._places]
 
     @kept.setter

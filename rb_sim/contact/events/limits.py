@@ -180,6 +180,7 @@ Rims = dict[int, Rim]
 
 
 def rims_of(system: ContactBodies) -> Rims:
+    """The contacts that are points of a rim on a plane, by their numbers."""
     placed = [one for group in system.contacts for one in group]
     return {
         c: Rim(

@@ -373,6 +373,8 @@ def put_span(spans, top, a, b, error):
 
 @inline
 def end_of(spans, top, j):
+    """One end of the span at `top` of the stack, the first at column 0, the second at END_SIZE; see
+    `put_span`."""
     return (
         spans[top, j], spans[top, j + 1], spans[top, j + 2], spans[top, j + 3],
         spans[top, j + 4], spans[top, j + 5], spans[top, j + 6],
@@ -547,6 +549,8 @@ def note_directions(system, c):
 
 @inline
 def note_direction(touch, c, at, a, still):
+    """Keep the unit vector of `a` in the table from column `at` on; below `still` the one before
+    stays."""
     size = norm(a)
     if size > still:
         keep(touch, c, at, scale(1.0 / size, a))
@@ -683,6 +687,7 @@ def not_too_far(method, system, grid, work, y, c):
 
 @inline
 def slip_vanishes(code):
+    """Whether the event with this code is the end of a slip or of rolling."""
     kind = code % EVENT_KINDS
     return kind == SLIP_ENDS or kind == ROLL_ENDS
 

@@ -87,6 +87,7 @@ def along(J, k, i, a):
 
 @inline
 def fill_in_loops(system, J, W, used, n, A):
+    """`fill_delassus` as loops compile it: only rows that share a body are multiplied."""
     lines = system.lines
     for q in range(n):
         j = used[q]
@@ -231,6 +232,7 @@ def velocities(system: ContactBodies, y: Array) -> Array:
 
 
 def set_velocities(system: ContactBodies, y: Array, u: Array) -> None:
+    """Write the velocities u of all bodies, shape (6 N,), into the coordinates y."""
     for i in range(system.bodies.shape[0]):
         y[WIDTH * i + 7 : WIDTH * i + 13] = u[6 * i : 6 * i + 6]
 

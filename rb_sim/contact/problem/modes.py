@@ -135,6 +135,7 @@ paradox); numbers that are not finite."""
 
 @inline
 def open_contact(touch, c):
+    """Set all modes of contact c to those of an open one."""
     touch[c, CLOSED] = NONE
     touch[c, SLIDE] = NONE
     touch[c, ROLL] = NONE

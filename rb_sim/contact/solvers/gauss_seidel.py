@@ -407,6 +407,7 @@ def is_plain(graph):
 
 @inline
 def largest_of(x, joints):
+    """The largest |impulse| of contacts and joints."""
     most = 0.0
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))

@@ -79,6 +79,7 @@ FARTHER = 1.01
 
 @inline
 def six(a, i, k):
+    """Six numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
 
 
@@ -358,6 +359,7 @@ def gather_joints(tables, workspace, h):
 
 @inline
 def graph_of(tables, workspace, n):
+    """The graph of contacts of the solvers: the first n of the workspace, and the joints."""
     return Graph(
         workspace.ends[:n],
         workspace.rows[: LINES * n],

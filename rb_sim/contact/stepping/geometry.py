@@ -62,11 +62,13 @@ SAME_PLACE = 0.1
 
 @inline
 def triple(a, i, k):
+    """Three numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2])
 
 
 @inline
 def put(a, i, k, v):
+    """Write a vector into row i of a table from column k on."""
     a[i, k], a[i, k + 1], a[i, k + 2] = v[0], v[1], v[2]
 
 

@@ -232,6 +232,8 @@ def refuse_traction(rubs: Any, name: str) -> None:
 
 
 def refused(rubs: Any, name: str, allowed: str) -> SceneError:
+    """The error for a friction law that time stepping cannot take; allowed: what it would have to
+    be."""
     return SceneError(
         f"got the law of friction {type(rubs).__name__}; must be one with {allowed} for method "
         "time_stepping; event-driven methods take it",
@@ -286,6 +288,7 @@ def joint_ends(lines: np.ndarray) -> np.ndarray:
 
 
 def padded(numbers: list[float], width: int) -> list[float]:
+    """The numbers, followed by zeros up to this width."""
     return [*numbers, *[0.0] * (width - len(numbers))]
 
 

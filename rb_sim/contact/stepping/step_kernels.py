@@ -573,6 +573,7 @@ def has_strayed(tables, y, h):
 
 @inline
 def is_finite(y):
+    """Whether all entries of y are finite."""
     s = 0.0
     for i in range(y.shape[0]):
         s += 0.0 * y[i]

@@ -262,6 +262,7 @@ class SteppedContacts(GridMotion):
         return float(self._workspace.notes[GAVE])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """As Motion.reset, with workspace and memory of the contacts made anew."""
         super().reset(y, time)
         self._take_inputs(fresh=True)
         if self._near is not None:
@@ -319,6 +320,7 @@ class SteppedContacts(GridMotion):
 
     @property
     def kept(self) -> Array:
+        """As Motion.kept: those inputs of the laws that are kept from step to step."""
         return self._fixed.inputs[self._kept_inputs]
 
     @kept.setter

@@ -245,6 +245,7 @@ class Frames:
         self.damages += self._open
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     def named(self) -> Iterator[Frame]:

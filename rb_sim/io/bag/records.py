@@ -196,6 +196,7 @@ class WholeStream(ReadDataStream):
     """Raises EOFError where fewer bytes are left than are asked for; mcap's gives what there is."""
 
     def read(self, length: int) -> bytes:
+        """Exactly `length` bytes."""
         data = super().read(length)
         if len(data) < length:
             raise EOFError

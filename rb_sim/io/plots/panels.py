@@ -156,6 +156,7 @@ class Angles:
         self._body, self._last = body, None
 
     def __call__(self, block: SampleBlock) -> Array:
+        """Roll, pitch and yaw of the next samples [°], shape (n, 3)."""
         angles = without_jumps(roll_pitch_yaw(block.orientation[:, self._body]), self._last)
         self._last = angles[-1] if len(angles) else self._last
         return np.degrees(angles)
@@ -285,6 +286,7 @@ class Balance:
         self._work = 0.0
 
     def __call__(self, block: SampleBlock) -> Array:
+        """Change of energy and work of the next samples [J], shape (n, 2)."""
         found = [np.empty((0, 2))]
         for part, given in stretches(block):
             if given is not None:

@@ -126,7 +126,9 @@ class Advancing(Protocol):
     failure: str
     turns: Turns
 
-    def step_once(self) -> None: ...
+    def step_once(self) -> None:
+        """Take one sample period, as ~/step does."""
+        ...
 
 
 class Lockstep:

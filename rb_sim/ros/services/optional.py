@@ -33,7 +33,9 @@ class Placing(Protocol):
     failure: str
     turns: Turns
 
-    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None: ...
+    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
+        """Put bodies into new states; project: onto the constraints first."""
+        ...
 
 
 class SetStateService:
@@ -115,15 +117,25 @@ class Steered(Protocol):
     turns: Turns
 
     @property
-    def t(self) -> float: ...
+    def t(self) -> float:
+        """Simulated time [s]."""
+        ...
 
-    def pause(self, paused: bool) -> None: ...
+    def pause(self, paused: bool) -> None:
+        """Pause, or go on."""
+        ...
 
-    def reset(self) -> None: ...
+    def reset(self) -> None:
+        """Begin anew from the scene's initial state."""
+        ...
 
-    def step_once(self) -> None: ...
+    def step_once(self) -> None:
+        """Take one sample period while paused."""
+        ...
 
-    def leave(self) -> None: ...
+    def leave(self) -> None:
+        """End the node."""
+        ...
 
 
 class SimulationServices:
@@ -235,7 +247,9 @@ class Served(Placing, Steered, Advancing, Protocol):
     """What all optional services act on: the loop of the node."""
 
     @property
-    def commands(self) -> Commands: ...
+    def commands(self) -> Commands:
+        """The commanded wrenches."""
+        ...
 
 
 def offer_services(

@@ -62,7 +62,9 @@ class TakesWrench(Protocol):
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
-    ) -> None: ...
+    ) -> None:
+        """Let a force [N] and a torque about the body origin [N m] act from now on."""
+        ...
 
 
 class Limits(NamedTuple):

@@ -28,9 +28,11 @@ class Polled(CallbackGroup):
     """
 
     def can_execute(self, entity) -> bool:
+        """False: no executor takes from this group."""
         return False
 
     def beginning_execution(self, entity) -> bool:
+        """False: no executor takes from this group."""
         return False
 
     def ending_execution(self, entity) -> None:
