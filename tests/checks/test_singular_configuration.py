@@ -77,7 +77,9 @@ def driven_to_the_end() -> dict[str, Any]:
     return {"bodies": {"b": body}, "constraints": joints, "simulation": options}
 
 
-def followed(mapping: dict[str, Any], pieces: int = 1) -> singular_configuration.DeadPoint | None:
+def followed(
+    mapping: dict[str, Any], pieces: int = 1
+) -> singular_configuration.SingularConfiguration | None:
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
@@ -143,7 +145,7 @@ def test_a_drive_that_becomes_impossible_is_told_when_it_does():
 
 
 @pytest.mark.parametrize("joint", ["fixed_axis", "fixed_point"])
-def test_a_driven_slider_crank_has_no_dead_point(joint):
+def test_a_driven_slider_crank_has_no_singular_configuration(joint):
     """It passes both stretched positions; a crank of 1 m is driven at SPEED, the rod has 1.5 m.
 
     Two of its hinges hold the plane of motion twice, and which lines are needed changes on the way.
@@ -234,7 +236,7 @@ def spatial_loop() -> dict[str, Any]:
     return {"bodies": bodies, "constraints": joints, "simulation": options}
 
 
-def test_a_linkage_that_holds_too_much_has_no_dead_point():
+def test_a_linkage_that_holds_too_much_has_no_singular_configuration():
     """Its lines are chosen anew on the way, and together they keep their rank."""
     assert followed(spatial_loop()) is None
 

@@ -171,7 +171,7 @@ def test_full_disk_leaves_a_complete_bag(small_disk):
         [sys.executable, "-c", RECORD_FOREVER, str(bag)], capture_output=True, text=True
     )
     *_, last = done.stderr.strip().splitlines()
-    assert f"SinkError: {bag}: disk full; the bag holds what was before t = " in last
+    assert f"SinkError: {bag}: disk full; the bag ends at t = " in last
     written = int(done.stdout.split()[-1])
     assert sum(len(block) for block in BagReader(bag).blocks()) >= written
     assert (bag / "metadata.yaml").exists()

@@ -265,7 +265,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
         ({"bodies": {}}, "is a scene; a plan names one"),
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "must be stone"),
-        ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),
+        ({"outputs": {"z": "max(energy.x)"}}, "'x' must be omitted: it is a number"),
         ({"outputs": {"z": "max(position.stone[2])"}}, "components are .x, .y, .z"),
         ({"derived": {"bodies.stone.position[0]": "sped"}}, "must be speed"),
         ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "must be mass"),
