@@ -34,7 +34,7 @@ def test_signal_finishes_the_logs(number, rate, tumble, tmp_path):
     process = start("run", tumble, "--out", tmp_path, *ENDLESS, "--rate", rate, "--no-rerun")
     bag = tmp_path / "bag" / "bag_0.mcap"
     wait_until(bag.exists, process)
-    time.sleep(1.0)
+    time.sleep(0.2)
     process.send_signal(number)
     sent = time.monotonic()
     stdout, stderr = process.communicate(timeout=60)

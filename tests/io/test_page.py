@@ -192,7 +192,7 @@ def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
     np.testing.assert_allclose([b["center"] for b in bearings], line["points"], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["stick_slip", "turntable", "sphere_off_sphere", "rolling_disk"])
+@pytest.mark.parametrize("name", ["turntable", "sphere_off_sphere"])
 def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
     """Without a complaint of the page; a turntable turns its grid."""
     scene = load_scene(f"config/{name}.yaml", duration=0.1)

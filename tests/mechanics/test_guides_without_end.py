@@ -57,7 +57,7 @@ def ended(number, frame):
 simulation = Simulation(scene)
 simulation.warm()
 signal.signal(signal.SIGALRM, ended)
-signal.alarm(2)
+signal.alarm(1)
 try:
     simulation.run()
 except KeyboardInterrupt:

@@ -11,7 +11,7 @@ from rb_sim import Simulation, load_scene
 from tests.contact.scenes import box, scene, touch
 
 
-@pytest.mark.parametrize("mu", [0.2585755739915971, 0.5, 0.6630037871702823, 0.9288644195422872])
+@pytest.mark.parametrize("mu", [0.2585755739915971, 0.6630037871702823])
 def test_a_box_at_the_very_threshold_of_slipping_rests(mu: float) -> None:
     """A slope of atan(mu), to the last digit: rounding let it slip, by 1e-20 m each time, 900
     times. From the start on its corners share the load within their cones, up to rounding: the
