@@ -53,6 +53,7 @@ from rb_sim.mechanics.samples import (
     concatenate,
 )
 from rb_sim.numerics.rotations import conjugate, cross, rotate
+from rb_sim.scene.shapes import SHAPES
 
 # From the messages of a bag to whole samples: what belongs to one instant is put together.
 
@@ -432,7 +433,7 @@ def _scene(record: dict[str, str]) -> RecordedScene:
             mass=body["mass"],
             inertia=np.array(body["inertia"]),
             center_of_mass=np.array(body["center_of_mass"]),
-            shape=None if body["shape"] is None else SimpleNamespace(**body["shape"]),
+            shape=(shape := body["shape"]) and SHAPES[shape["type"]].model_validate(shape),
         )
         for name, body in json.loads(record["bodies"]).items()
     }
