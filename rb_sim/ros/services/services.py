@@ -7,7 +7,8 @@ up in a turn of the request's, so that a request never falls between two answers
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -58,52 +59,48 @@ class Services:
         """
         self._loop = loop
 
-    def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+    def _answered(self, answer: Any, act: Callable[[], str]) -> Any:
+        """The answer, in a turn: what `act` says it has done, or why it is refused."""
         with self.turns:
-            if self._loop is None:
-                answer.message = COMPILING
-                return answer
             try:
-                self._loop.reset()
+                answer.message, answer.success = act(), True
             except RbSimError as error:
                 answer.message = str(error)
-                return answer
-            answer.success = True
-            answer.message = f"initial state at t = {self._loop.t:.9g} s, no wrench"
         return answer
+
+    def _there(self) -> Controlled:
+        """The loop; RbSimError where there is none yet."""
+        if self._loop is None:
+            raise RbSimError(COMPILING)
+        return self._loop
+
+    def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        def act() -> str:
+            loop = self._there()
+            loop.reset()
+            return f"initial state at t = {loop.t:.9g} s, no wrench"
+
+        return self._answered(answer, act)
 
     def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-        answer.success = True
-        how = "paused" if request.data else "running"
-        with self.turns:
+        def act() -> str:
+            how = "paused" if request.data else "running"
             if self._loop is None:
                 self.paused = request.data
-                answer.message = f"compiling; it will start {how}"
-                return answer
-            try:
-                self._loop.pause(request.data)
-            except RbSimError as error:
-                answer.success, answer.message = False, str(error)
-                return answer
-            answer.message = f"{how} at t = {self._loop.t:.9g} s"
-        return answer
+                return f"compiling; it will start {how}"
+            self._loop.pause(request.data)
+            return f"{how} at t = {self._loop.t:.9g} s"
+
+        return self._answered(answer, act)
 
     def _step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
-        with self.turns:
-            if self._loop is None:
-                answer.message = COMPILING
-                return answer
-            if self._loop.inactive:
-                answer.message = INACTIVE
-                return answer
-            if not self._loop.paused:
-                answer.message = "refused: only while paused (call ~/pause with true first)"
-                return answer
-            try:
-                self._loop.step_once()
-            except RbSimError as error:
-                answer.message = str(error)
-                return answer
-            answer.success = True
-            answer.message = f"t = {self._loop.t:.9g} s"
-        return answer
+        def act() -> str:
+            loop = self._there()
+            if loop.inactive:
+                raise RbSimError(INACTIVE)
+            if not loop.paused:
+                raise RbSimError("refused: only while paused (call ~/pause with true first)")
+            loop.step_once()
+            return f"t = {loop.t:.9g} s"
+
+        return self._answered(answer, act)
