@@ -32,7 +32,6 @@ from rb_sim.io.bag.folder import (
 )
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.cdr import NANO, STRING
-from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.topic_names import (
     CONTACT_WORK,
     DESCRIPTION,
@@ -41,7 +40,7 @@ from rb_sim.io.messages.topic_names import (
     reaction_topic,
     state_topic,
 )
-from rb_sim.io.messages.topics import Topic, TopicTable, read_event, record_in
+from rb_sim.io.messages.topics import InputTable, Topic, TopicTable, read_event, record_in
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import (
     Array,
