@@ -38,6 +38,31 @@ if TYPE_CHECKING:
     from rb_sim.simulation.state_override import Placement
 
 
+class Loop(Protocol):
+    """The loop of the node: what services act on."""
+
+    paused: bool
+    inactive: bool
+    failure: str
+    turns: Turns
+
+    @property
+    def t(self) -> float: ...
+
+    @property
+    def commands(self) -> Commands: ...
+
+    def pause(self, paused: bool) -> None: ...
+
+    def reset(self) -> None: ...
+
+    def step_once(self) -> None: ...
+
+    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None: ...
+
+    def leave(self) -> None: ...
+
+
 # ~/advance (rb_sim_interfaces/Advance): wrenches in, samples on, state and reactions out.
 #
 # Only while paused: until the next request nothing moves, so a controller may take its time. The
@@ -125,26 +150,14 @@ def set_vector(of: Any, values: Sequence[float]) -> None:
 GIVEN_TWICE = "given twice"
 
 
-class Advancing(Protocol):
-    """What the service acts on."""
-
-    paused: bool
-    inactive: bool
-    failure: str
-    turns: Turns
-
-    def step_once(self) -> None: ...
-
-
 class Lockstep:
     """Serves ~/advance. loop: the node's; the rest is what it steps with."""
 
     def __init__(
         self,
         node: Node,
-        loop: Advancing,
+        loop: Loop,
         simulation: Simulation,
-        commands: Commands,
         stepper: Stepper,
     ) -> None:
         from rb_sim_interfaces import msg  # type: ignore[import-not-found]
@@ -152,7 +165,7 @@ class Lockstep:
 
         self._msg = msg
         self._loop, self._simulation = loop, simulation
-        self._commands, self._stepper = commands, stepper
+        self._commands, self._stepper = loop.commands, stepper
         self._state = StateMessages(simulation.scene, simulation.layout)
         serve(node, Advance, "~/advance", self._advance)
 
@@ -245,22 +258,6 @@ COMPILING = "refused: still compiling, or not configured (wait for ~/state pause
 INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"
 
 
-class Controlled(Protocol):
-    """What the services act on."""
-
-    paused: bool
-    inactive: bool
-
-    @property
-    def t(self) -> float: ...
-
-    def pause(self, paused: bool) -> None: ...
-
-    def reset(self) -> None: ...
-
-    def step_once(self) -> None: ...
-
-
 class Services:
     """Serves the three services; the answers come after the thing is done.
 
@@ -272,12 +269,12 @@ class Services:
         """whose turn it is: a request's, or that of whoever prepares, runs and ends the loop."""
         self.paused = paused
         """how the node is to start, as asked last."""
-        self._loop: Controlled | None = None
+        self._loop: Loop | None = None
         serve(node, Trigger, "~/reset", self._reset)
         serve(node, SetBool, "~/pause", self._pause)
         serve(node, Trigger, "~/step", self._step)
 
-    def serve(self, loop: Controlled | None) -> None:
+    def serve(self, loop: Loop | None) -> None:
         """From here on the services act on the loop; None: on none, as before the first.
 
         To be called in a turn, once the loop has shown its initial state.
@@ -293,7 +290,7 @@ class Services:
                 answer.message = str(error)
         return answer
 
-    def _there(self) -> Controlled:
+    def _there(self) -> Loop:
         """The loop; RbSimError where there is none yet."""
         if self._loop is None:
             raise RbSimError(COMPILING)
@@ -337,19 +334,10 @@ class Services:
 # are those of the body origins in world axes, angular velocities too.
 
 
-class Placing(Protocol):
-    """What the service acts on."""
-
-    failure: str
-    turns: Turns
-
-    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None: ...
-
-
 class SetStateService:
     """Serves ~/set_state. loop: the node's."""
 
-    def __init__(self, node: Node, loop: Placing, simulation: Simulation, stepper: Stepper) -> None:
+    def __init__(self, node: Node, loop: Loop, simulation: Simulation, stepper: Stepper) -> None:
         from rb_sim_interfaces.srv import SetState  # type: ignore[import-not-found]
 
         self._loop, self._stepper = loop, stepper
@@ -416,30 +404,10 @@ FEATURES = (
 TIME_GOES_ON = "simulated time goes on"
 
 
-class Steered(Protocol):
-    """What the services act on."""
-
-    paused: bool
-    inactive: bool
-    failure: str
-    turns: Turns
-
-    @property
-    def t(self) -> float: ...
-
-    def pause(self, paused: bool) -> None: ...
-
-    def reset(self) -> None: ...
-
-    def step_once(self) -> None: ...
-
-    def leave(self) -> None: ...
-
-
 class SimulationServices:
     """Serves them. may_quit: whether the node may end by a request (a lifecycle node may not)."""
 
-    def __init__(self, node: Node, loop: Steered, *, may_quit: bool) -> None:
+    def __init__(self, node: Node, loop: Loop, *, may_quit: bool) -> None:
         from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
 
         self._loop, self._may_quit = loop, may_quit
@@ -541,20 +509,13 @@ class SimulationServices:
 OWN = "rb_sim_interfaces"
 
 
-class Served(Placing, Steered, Advancing, Protocol):
-    """What all optional services act on: the loop of the node."""
-
-    @property
-    def commands(self) -> Commands: ...
-
-
 def offer_services(
-    node: Node, loop: Served, simulation: Simulation, stepper: Stepper, *, may_quit: bool
+    node: Node, loop: Loop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
 ) -> None:
     """~/advance and ~/set_state, and those of simulation_interfaces, as far as there are types."""
 
     def own() -> None:
-        Lockstep(node, loop, simulation, loop.commands, stepper)
+        Lockstep(node, loop, simulation, stepper)
         SetStateService(node, loop, simulation, stepper)
 
     def common() -> None:
