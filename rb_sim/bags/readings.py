@@ -276,7 +276,7 @@ def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, 
     return tuple(names), Codec(data, stamps, runs)
 
 
-# Whether the header stamps of several sources are of one clock, told by when they were logged.
+# Whether the header stamps of several sources are of one clock, judged by when they were logged.
 
 
 APART = 0.5
@@ -389,7 +389,7 @@ KINDS = {
     "std_msgs/msg/Float64": SCALAR,
 }
 UNIT = 1e-3
-"""Distance from unit length beyond which a quaternion is told."""
+"""Distance from unit length beyond which a quaternion is reported."""
 HUGE = 1e100
 """Readings beyond are damage, as those that are not finite: their squares overflow."""
 AHEAD = 1 << 23

@@ -62,6 +62,7 @@ def inverse_mass_times(system, i, k, column):
 
 @inline
 def coupling(rows, i, column, force, turn):
+    """Row i, from `column` on, times the motion (force, turn) of one body."""
     return dot(vec(rows, i, column), force) + dot(vec(rows, i, column + 3), turn)
 
 
@@ -84,6 +85,7 @@ def rise_of(system, j, b, a, of_body, of_parent):
 
 @inline
 def add_push(bodies, i, force, turn, s):
+    """Add s times (force, turn) to the push of body i."""
     for j in range(3):
         bodies[i, PUSH + j] += s * force[j]
         bodies[i, PUSH + 3 + j] += s * turn[j]
@@ -91,6 +93,7 @@ def add_push(bodies, i, force, turn, s):
 
 @inline
 def clear_push(system):
+    """Set the push of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, PUSH + j] = 0.0
@@ -143,6 +146,7 @@ write_rows = dispatch(_write_rows)
 
 @inline
 def clear_loads(system):
+    """Set the loads of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] = 0.0
@@ -164,6 +168,7 @@ def free_accelerations(system, y):
 
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
+    """Each constraint's `fill` in turn."""
     fill_all(system.constraints, t, system, y, 0)
 
 
