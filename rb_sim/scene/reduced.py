@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import TWO_ULPS, WRITTEN_ROUNDING
-from rb_sim.catalogue.constraints.joints import FixedAxis, FixedPoint, Free
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free
 from rb_sim.catalogue.constraints.rolling import Rolling, levelled
 from rb_sim.catalogue.constraints.translation import Translation
 from rb_sim.catalogue.curves import curve_nearest, curve_point

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rb_sim.catalogue.constraints.joints import FixedAxis, FixedPoint, Free, Weld
+from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
 from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
 from rb_sim.catalogue.constraints.translation import Translation
