@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.readings import Readings
 from rb_sim.io.bag.batches import BagScan

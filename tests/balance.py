@@ -39,7 +39,7 @@ def two_bodies(own: Mapping, **more: Mapping) -> Mapping:
 def random_motion(system: Any, y: np.ndarray, rng: np.random.Generator, posed: bool) -> np.ndarray:
     """Random velocities and, if `posed`, places and attitudes of all bodies, brought onto the
     manifold."""
-    from rb_sim.mechanics.system import settle
+    from tests.numbers import settled
 
     y = y.copy()
     for i in range(system.bodies.shape[0]):
@@ -47,8 +47,7 @@ def random_motion(system: Any, y: np.ndarray, rng: np.random.Generator, posed: b
             y[13 * i : 13 * i + 3] = rng.normal(size=3)
             y[13 * i + 3 : 13 * i + 7] = unit(rng, 4)
         y[13 * i + 7 : 13 * i + 13] = 2.0 * rng.normal(size=6)
-    settle(system, 0.0, y)
-    return y
+    return settled(system, 0.0, y)
 
 
 class Balance(NamedTuple):
@@ -69,19 +68,17 @@ class Balance(NamedTuple):
 
 def balance_at(compiled: Any, y: np.ndarray) -> Balance:
     """From the samples at y and near it, along the accelerations of the equations."""
-    from rb_sim.mechanics.system import rate_into, sample
-    from rb_sim.motion.motion import row_width
+    from tests.numbers import rate_at, sample_at
 
     system, reactions = compiled.system, len(compiled.layout.reactions)
-    slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))
-    rate_into(system, 0.0, y, slope)
+    slope = rate_at(compiled, 0.0, y)
     at = 13 * system.bodies.shape[0] + 9 * reactions
 
     def reported(t: float) -> np.ndarray:
-        sample(system, t, y + t * slope, out)
-        return out[at : at + 10].copy()
+        return sample_at(compiled, t, y + t * slope)[at : at + 10]
 
-    rates, here = difference(reported), reported(0.0)
+    rates, out = difference(reported), sample_at(compiled, 0.0, y)
+    here = out[at : at + 10]
     totals = [i for i, name in enumerate(compiled.layout.reactions) if "/" not in name]
     wrenches = out[13 * system.bodies.shape[0] : at].reshape(-1, 9)[totals]
     return Balance(

@@ -18,6 +18,7 @@ from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
 from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
+from rb_sim.base.rounding import NEGLIGIBLE
 from rb_sim.io.plots.panels import LEAST_DRAWN
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
@@ -29,8 +30,6 @@ CURVE_POINTS = 4000
 MOST_BODIES = 3
 """Laid over each other in the picture: those that differ most."""
 
-STILL = 1e-6
-"""Change of a component, relative to the motion, below which it has no panel."""
 
 FLIP = 90.0
 """[degrees]: by more no angle changes between samples; roll and yaw jump where the pitch is 90."""
@@ -52,7 +51,9 @@ class Overlaid(NamedTuple):
     @property
     def moves(self) -> bool:
         """Whether A or B is seen to move in it."""
-        return any(np.nanmax(y) - np.nanmin(y) > STILL * self.size for _, y in (self.a, self.b))
+        return any(
+            np.nanmax(y) - np.nanmin(y) > NEGLIGIBLE * self.size for _, y in (self.a, self.b)
+        )
 
 
 def picture(found: Differences, a: Tracks, b: Tracks, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How large rounding is, in four sizes that all of the package shares.
+"""How large rounding is, in four sizes that all of the package shares, and what nobody sees.
 
 What decides anything but rounding has a name of its own where it decides.
 """
@@ -13,3 +13,5 @@ COMPUTED_ROUNDING = 1e-12
 """Relative size of what is zero in numbers that some dozens of operations give."""
 WRITTEN_ROUNDING = 1e-9
 """Relative misfit of numbers that a person or a program has rounded and written down."""
+NEGLIGIBLE = 1e-6
+"""Share of the largest of its kind below which something is not drawn and not told."""

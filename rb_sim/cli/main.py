@@ -17,7 +17,6 @@ from typer.core import TyperCommand, TyperGroup
 
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
-from rb_sim.cli import bag_verbs, study_verbs
 from rb_sim.cli import options as opt
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
 
@@ -418,8 +417,378 @@ def linearize(
     return tell(find_scene(scene), at, axes, turning, out, json)
 
 
-study_verbs.register(verb)
-bag_verbs.register(verb)
+# Verbs that run a scene, or many, more than once.
+
+
+@verb()
+def accuracy(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE",
+            help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`.",
+        ),
+    ],
+    out: opt.Out = None,
+    target: Annotated[
+        float | None,
+        typer.Option(
+            metavar="ERROR",
+            help="Global error in m and rad; the cheapest setting within it is printed.",
+        ),
+    ] = None,
+    budget: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="Wall-clock time of all runs, without compiling."),
+    ] = 60.0,
+) -> int:
+    """Measure error against CPU time for each method on a scene.
+
+    For a statics scene: the accuracy of its reactions.
+    """
+    from rb_sim.cli.verbs.accuracy import accuracy as of_motion
+    from rb_sim.cli.verbs.accuracy import of_statics
+    from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.load import is_statics
+
+    path = find_scene(scene)
+    if is_statics(path):
+        return of_statics(path, out, target)
+    return of_motion(path, out, target, budget)
+
+
+@verb(name="hard-cases")
+def hard_cases(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder with your own cases; default: the shipped ones.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Run only cases whose name contains this; repeatable."),
+    ] = None,
+    out: opt.Out = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Run only the cases that take a few seconds.")
+    ] = False,
+) -> int:
+    """Run scenes that are hard to simulate and print the margin of each bound.
+
+    With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
+    """
+    from rb_sim.cli.verbs.hard_cases import hard_cases as run_cases
+
+    return run_cases(folder, only or (), out, quick)
+
+
+@verb()
+def sweep(
+    plan: Annotated[
+        str,
+        typer.Argument(
+            metavar="PLAN | report | list",
+            help="Plan: a YAML file or the name of a shipped one; or `report DIR`; or `list`.",
+        ),
+    ],
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="With `report`: folder of a sweep.")
+    ] = None,
+    out: opt.Out = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of processes; default: one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Address of a dask scheduler to use instead of local processes."
+        ),
+    ] = None,
+    batch: Annotated[
+        int | None,
+        typer.Option(metavar="RUNS", help="Runs per task; default: about one second of work."),
+    ] = None,
+    lanes: Annotated[
+        bool,
+        typer.Option(
+            "--lanes/--no-lanes", help="Compute several runs at once with vector instructions."
+        ),
+    ] = True,
+) -> int:
+    """Run a scene many times with varied parameters; runs that DIR already contains are kept."""
+    from rb_sim.cli.verbs import sweep as verbs
+
+    if plan == "list":
+        return verbs.sweep_plans()
+    if plan == "report":
+        if folder is None:
+            raise RbSimError("report: got no folder; must be the folder of a sweep (its --out)")
+        return verbs.sweep_report(folder)
+    if folder is not None:
+        raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
+    return verbs.sweep(plan, out, workers, scheduler, batch, lanes)
+
+
+# Verbs that read bags.
+
+
+AnyBag = Annotated[
+    Path, typer.Argument(metavar="BAG", help="Bag: a folder, an .mcap or a .db3 file.")
+]
+Wrench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[BODY=]TOPIC",
+        help="Topic of an applied wrench in a bag not recorded by rb_sim, or none; repeatable: "
+        "they add up.",
+        show_default="by frame and name",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+
+@verb()
+def replay(
+    bag: AnyBag,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.rrd", help="Save a Rerun recording instead of opening the viewer."
+        ),
+    ] = None,
+    screenshot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Save a picture instead of opening the viewer."),
+    ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Save a film of the motion (needs ffmpeg)."),
+    ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCENE",
+            help="Scene whose bodies the joint states of a bag not recorded by rb_sim place.",
+        ),
+    ] = None,
+    publish: Annotated[
+        bool,
+        typer.Option(
+            "--publish",
+            help="Publish its topics over DDS, with /clock, instead of opening the viewer.",
+        ),
+    ] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="X",
+            help="With --publish: speed relative to real time; 0: as fast as possible. Default: 1.",
+        ),
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="With --publish: repeat for ever.")] = False,
+    start: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="With --publish: start at this time of the run."),
+    ] = None,
+) -> int:
+    """Show a bag in the Rerun viewer, save a picture or a film of it, or publish its topics."""
+    from rb_sim.cli.verbs.replay import PlayOptions, play
+    from rb_sim.cli.verbs.replay import replay as show
+
+    options = PlayOptions(rate, loop, start)
+    if publish:
+        return play(bag, options, alone=save is screenshot is video is scene is None)
+    options.refuse()
+    show(bag, save, screenshot, video, scene)
+    return 0
+
+
+@verb()
+def show(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT|BAG|SCENE",
+            help="Folder of a run, a bag (also of another program), or a scene (simulated first).",
+        ),
+    ],
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html", help="The page.", show_default="OUT/show.html, else NAME.html"
+        ),
+    ] = None,
+    browse: Annotated[
+        bool, typer.Option("--open", help="Open the page in the web browser.")
+    ] = False,
+) -> None:
+    """Write one HTML page that shows a run in 3D with a time slider, forces and plots.
+
+    The page is one file under 3 MB that works without a network and without rb_sim.
+    """
+    from rb_sim.cli.verbs.replay import show as write_page
+
+    write_page(source, save, browse=browse)
+
+
+@verb()
+def info(bag: AnyBag, json: Json = False) -> int:
+    """List the contents of a bag: scene, settings, versions, topics, rates, gaps, damage."""
+    from rb_sim.cli.verbs.info import info as tell
+
+    return tell(bag, json)
+
+
+@verb()
+def analyze(
+    bag: AnyBag,
+    out: opt.Out = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Analyse this topic only; repeatable.")
+    ] = None,
+    masses: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Scene or URDF with the masses, for a bag not recorded by rb_sim; a scene also "
+            "gives effects and constraints.",
+        ),
+    ] = None,
+    parquet: Annotated[
+        bool, typer.Option("--parquet", help="Also write DIR/samples.parquet.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Report rates, gaps, energy, momenta, wrenches and spectra of any bag with poses."""
+    from rb_sim.cli.verbs.analyze import AnalyzeOptions
+    from rb_sim.cli.verbs.analyze import analyze as read
+
+    topics = tuple(topic or ())
+    return read(AnalyzeOptions(bag, out, topics, masses, parquet, json))
+
+
+@verb()
+def resim(
+    bag: opt.Bag,
+    out: opt.Out = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(metavar="SCENE", help="Simulate this scene instead of the recorded one."),
+    ] = None,
+    change: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
+        ),
+    ] = None,
+    method: opt.Method = None,
+    step: opt.Step = None,
+    tolerance: opt.Tolerance = None,
+    overwrite: opt.Overwrite = False,
+    json: Json = False,
+) -> int:
+    """Simulate a recorded run again: bit for bit the same, or with changes."""
+    from rb_sim.cli.verbs.resim import ResimOptions
+    from rb_sim.cli.verbs.resim import resim as again
+
+    changes = tuple(change or ())
+    return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json, overwrite))
+
+
+@verb()
+def compare(
+    a: AnyBag,
+    b: Annotated[
+        str, typer.Argument(metavar="OTHER", help="Bag, scene or CSV file to compare with.")
+    ],
+    out: opt.Out = None,
+    align: Annotated[
+        str | None,
+        typer.Option(
+            metavar="none|first|offset|clock",
+            help="Clock of OTHER: none: as recorded; first: equal first stamps; offset: estimated "
+            "from the motions; clock: offset and drift (at most 1e-4) estimated.",
+            show_default="none; offset if the times do not overlap",
+        ),
+    ] = None,
+    match: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NAME", help="Body of BAG and its name in OTHER; repeatable."),
+    ] = None,
+    wrench: Wrench = None,
+    max_position: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Exit 1 if positions differ by more."),
+    ] = None,
+    max_angle: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Exit 1 if attitudes differ by more.")
+    ] = None,
+    max_velocity: Annotated[
+        float | None, typer.Option(metavar="M/S", help="Exit 1 if velocities differ by more.")
+    ] = None,
+    max_spin: Annotated[
+        float | None,
+        typer.Option(metavar="RAD/S", help="Exit 1 if angular velocities differ by more."),
+    ] = None,
+    max_force: Annotated[
+        float | None, typer.Option(metavar="N", help="Exit 1 if reaction forces differ by more.")
+    ] = None,
+    max_torque: Annotated[
+        float | None, typer.Option(metavar="NM", help="Exit 1 if reaction torques differ by more.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Save a picture of both motions.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Compare two motions: largest differences, when they begin, how fast they grow."""
+    from rb_sim.cli.verbs.compare import CompareOptions
+    from rb_sim.cli.verbs.compare import compare as beside
+
+    given = {"position": max_position, "angle": max_angle, "velocity": max_velocity,
+             "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
+    bounds = {name: value for name, value in given.items() if value is not None}
+    pairs = tuple(match or ())
+    acting = tuple(wrench or ())
+    return beside(CompareOptions(a, b, out, json, align, pairs, acting, bounds, screenshot))
+
+
+@verb()
+def fit(
+    bag: AnyBag,
+    free: Annotated[
+        str,
+        typer.Option(
+            metavar="KEY,KEY",
+            help="Parameters to fit, e.g. bodies.top.mass,effects.air.coefficient.",
+        ),
+    ],
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE", help="Scene to fit; default: the one in the bag.")
+    ] = None,
+    out: opt.Out = None,
+    match: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=BODY", help="Pose in the bag and its body of the scene; repeatable."
+        ),
+    ] = None,
+    wrench: Wrench = None,
+    noise: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="M RAD",
+            help="Standard deviation of positions and attitudes; default: estimated.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Fit parameters of a scene to a recorded motion."""
+    from rb_sim.cli.verbs.fit import FitOptions
+    from rb_sim.cli.verbs.fit import fit as solve
+
+    pairs, acting = tuple(match or ()), tuple(wrench or ())
+    return solve(FitOptions(bag, free, scene, out, pairs, acting, noise, json))
 
 
 def main() -> None:

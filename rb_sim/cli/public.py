@@ -94,8 +94,8 @@ def analyze(
     Raises:
         RbSimError: The file is not a bag, has no readings, or `masses` cannot be read.
     """
-    from rb_sim.bags.analysis.analyze import analyze as read
     from rb_sim.bags.analysis.bodies import masses_of, scene_of
+    from rb_sim.bags.analysis.run import analyze as read
 
     given = None if masses is None else str(masses)
     return read(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,6 +21,7 @@ from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
 from rb_sim.scene.yaml_reader import parse, read_text
 from rb_sim.simulation.simulation import Simulation
+from rb_sim.sweeps.expressions import Expression
 from rb_sim.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -128,28 +128,16 @@ def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
 
 # What must be small in a case, written as a formula over the samples of a run.
 #
-# Names: t; for each body B: B_x B_y B_z, B_vx B_vy B_vz (centre of mass, world), B_wx B_wy B_wz
-# (body axes), B_qx B_qy B_qz B_qw; for each reaction R: R_fx R_fy R_fz, R_tx R_ty R_tz; energy,
-# kinetic, potential, residual; pi.  Functions: FUNCTIONS.  Nothing else of Python is understood.
+# Expressions as those of sweeps. Names: t; for each body B: B_x B_y B_z, B_vx B_vy B_vz (centre of
+# mass, world), B_wx B_wy B_wz (body axes), B_qx B_qy B_qz B_qw; for each reaction R: R_fx R_fy
+# R_fz, R_tx R_ty R_tz; energy, kinetic, potential, residual; pi.
 
 
 FUNCTIONS: dict[str, Any] = {
-    **{name: getattr(np, name) for name in ("sin", "cos", "tan", "cosh", "sinh", "tanh")},
-    **{name: getattr(np, name) for name in ("sqrt", "exp", "log", "abs", "hypot", "where")},
-    **{"atan": np.arctan, "atan2": np.arctan2, "acos": np.arccos, "max": np.maximum},
+    **{name: getattr(np, name) for name in ("cosh", "sinh", "tanh", "hypot")},
+    **{"atan": np.arctan, "max": np.maximum},
 }
-
-OPERATIONS: dict[type, Any] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.USub: np.negative,
-    ast.UAdd: np.positive,
-    ast.Lt: np.less,
-    ast.Gt: np.greater,
-}
+"""Besides those of expressions; max is that of two."""
 
 
 def largest(formula: str, block: SampleBlock, layout: SampleLayout) -> float:
@@ -157,35 +145,10 @@ def largest(formula: str, block: SampleBlock, layout: SampleLayout) -> float:
 
     Raises RbSimError for a formula that is not one, or that names what the run has not.
     """
-    names = columns(block, layout)
-    try:
-        tree = ast.parse(formula, mode="eval").body
-    except SyntaxError as error:
-        raise RbSimError(f"formula {formula!r}: {error.msg}") from None
-    with np.errstate(all="ignore"):
-        values = np.abs(np.asarray(value_of(tree, names, formula), dtype=float))
-    return float(np.nan_to_num(values, nan=np.inf, posinf=np.inf).max())
-
-
-def value_of(node: ast.AST, names: Mapping[str, Any], formula: str) -> Any:
-    """The value of a part of the formula."""
-    match node:
-        case ast.Constant(value=int() | float() as number):
-            return float(number)
-        case ast.Name(id=name) if name in names:
-            return names[name]
-        case ast.UnaryOp(op=op, operand=operand) if type(op) in OPERATIONS:
-            return OPERATIONS[type(op)](value_of(operand, names, formula))
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATIONS:
-            both = value_of(left, names, formula), value_of(right, names, formula)
-            return OPERATIONS[type(op)](*both)
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in OPERATIONS:
-            both = value_of(left, names, formula), value_of(right, names, formula)
-            return OPERATIONS[type(op)](*both)
-        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-            return FUNCTIONS[name](*(value_of(arg, names, formula) for arg in args))
-    what = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
-    raise RbSimError(f"formula {formula!r}: {what!r} is no name, number or function of a case")
+    found = np.asarray(Expression(formula, "formula").value(columns(block, layout), FUNCTIONS))
+    if found.dtype.kind not in "bif" or found.ndim > 1:
+        raise RbSimError(f"formula {formula!r}: must be a number at each sample")
+    return float(np.nan_to_num(abs(found.astype(float)), nan=np.inf, posinf=np.inf).max())
 
 
 def columns(block: SampleBlock, layout: SampleLayout) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How far a body reaches."""
+"""How large bodies are drawn, and how far what is drawn reaches."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 THIN_DISK = 0.03
 """Thickness to draw a disk with, in radii."""
 
-THIN_ROD = 0.03
+THIN_ROD = 0.02
 """Radius to draw a rod with that gives none, in lengths."""
 
 
@@ -18,21 +18,6 @@ def drawn_cylinder(shape: Any) -> tuple[float, float]:
     if shape.type == "disk":
         return THIN_DISK * shape.radius, shape.radius
     return shape.length, THIN_ROD * shape.length if shape.radius is None else shape.radius
-
-
-def reach(shape: Any | None) -> float:
-    """Distance from the shape's centre to its farthest point [m]; 0 for no shape."""
-    if shape is None:
-        return 0.0
-    match shape.type:
-        case "sphere" | "disk":
-            return float(shape.radius)
-        case "cylinder" | "rod":
-            return float(np.hypot(shape.radius or 0.0, 0.5 * shape.length))
-        case "box":
-            return 0.5 * float(np.linalg.norm(shape.size))
-        case _:
-            return float(max(shape.semi_axes))
 
 
 def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -46,16 +31,14 @@ def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reach_of(body: Any) -> float:
-    """As `reach`, of what is drawn for a body [m]."""
+    """From the centre of what is drawn for a body to its farthest point [m]."""
     if body.shape is not None:
-        return reach(body.shape)
+        return float(body.shape.reach)
     return float(np.linalg.norm(inertia_box(body)[0]))
 
 
-def half_box(shape: Any | None) -> np.ndarray:
-    """Half sizes of the box around the shape, body axes (3,) [m]; zero for no shape."""
-    if shape is None:
-        return np.zeros(3)
+def half_box(shape: Any) -> np.ndarray:
+    """Half sizes of the box around the shape, body axes (3,) [m]."""
     match shape.type:
         case "sphere":
             return np.full(3, float(shape.radius))

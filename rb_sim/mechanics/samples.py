@@ -236,6 +236,20 @@ def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> Samp
     )
 
 
+def rows_of(block: SampleBlock) -> Array:
+    """The block as rows of the kernel, (n, width): what `block_of` makes blocks of."""
+    motion = ("position", "orientation", "linear_velocity", "angular_velocity")
+    reaction = ("reaction_force", "reaction_torque", "anchor")
+    balance = ("kinetic_energy", "potential_energy", "power", "momentum", "angular_momentum")
+    contacts = ("contact_work", "contact_state") if block.contact_state.size else ()
+    groups = [
+        np.concatenate([getattr(block, name) for name in names], axis=2)
+        for names in (motion, reaction)
+    ]
+    groups += [getattr(block, name) for name in (*balance, "residual", *contacts)]
+    return np.concatenate([part.reshape(len(block), -1) for part in groups], axis=1)
+
+
 def block_of_rows(rows: Sequence[SampleRow], layout: SampleLayout) -> SampleBlock:
     """One block from samples in time order; there is at least one."""
     t = np.array([one.t for one in rows])

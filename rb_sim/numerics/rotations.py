@@ -63,6 +63,14 @@ def from_rotation_vector(vector: Array) -> Array:
     return np.concatenate([half_sine * vector, np.cos(0.5 * angle)], axis=-1)
 
 
+def from_z(axis: Array) -> Array:
+    """The quaternion that turns z into the unit vector `axis`, shape (3,)."""
+    if axis[2] < -1.0 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
+    return q / np.linalg.norm(q)
+
+
 def continuous(quaternion: Array) -> Array:
     """Quaternions (n, 4), each of the sign that is nearest to the one before."""
     signs = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0, -1.0, 1.0)

@@ -18,7 +18,7 @@ from rclpy.service import Service
 from rb_sim.base.errors import RbSimError
 from rb_sim.ros.node import SimulationLoop
 from rb_sim.ros.preparing import begin, described, ended, prepared, the_logs
-from rb_sim.ros.services.services import Services
+from rb_sim.ros.services import Services
 from rb_sim.ros.serving import Serving
 from rb_sim.ros.topics.inbox import HidesPolled
 

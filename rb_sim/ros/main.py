@@ -194,7 +194,7 @@ def _simulate_now(
     standing: ExitStack,
 ) -> int:
     """As `_simulate`, without a lifecycle. standing: shows a clock at zero until it is closed."""
-    from rb_sim.ros.services.services import Services
+    from rb_sim.ros.services import Services
     from rb_sim.ros.serving import Serving
 
     services = Services(node, paused=asked.now.start_paused)

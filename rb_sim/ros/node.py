@@ -17,8 +17,7 @@ from rb_sim.ros.diagnostics import Diagnostics, Watched
 from rb_sim.ros.logs.process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer, Priority
 from rb_sim.ros.parameters import LiveSettings
-from rb_sim.ros.services.optional import offer_services
-from rb_sim.ros.services.services import Services
+from rb_sim.ros.services import Services, offer_services
 from rb_sim.ros.serving import Serving
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics import command

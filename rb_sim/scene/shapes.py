@@ -220,11 +220,6 @@ class Rod(Shape):
         return _revolution(0.5 * square, 0.25 * square + thin, self.axis_B)
 
     @property
-    def draw_radius(self) -> float:
-        """Radius to draw [m]: the given one, or length/50 for a thin rod."""
-        return 0.02 * self.length if self.radius is None else self.radius
-
-    @property
     def reach(self) -> float:
         """The distance of the edge of an end from the centre."""
         return float(np.hypot(self.radius or 0.0, 0.5 * self.length))

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
 from rb_sim.catalogue.types import BodyState
+from rb_sim.io.extent import drawn_cylinder
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
@@ -58,7 +59,8 @@ def _local_points(shape: shapes.Shape) -> Array:
         case shapes.Disk():
             return shape.radius * _ring(shape.axis_B)
         case shapes.Rod():
-            return _tube(0.5 * shape.draw_radius, shape.length, shape.axis_B)
+            length, radius = drawn_cylinder(shape)
+            return _tube(0.5 * radius, length, shape.axis_B)
         case shapes.Cylinder():
             return _tube(shape.radius, shape.length, shape.axis_B)
     return np.zeros((0, 3))

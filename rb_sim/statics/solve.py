@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.base.rounding import NEGLIGIBLE
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import (
     AdmissibleSet,
@@ -30,8 +31,6 @@ from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResul
 Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
-MINOR = 1e-6
-"""share of the largest motion below which a body's part in it is not mentioned."""
 
 
 def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...]:
@@ -49,10 +48,10 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
     for name, pole, (push, turn), (force, torque) in zip(
         system.bodies, system.poles, scaled, load, strict=True
     ):
-        if max(np.abs(push).max(), np.abs(turn).max()) <= MINOR * largest:
+        if max(np.abs(push).max(), np.abs(turn).max()) <= NEGLIGIBLE * largest:
             continue
         speed, spin = float(np.linalg.norm(push)), float(np.linalg.norm(turn))
-        if spin <= MINOR * speed:
+        if spin <= NEGLIGIBLE * speed:
             along = push / speed
             found.append(_failing_force(name, along, float(force @ along)))
         else:
@@ -63,7 +62,7 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
             moment = float((torque + np.cross(pole - through, force)) @ axis)
             found.append(_failing_torque(name, axis, through, moment))
             pitch = float(push @ axis)
-            if abs(pitch) > MINOR * (speed + spin):
+            if abs(pitch) > NEGLIGIBLE * (speed + spin):
                 found.append(_failing_force(name, axis, float(force @ axis)))
     return tuple(found)
 

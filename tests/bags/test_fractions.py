@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.tracks import tracks_of_bag
 from tests.bags.analysis import foreign
 

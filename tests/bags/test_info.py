@@ -10,7 +10,7 @@ import pytest
 from mcap.writer import Writer
 
 from rb_sim import Trajectory
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.message_rates import Rates
 from rb_sim.bags.tracks import tracks_of_bag

@@ -9,8 +9,7 @@ import pytest
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from rb_sim.bags.messages import LAYOUTS, NEEDED, layout_of
-from rb_sim.bags.readings import Readings
+from rb_sim.bags.readings import LAYOUTS, NEEDED, Readings, layout_of
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 LINE = "=" * 80

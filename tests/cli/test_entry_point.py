@@ -25,7 +25,7 @@ main()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("module", ["typer", "rb_sim.cli.bag_verbs"])
+@pytest.mark.parametrize("module", ["typer", "rb_sim.cli.options"])
 def test_a_signal_while_the_verbs_are_imported_ends_in_one_line(number, module):
     code = STRUCK.format(module=module, number=int(number))
     ended = subprocess.run(

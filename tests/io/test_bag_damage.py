@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.info import info
 from rb_sim.base.errors import SinkError
 from rb_sim.cli.verbs.replay import recover, replay

@@ -75,7 +75,7 @@ def test_scene_and_layout(record, scene, layout):
         np.testing.assert_array_equal(found.inertia, body.inertia)
         np.testing.assert_array_equal(found.center_of_mass, body.center_of_mass)
         assert found.shape.type == body.shape.type
-    assert found.shape.size == [0.6, 0.04, 1.0] and found.shape.center_B == [0.3, 0.0, 0.5]
+    assert found.shape.size == (0.6, 0.04, 1.0) and found.shape.center_B == (0.3, 0.0, 0.5)
 
 
 def test_lone_file_and_namespace(record, tmp_path):

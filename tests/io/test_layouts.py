@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.scenes import layout
-from rb_sim.io.layouts.shown import MOST_BODIES, MOST_REACTIONS, shown
+from rb_sim.io.layouts import MOST_BODIES, MOST_REACTIONS, shown
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
 from tests.bags.scenes import record_run

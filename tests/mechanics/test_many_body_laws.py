@@ -1,4 +1,4 @@
-"""The laws of many bodies at any state beside one dense solve: numbers, traced, over tables.
+"""The laws of many bodies at any state beside one dense solve: traced, over tables.
 
 M du/dt = f + G^T lambda and G du/dt = -bias as one system of equations (LL 38.2) that numpy
 solves; the lines and the wrenches are those of the catalogue, which tests of their own compare
@@ -119,7 +119,7 @@ def solution(of: Dense, right: np.ndarray, load: np.ndarray) -> tuple[np.ndarray
 
 def any_state(system: Any, start: np.ndarray, seed: int, near: bool) -> np.ndarray:
     """A state on the manifold, near the start or anywhere, with random velocities."""
-    from rb_sim.mechanics.system import settle
+    from tests.numbers import settled
 
     rng, y = np.random.default_rng(seed), start.copy().reshape(-1, 13)
     y[:, 7:] = rng.normal(size=(len(y), 6))
@@ -127,9 +127,7 @@ def any_state(system: Any, start: np.ndarray, seed: int, near: bool) -> np.ndarr
         y[:, :3] += 0.05 * rng.normal(size=(len(y), 3))
         turns = Rotation.from_rotvec(0.1 * rng.normal(size=(len(y), 3)))
         y[:, 3:7] = (turns * Rotation.from_quat(y[:, 3:7])).as_quat()
-    found = y.ravel()
-    settle(system, INSTANT, found)
-    return found
+    return settled(system, INSTANT, y.ravel())
 
 
 def compiled_state(name: str, seed: int) -> tuple[Any, np.ndarray]:
@@ -179,11 +177,10 @@ def reported(system: Any, y: np.ndarray, of: Dense) -> np.ndarray:
 
 
 def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """(what, expected, found): accelerations and samples in numbers, traced and over tables."""
+    """(what, expected, found): accelerations and samples, traced and over tables."""
     from rb_sim.mechanics.initial_projection import changing_in
     from rb_sim.mechanics.multibody_laws import MultiBodyLaws
     from rb_sim.mechanics.samples import row_width
-    from rb_sim.mechanics.system import rate_into, sample
     from rb_sim.mechanics.tables.table_laws import TableLaws
 
     made, y = compiled_state(name, seed)
@@ -191,11 +188,7 @@ def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
     of = dense(system, y)
     expected, _ = solution(of, -of.bias, of.load)
     rows = reported(system, y, of)
-    dy, out = np.zeros(n), np.zeros(width)
-    rate_into(system, INSTANT, y, dy)
-    sample(system, INSTANT, y, out)
-    found = [("rate", expected, velocities_of(dy)), ("sample", rows, out[:-1])]
-    found += [("residual", np.zeros(1), out[-1:])]
+    found: list[tuple[str, np.ndarray, np.ndarray]] = []
     changing = changing_in(system, made.dependent)
     for kind, some in ((MultiBodyLaws, []), (MultiBodyLaws, changing), (TableLaws, [])):
         law = kind(system, width, made.redundant, (), made.dependent, some)
@@ -205,6 +198,7 @@ def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
         found.append((f"{what}, rate", expected, velocities_of(dy)))
         out = outputs(law.sample, INSTANT, y, p, width)
         found.append((f"{what}, sample", rows, out[:-1]))
+        found.append((f"{what}, residual", np.zeros(1), out[-1:]))
     return found
 
 
@@ -218,14 +212,13 @@ def test_accelerations_and_samples_are_those_of_one_dense_solve(name: str) -> No
 
 def slips(name: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Velocities after the way back to the manifold: as it finds them, as one dense solve does."""
-    from rb_sim.mechanics.system import settle
+    from tests.numbers import settled
 
     made, y = compiled_state(name, seed)
     y.reshape(-1, 13)[:, 7:] += np.random.default_rng(seed).normal(size=(len(y) // 13, 6))
     of = dense(made.system, y)
     expected, _ = solution(of, of.rate, of.mass @ velocities_of(y))
-    settle(made.system, INSTANT, y)
-    return expected, velocities_of(y)
+    return expected, velocities_of(settled(made.system, INSTANT, y))
 
 
 @pytest.mark.parametrize("name", SCENES)

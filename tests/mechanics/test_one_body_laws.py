@@ -43,17 +43,15 @@ def anywhere(reduced: Any, rng: np.random.Generator) -> tuple[float, ...]:
 
 
 def sampled(compiled: Any, y: Any) -> np.ndarray:
-    from rb_sim.mechanics.samples import row_width
-    from rb_sim.mechanics.system import sample
+    from tests.numbers import sample_at
 
-    out = np.zeros(row_width(compiled.layout))
-    sample(compiled.system, INSTANT, y, out)
-    return out
+    return sample_at(compiled, INSTANT, y)
 
 
 def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
     """Samples and rates of the state, by reduced and by maximal coordinates: (2, ...) each."""
-    from rb_sim.mechanics.system import inside, rate, rate_into
+    from rb_sim.mechanics.system import inside, rate
+    from tests.numbers import rate_at
 
     reduced, maximal = compiled_both(mapping)
     y = anywhere(reduced, np.random.default_rng(seed))
@@ -62,8 +60,7 @@ def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
     state = own[:13].copy()
     dy = np.array(rate(reduced.system, INSTANT, y))
     along = difference(lambda h: sampled(reduced, tuple(np.array(y) + h * dy))[:13])
-    expected = np.zeros(13)
-    rate_into(maximal.system, INSTANT, state, expected)
+    expected = rate_at(maximal, INSTANT, state)
     return np.array([own, sampled(maximal, state)]), np.array([along, expected])
 
 
@@ -146,13 +143,12 @@ def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str, lift: f
 
 def maximal_from_near(mapping: Mapping) -> tuple[float, float]:
     """(residual near the manifold, after `settle`) in maximal coordinates."""
-    from rb_sim.mechanics.system import settle
+    from tests.numbers import settled
 
     _, maximal = compiled_both(mapping)
     y = np.array(maximal.y) + 1e-4 * np.random.default_rng(2).normal(size=13)
     off = sampled(maximal, y)[-1]
-    settle(maximal.system, INSTANT, y)
-    return float(off), float(sampled(maximal, y)[-1])
+    return float(off), float(sampled(maximal, settled(maximal.system, INSTANT, y))[-1])
 
 
 @pytest.mark.parametrize("name", sorted(set(JOINTS) - {"free"}))

@@ -115,11 +115,6 @@ def test_axis_is_brought_to_length_one() -> None:
     assert Cylinder(radius=1, length=2, axis_B=(0, 3, 0)).axis_B == (0.0, 1.0, 0.0)
 
 
-def test_a_rod_is_drawn_with_its_radius_or_a_visible_one() -> None:
-    assert Rod(length=2, radius=0.3).draw_radius == 0.3
-    assert Rod(length=2).draw_radius == 0.04
-
-
 def test_registry_holds_each_shape_under_its_type() -> None:
     assert {kind: cls.model_fields["type"].default for kind, cls in SHAPES.items()} == {
         kind: kind for kind in ("sphere", "disk", "cylinder", "box", "rod", "ellipsoid")

@@ -96,6 +96,16 @@ def relative_motion(B, A, r_B):
     return p, c, rho, sub(v, add(A.v_WC, cross(spin_A, rho))), spin_A
 
 
+@inline
+def hold_along(row, B, A, G, k, directions):
+    """r_B stays at r_A along directions of the parent: a line each, from k on."""
+    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
+    gap = sub(rho, rotate(A.q_WB, row.r_A))
+    for i in range(len(directions)):
+        d = rotate(A.q_WB, directions[i])
+        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+
+
 class PointRow(NamedTuple):
     """r_B of the body stays at r_A of the parent: 3 lines along the world's axes."""
 
@@ -136,11 +146,7 @@ COUNT[SeatRow] = 3
 @fill.register(SeatRow)
 def fill_seat(row, t, B, A, G, k):
     """3 rows: the points coincide, along each of the parent's axes."""
-    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    gap = sub(rho, rotate(A.q_WB, row.r_A))
-    for i, e in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
-        d = rotate(A.q_WB, e)
-        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+    hold_along(row, B, A, G, k, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 class SlotRow(NamedTuple):
@@ -158,12 +164,7 @@ COUNT[SlotRow] = 2
 @fill.register(SlotRow)
 def fill_slot(row, t, B, A, G, k):
     """2 rows: the points coincide along the directions t1_A and t2_A of the parent."""
-    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    gap = sub(rho, rotate(A.q_WB, row.r_A))
-    d = rotate(A.q_WB, row.t1_A)
-    put_along(G, k, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
-    d = rotate(A.q_WB, row.t2_A)
-    put_along(G, k + 1, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+    hold_along(row, B, A, G, k, (row.t1_A, row.t2_A))
 
 
 class PlaneRow(NamedTuple):
@@ -180,16 +181,7 @@ COUNT[PlaneRow] = 1
 @fill.register(PlaneRow)
 def fill_plane(row, t, B, A, G, k):
     """1 row: the distance of r_B from the parent's plane through r_A is zero."""
-    p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
-    d = rotate(A.q_WB, row.n_A)
-    gap = dot(d, sub(rho, rotate(A.q_WB, row.r_A)))
-    put_along(G, k, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, gap, 1.0)
-
-
-@anchor.register(PointRow, SeatRow, SlotRow, PlaneRow)
-def point_anchor(row, B, A):
-    """The body's point r_B, world [m]."""
-    return add(B.p_WC, rotate(B.q_WB, row.r_B))
+    hold_along(row, B, A, G, k, (row.n_A,))
 
 
 @inline
@@ -245,12 +237,6 @@ def fill_lock(row, t, B, A, G, k):
         put_normal(G, k + i, b, a, B, A)
 
 
-@anchor.register(LockRow)
-def lock_anchor(row, B, A):
-    """The body's point r_B, about which the torque is reported, world [m]."""
-    return add(B.p_WC, rotate(B.q_WB, row.r_B))
-
-
 @anchor.register(ParallelRow)
 def com_anchor(row, B, A):
     """The centre of mass of the body: a torque alone has no point of application, world [m]."""
@@ -283,12 +269,6 @@ def fill_distance(row, t, B, A, G, k):
     G[k, BIAS] += (dot(v_rel, v_rel) - along * along) / length
 
 
-@anchor.register(DistanceRow)
-def distance_anchor(row, B, A):
-    """The body's point r_B, world [m]."""
-    return add(B.p_WC, rotate(B.q_WB, row.r_B))
-
-
 class VelocityRow(NamedTuple):
     """l . v_P + a . w = b with l and a fixed in the body (in_body) or in the world: 1 line."""
 
@@ -318,12 +298,6 @@ def fill_velocity(row, t, B, A, G, k):
         G[k, 6 + i] = 0.0
 
 
-@anchor.register(VelocityRow)
-def velocity_anchor(row, B, A):
-    """The body's point r_B, world [m]."""
-    return add(B.p_WC, rotate(B.q_WB, row.r_B))
-
-
 # The rows that keep a point of a body on a curve.
 
 
@@ -347,21 +321,12 @@ def fill_curve(row, t, B, A, G, k):
     e1, e2 = perpendicular(scale(inverse**0.5, slope))
     gap, normal = sub(p, on), sub(c, scale(s_dot * s_dot, bend))
     r_B, none = row.r_B, (0.0, 0.0, 0.0)
-    put(G, k, e1, cross(r_B, unrotate(B.q_WB, e1)), none, dot(e1, normal), dot(e1, gap), 0.0, 1.0)
-    put(
-        G,
-        k + 1,
-        e2,
-        cross(r_B, unrotate(B.q_WB, e2)),
-        none,
-        dot(e2, normal),
-        dot(e2, gap),
-        0.0,
-        1.0,
-    )
+    for i, e in ((0, e1), (1, e2)):
+        turn = cross(r_B, unrotate(B.q_WB, e))
+        put(G, k + i, e, turn, none, dot(e, normal), dot(e, gap), 0.0, 1.0)
 
 
-@anchor.register(CurveRow)
-def curve_anchor(row, B, A):
+@anchor.register(PointRow, SeatRow, SlotRow, PlaneRow, LockRow, DistanceRow, VelocityRow, CurveRow)
+def point_anchor(row, B, A):
     """The body's point r_B, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))

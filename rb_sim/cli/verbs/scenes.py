@@ -58,8 +58,7 @@ def layout(name: str, out: Path | None = None) -> int:
 
     Raises SceneError, RbSimError for a folder that cannot be written.
     """
-    from rb_sim.io.layouts import foxglove, plotjuggler, rviz
-    from rb_sim.io.layouts.shown import shown
+    from rb_sim.io.layouts import foxglove, plotjuggler, rviz, shown
     from rb_sim.scene.compile import compile_scene
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
@@ -69,9 +68,9 @@ def layout(name: str, out: Path | None = None) -> int:
     topics = shown(scene, compile_scene(scene).layout)
     folder = Path() if out is None else out
     texts = {
-        f"{scene.name}.foxglove.json": foxglove.text_of(topics),
-        f"{scene.name}.rviz": rviz.text_of(topics),
-        f"{scene.name}.plotjuggler.xml": plotjuggler.text_of(topics),
+        f"{scene.name}.foxglove.json": foxglove(topics),
+        f"{scene.name}.rviz": rviz(topics),
+        f"{scene.name}.plotjuggler.xml": plotjuggler(topics),
     }
     with writing(folder):
         for file, text in texts.items():

@@ -138,7 +138,6 @@ def joint_system(system: Any, rows: int) -> MultiBody:
         bodies=system.bodies.copy(),
         lines=system.lines[:rows, :LINE_COLUMNS].copy(),
         rows=np.zeros((rows, system.rows.shape[1])),
-        square=np.zeros((2, rows, rows)),
         vectors=np.zeros((2, rows)),
         first_row=system.first_row[: joints + 1].copy(),
         members=system.members[:, : 1 + joints].copy(),

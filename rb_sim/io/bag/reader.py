@@ -32,7 +32,6 @@ from rb_sim.io.bag.folder import (
 )
 from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.cdr import NANO, STRING
-from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.topic_names import (
     CONTACT_WORK,
     DESCRIPTION,
@@ -41,7 +40,7 @@ from rb_sim.io.messages.topic_names import (
     reaction_topic,
     state_topic,
 )
-from rb_sim.io.messages.topics import Topic, TopicTable, read_event, record_in
+from rb_sim.io.messages.topics import InputTable, Topic, TopicTable, read_event, record_in
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import (
     Array,
@@ -53,6 +52,7 @@ from rb_sim.mechanics.samples import (
     concatenate,
 )
 from rb_sim.numerics.rotations import conjugate, cross, rotate
+from rb_sim.scene.shapes import SHAPES
 
 # From the messages of a bag to whole samples: what belongs to one instant is put together.
 
@@ -432,7 +432,7 @@ def _scene(record: dict[str, str]) -> RecordedScene:
             mass=body["mass"],
             inertia=np.array(body["inertia"]),
             center_of_mass=np.array(body["center_of_mass"]),
-            shape=None if body["shape"] is None else SimpleNamespace(**body["shape"]),
+            shape=(shape := body["shape"]) and SHAPES[shape["type"]].model_validate(shape),
         )
         for name, body in json.loads(record["bodies"]).items()
     }

@@ -26,12 +26,12 @@ from rb_sim.io.bag.writer import Rows
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import JOINT_STATE, NANO, STRING, TYPE_HASHES, schema_text, stamp_of
-from rb_sim.io.messages.input_messages import InputTable
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE, STATE
 from rb_sim.io.messages.topics import (
     AccelTable,
     Asked,
+    InputTable,
     OdometryTable,
     SampleMessages,
     TopicTable,

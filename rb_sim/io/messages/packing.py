@@ -1,8 +1,8 @@
-"""All messages of a sample in one buffer, filled by two assignments.
+"""All messages of a sample in one buffer, filled by compiled code.
 
 A message of fixed layout is a template with numbers to fill in. Here the templates of all topics
 stand one behind the other, each where its doubles are aligned, so that the numbers of a sample, or
-of many, go to their places in one indexed assignment; Python does nothing per field.
+of many, go to their places at once; Python does nothing per field.
 """
 
 from __future__ import annotations
@@ -15,7 +15,14 @@ import numpy as np
 
 from rb_sim.io.messages.cdr import HEADER, NANO, Codec
 from rb_sim.io.messages.topic_names import NAMESPACE
-from rb_sim.mechanics.samples import Origins, SampleBlock, block_of, empty_block, origins, row_width
+from rb_sim.mechanics.samples import (
+    Origins,
+    SampleBlock,
+    block_of,
+    empty_block,
+    row_width,
+    rows_of,
+)
 from rb_sim.numerics.kernels import helper, loop
 
 if TYPE_CHECKING:
@@ -156,7 +163,6 @@ class Packer:
         self, topics: Sequence[Topic], layout: SampleLayout, center_of_mass: Array
     ) -> None:
         self._center_of_mass = center_of_mass
-        self._constants = np.array([CONSTANTS])
         self.bounds: list[tuple[int, int]] = []
         numbers: list[NDArray[Any]] = []
         octets, stamps, template = [], [], bytearray()
@@ -182,16 +188,20 @@ class Packer:
         self._states = row_width(layout) - len(layout.contacts)
 
     def pack_rows(self, rows: Array, commands: Array, stamps: Sequence[int]) -> list[list[bytes]]:
-        """The messages of each sample, the same bytes as `pack` gives, sooner.
+        """The messages of each sample, in the order of the topics.
 
         rows: as the kernel writes them, shape (n, width). commands: world axes, shape (n, M, 6).
         """
+        return self._cut(self._filled(rows, commands, np.array(stamps)))
+
+    def _filled(self, rows: Array, commands: Array, stamps: NDArray[Any]) -> NDArray[np.uint8]:
+        """The messages of each sample in a row of one array."""
         n = len(rows)
         buffer = np.empty((n, len(self._template)), dtype=np.uint8)
         buffer[:] = self._template
         pack_rows(
-            rows,
-            commands.reshape(n, -1),
+            np.ascontiguousarray(rows),
+            np.ascontiguousarray(commands.reshape(n, -1)),
             self._center_of_mass,
             self._linear,
             self._energy,
@@ -200,11 +210,11 @@ class Packer:
             self._source,
             buffer.view(np.float64),
             self._seconds,
-            np.array([divmod(stamp, NANO) for stamp in stamps]),
+            np.stack(np.divmod(stamps, NANO), axis=1),
         )
         if len(self._octets):
             buffer[:, self._octets] = rows[:, self._states :]
-        return self._cut(buffer)
+        return buffer
 
     def pack(self, block: SampleBlock, stamps: NDArray[Any]) -> list[list[bytes]]:
         """The messages of each sample, in the order of the topics. stamps: [ns], shape (n,)."""
@@ -212,18 +222,7 @@ class Packer:
 
     def fill(self, block: SampleBlock, stamps: NDArray[Any]) -> NDArray[np.uint8]:
         """The same in one array, shape (n, size); the topics' messages are at `bounds` of a row."""
-        n, size = len(block), len(self._template)
-        buffer = np.empty((n, size), dtype=np.uint8)
-        buffer[:] = self._template
-        source = _source(block, origins(block, self._center_of_mass), self._constants)
-        buffer.view(np.float64)[:, self._numbers] = source[:, self._source]
-        if len(self._octets):
-            buffer[:, self._octets] = block.contact_state
-        seconds = buffer.view(np.int32)
-        whole, rest = np.divmod(stamps[:, None], NANO)
-        seconds[:, self._seconds] = whole
-        seconds[:, self._seconds + 1] = rest
-        return buffer
+        return self._filled(rows_of(block), block.command, stamps)
 
     def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
         """The messages in each row of the buffer."""
@@ -234,21 +233,6 @@ class Packer:
 def _aligned(end: int) -> int:
     """The next start of a message whose fields, behind its header, are aligned in the buffer."""
     return end + (-end - len(HEADER)) % 8
-
-
-def _source(block: SampleBlock, motion: Origins, constants: Array) -> Array:
-    """The numbers of each sample, shape (n, columns)."""
-    n = len(block)
-    parts = [
-        np.broadcast_to(constants, (n, len(CONSTANTS))),
-        motion.position,
-        block.orientation,
-        motion.linear_velocity,
-        motion.angular_velocity,
-        block.energy,
-        *(getattr(block, name) for name in FIELDS),
-    ]
-    return np.concatenate([part.reshape(n, -1) for part in parts], axis=1)
 
 
 def _columns(topics: Sequence[Topic], layout: SampleLayout) -> NDArray[Any]:

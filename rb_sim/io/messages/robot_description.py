@@ -8,10 +8,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
+from rb_sim.io.extent import drawn_cylinder
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.mechanics.samples import centers_of_mass, origins
-from rb_sim.numerics.rotations import conjugate, product, roll_pitch_yaw, rotate
+from rb_sim.numerics.rotations import conjugate, from_z, product, roll_pitch_yaw, rotate
 from rb_sim.numerics.vectors import quaternion_product
 
 if TYPE_CHECKING:
@@ -145,8 +146,6 @@ def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...
 
 
 Element = ElementTree.Element
-THIN = 0.03
-"""Thickness of a disk, in radii."""
 UNLIMITED = 1e9
 """[m, m/s, N]: limits of a prismatic joint, which URDF demands and a guide has not."""
 
@@ -216,16 +215,9 @@ def _shape(part: Element, shape: Any) -> None:
         case "box":
             ElementTree.SubElement(geometry, "box", size=_texts(shape.size))
         case _:
-            length, radius = length_and_radius(shape)
+            length, radius = drawn_cylinder(shape)
             entries = {"length": _text(length), "radius": _text(radius)}
             ElementTree.SubElement(geometry, "cylinder", entries)
-
-
-def length_and_radius(shape: Any) -> tuple[float, float]:
-    """Of the cylinder that a disk, cylinder or rod is drawn as [m]."""
-    if shape.type == "disk":
-        return THIN * shape.radius, shape.radius
-    return shape.length, getattr(shape, "draw_radius", shape.radius)
 
 
 def _join(
@@ -283,14 +275,6 @@ def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
     ElementTree.SubElement(of, "origin", xyz=_texts(xyz), rpy=_texts(roll_pitch_yaw(q)))
 
 
-def from_z(axis: Array) -> Array:
-    """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
-    if axis[2] < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
-    return q / np.linalg.norm(q)
-
-
 # Markers: each body's shape in its own frame. They are locked to the frames of /tf, so once is
 # enough; a body without shape has none.
 
@@ -328,7 +312,7 @@ def _marker(shape: Any) -> tuple[int, list[float], Array]:
         case "box":
             return CUBE, list(shape.size), turn
         case _:
-            length, radius = length_and_radius(shape)
+            length, radius = drawn_cylinder(shape)
             return CYLINDER, [2.0 * radius, 2.0 * radius, length], from_z(shape.axis_B)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from rb_sim.base.palette import AXES, ENERGIES
 from rb_sim.io.contact_power import smooth_power
-from rb_sim.io.extent import reach
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import centers_of_mass, origins
@@ -353,7 +352,7 @@ def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, 
             energy = max(energy, *np.ptp(finite, axis=0), float(np.abs(finite[:, 0]).max()))
         elif panel.kind in size:
             size[panel.kind] = max(size[panel.kind], float(np.abs(finite).max()))
-    bodies = [reach(body.shape) for body in scene.bodies.values()]
+    bodies = [body.shape.reach for body in scene.bodies.values() if body.shape is not None]
     length = max([size["length"], *bodies])
     speed = max(size["speed"], size["spin"] * max(bodies, default=0.0))
     return {

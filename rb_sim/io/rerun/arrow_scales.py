@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.base.rounding import NEGLIGIBLE, WRITTEN_ROUNDING
 from rb_sim.io.extent import reach_of
 from rb_sim.numerics.rotations import conjugate, rotate
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 QUIET = np.errstate(all="ignore")
 """A run that blows up has samples without bounds, of which numpy would tell in words of its own."""
-SEEN = 1e-6
-"""Of the greatest length, below which a vector counts as zero."""
 
 
 TOUCHING = 0.01
@@ -167,7 +165,7 @@ def typical(vectors: Array) -> float:
     """Median length of those among vectors of shape (..., 3) that are not zero; 0 if all are.
 
     A peak is no measure: after an impact every other arrow would be too short to see. Nor are
-    lengths of round-off, so only those above MOST of the greatest count.
+    lengths of round-off, so only those above NEGLIGIBLE of the greatest count.
     """
     return middle(np.linalg.norm(vectors.reshape(-1, 3), axis=1))
 
@@ -178,7 +176,7 @@ def middle(lengths: Array) -> float:
     greatest = float(lengths.max(initial=0.0))
     if greatest == 0.0:
         return 0.0
-    return float(np.median(lengths[lengths > SEEN * greatest]))
+    return float(np.median(lengths[lengths > NEGLIGIBLE * greatest]))
 
 
 @QUIET

@@ -12,7 +12,7 @@ from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import drawn_cylinder, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
-from rb_sim.numerics.rotations import rotate
+from rb_sim.numerics.rotations import from_z, rotate
 
 if TYPE_CHECKING:
     from rb_sim.io.plots.panels import Panel
@@ -37,7 +37,7 @@ def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
             return rr.Boxes3D(half_sizes=[0.5 * np.array(shape.size)], **common)
         case _:
             length, radius = drawn_cylinder(shape)
-            turn = [_from_z(np.array(shape.axis_B))]
+            turn = [from_z(np.array(shape.axis_B))]
             return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
 
 
@@ -76,7 +76,7 @@ def lines(strips: Any, color: tuple[int, int, int], width: float) -> Any:
 
 def grid(point: Any, normal: Any, near: Any, size: float) -> Any:
     """A plane as lines, which hide nothing: about `size` [m] around the point nearest to `near`."""
-    along = [_turned(_from_z(normal), axis) for axis in np.eye(3)[:2]]
+    along = [_turned(from_z(normal), axis) for axis in np.eye(3)[:2]]
     field = spacing(size)
     half = field * np.ceil(0.5 * size / field)
     foot = point + sum(
@@ -104,7 +104,7 @@ def bearing(point_B: Any, axis_B: Any, length: float) -> tuple[Any, Any]:
     radius, long = BEARING
     solid = rr.Cylinders3D(
         centers=[point], lengths=[long * length], radii=[radius * length],
-        quaternions=[_from_z(axis)], colors=[JOINT], fill_mode="solid",
+        quaternions=[from_z(axis)], colors=[JOINT], fill_mode="solid",
     )  # fmt: skip
     reach = AXLE * length * axis
     return solid, lines([[point - reach, point + reach]], JOINT, THIN_LINE)
@@ -120,7 +120,7 @@ def rail(guide: Any, start: Any, near: Any, size: float, origin: Any) -> Any:
             foot = point + np.dot(near - point, direction) * direction
             points = [foot - 0.5 * size * direction, foot + 0.5 * size * direction]
         case "circle":
-            turn = _from_z(np.array(guide.normal))
+            turn = from_z(np.array(guide.normal))
             angles = np.linspace(0.0, 2.0 * np.pi, ROUND)
             flat = guide.radius * np.c_[np.cos(angles), np.sin(angles), 0.0 * angles]
             points = np.array(guide.center) - origin + [_turned(turn, each) for each in flat]
@@ -161,20 +161,12 @@ def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any 
                 centers=[point + np.dot(near - point, axis) * axis],
                 lengths=[size],
                 radii=[surface.radius],
-                quaternions=[_from_z(axis)],
+                quaternions=[from_z(axis)],
                 colors=[SUPPORT],
                 fill_mode="solid" if surface.side == "outside" else "majorwireframe",
             )
         case _:
             return None
-
-
-def _from_z(axis: Any) -> Any:
-    """Quaternion [x, y, z, w] that turns z into the unit vector `axis`."""
-    if axis[2] < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
-    return q / np.linalg.norm(q)
 
 
 AXIS = 1.4

@@ -193,6 +193,7 @@ class ContactBodies(NamedTuple):
     """body, parent, work space, ANGLE and DEPENDENT; integers, shape (n, LINE_WIDTH)."""
     rows: np.ndarray
     square: np.ndarray
+    """A = G M^-1 W and work space, of the lines that hold, shape (2, n, n)."""
     vectors: np.ndarray
     first_row: np.ndarray
     members: np.ndarray

@@ -59,8 +59,7 @@ from rb_sim.numerics.kernels import call_law, inline, pointer
 from rb_sim.numerics.linear_solves import solve_semidefinite
 from rb_sim.numerics.vectors import add, cross, rotate, scale, sub
 
-# The way back to the manifold of bodies in contact: as
-# `mechanics.systems.multipliers.settle_bodies`, on the lines that hold alone.
+# The way back to the manifold of bodies in contact, on the lines that hold alone.
 #
 # Most of a body's contacts are open most of the time; their lines are zero, and a factorisation
 # that carries them along costs as if they were not.

@@ -41,10 +41,8 @@ class MultiBody(NamedTuple):
     integers, shape (n, LINE_COLUMNS)."""
     rows: np.ndarray
     """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
-    square: np.ndarray
-    """A = G M^-1 G^T and work space, shape (2, n, n)."""
     vectors: np.ndarray
-    """right side and multipliers, shape (2, n)."""
+    """right side (in contact) and multipliers, shape (2, n)."""
     first_row: np.ndarray
     """first line of each part of a constraint, the total at the end; integers (parts + 1,)."""
     members: np.ndarray
@@ -72,8 +70,7 @@ def without_work_space(system):
     workspace = {
         name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")
     }
-    square = np.zeros_like(system.square)
-    return system._replace(bodies=bodies, lines=lines, square=square, **workspace)
+    return system._replace(bodies=bodies, lines=lines, **workspace)
 
 
 CLEARED[MultiBody] = without_work_space

@@ -1,19 +1,15 @@
-"""N bodies and any constraints in maximal coordinates, with explicit multipliers.
+"""N bodies and any constraints in maximal coordinates: what multipliers do, and what is reported.
 
-After every step the state is put back on the manifold, position first (Newton in the metric of
-M), then velocity; see `multipliers`.
+Traced laws (`multibody_laws`), the start (`initial_projection`) and contacts call these kernels, on
+symbols or on numbers.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import BIAS, COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH
+from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH
 from rb_sim.catalogue.types import Inertial
-from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
-from rb_sim.mechanics.system import inside, rate_into, sample, settle
 from rb_sim.mechanics.systems.many_bodies import (
     ANGLE,
     BODY,
@@ -24,15 +20,12 @@ from rb_sim.mechanics.systems.many_bodies import (
     LOAD,
     MASS,
     MULTIPLIERS,
-    ORDER,
     PARENT,
     PUSH,
-    RIGHT,
     WIDTH,
     MultiBody,
     anchor_all,
     angles,
-    apply_effects,
     arm_of,
     energetics,
     fill_all,
@@ -41,8 +34,6 @@ from rb_sim.mechanics.systems.many_bodies import (
     vec,
 )
 from rb_sim.numerics.kernels import dispatch, inline
-from rb_sim.numerics.linear_solves import solve_semidefinite
-from rb_sim.numerics.rank import ranked
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -57,8 +48,6 @@ from rb_sim.numerics.vectors import (
     symmetric_times,
 )
 
-# Accelerations and multipliers of N constrained bodies, and the way back to the manifold.
-#
 # M du/dt = f + G^T lambda with G du/dt = -bias gives accelerations AND reactions from one solve,
 # A lambda = -(bias + G M^-1 f), A = G M^-1 G^T (LL 38.2, 38.6).
 
@@ -92,24 +81,6 @@ def rise_of(system, j, b, a, of_body, of_parent):
         if lines[j, PARENT] == a:
             s += coupling(rows, j, 6, of_parent[0], of_parent[1])
     return s
-
-
-@inline
-def fill_matrix(system, holonomic_only):
-    """A = G M^-1 G^T; with holonomic_only the other lines become those of the identity."""
-    rows, lines = system.rows, system.lines
-    for i in range(lines.shape[0]):
-        b, a = lines[i, BODY], lines[i, PARENT]
-        fb, kb = inverse_mass_times(system, b, i, 0)
-        fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        if a >= 0:
-            fa, ka = inverse_mass_times(system, a, i, 6)
-        for j in range(i + 1):
-            s = rise_of(system, j, b, a, (fb, kb), (fa, ka))
-            if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
-                s = 1.0 if i == j else 0.0
-            system.square[0, i, j] = s
-            system.square[0, j, i] = s
 
 
 @inline
@@ -166,19 +137,6 @@ def row_velocity(system, y, k):
     return s
 
 
-@inline
-def solve_lines(system):
-    """Multipliers from the right side; returns the rank of A."""
-    return solve_semidefinite(
-        system.square[0],
-        system.vectors[RIGHT],
-        system.vectors[MULTIPLIERS],
-        system.square[1],
-        system.lines[:, ORDER],
-        system.lines.shape[0],
-    )
-
-
 def _write_rows(system, t, y):
     """Write the lines of all constraints at (t, y)."""
 
@@ -208,24 +166,6 @@ def free_accelerations(system, y):
             bodies[i, PUSH + 3 + j] = alpha[j]
 
 
-@inline
-def accelerations(system, t, y):
-    """Fill the multipliers and push = accelerations (world, body axes); returns the rank of G."""
-    clear_loads(system)
-    apply_effects(system.effects, t, system, y)
-    free_accelerations(system, y)
-    n = system.lines.shape[0]
-    if n == 0:
-        return 0
-    write_rows(system, t, y)
-    fill_matrix(system, False)
-    for k in range(n):
-        system.vectors[RIGHT, k] = -(system.rows[k, BIAS] + row_times_push(system, k))
-    rank = solve_lines(system)
-    add_multipliers(system)
-    return rank
-
-
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
     """Each constraint's `fill` in turn."""
@@ -247,74 +187,6 @@ def move_by_push(system, y):
             y[k + 3 + j] = q[j]
 
 
-class AllLines(NamedTuple):
-    """The lines of a system, all of which hold."""
-
-    system: Any
-
-
-@position_error.register(AllLines)
-def error_of_all(way, t, y):
-    """Largest error of the holonomic rows [m], and the number of rows."""
-    system, worst = way.system, 0.0
-    write_rows(system, t, y)
-    for k in range(system.lines.shape[0]):
-        system.vectors[RIGHT, k] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
-        worst = max(worst, abs(system.vectors[RIGHT, k]) * arm_of(system, k))
-    return worst, system.lines.shape[0]
-
-
-@correct_positions.register(AllLines)
-def correct_all(way, t, y, lines):
-    """Displace the bodies along all rows, by what the errors of the holonomic ones demand."""
-    system = way.system
-    fill_matrix(system, True)
-    solve_lines(system)
-    for k in range(lines):
-        system.vectors[MULTIPLIERS, k] *= system.rows[k, HOLONOMIC]
-    clear_push(system)
-    add_multipliers(system)
-    move_by_push(system, y)
-
-
-@inline
-def project_velocities(system, t, y):
-    """u += M^-1 G^T A^-1 (b - G u): the nearest admissible velocity in the metric of M."""
-    write_rows(system, t, y)
-    fill_matrix(system, False)
-    for k in range(system.lines.shape[0]):
-        system.vectors[RIGHT, k] = system.rows[k, RATE] - row_velocity(system, y, k)
-    solve_lines(system)
-    clear_push(system)
-    add_multipliers(system)
-    for i in range(system.bodies.shape[0]):
-        for j in range(6):
-            y[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
-
-
-@inline
-def settle_bodies(system, t, y):
-    """y with unit quaternions and on the manifold, in place; position first, then velocity.
-
-    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
-    """
-    clear_push(system)
-    move_by_push(system, y)
-    if system.lines.shape[0] > 0:
-        worst, _ = return_to_positions(AllLines(system), t, y, system.length, 0.0)
-        if not worst <= LOST * system.length:
-            y[0] = np.nan
-        project_velocities(system, t, y)
-    return y
-
-
-@rate_into.register(MultiBody)
-def multibody_rate(system, t, y, dy):
-    """Velocities and accelerations of all bodies."""
-    accelerations(system, t, y)
-    put_rates(system, y, dy)
-
-
 @inline
 def put_rates(system, y, dy):
     """dy/dt of all bodies, the accelerations in push."""
@@ -327,12 +199,6 @@ def put_rates(system, y, dy):
             dy[k + 3 + j] = turn[j]
         for j in range(6):
             dy[k + 7 + j] = system.bodies[i, PUSH + j]
-
-
-@settle.register(MultiBody)
-def multibody_settle(system, t, y):
-    """See `settle_bodies`."""
-    return settle_bodies(system, t, y)
 
 
 @inline
@@ -423,31 +289,6 @@ def power_of_reactions(system):
     return power
 
 
-@sample.register(MultiBody)
-def multibody_sample(system, t, y, out):
-    """Coordinates, reactions and balances; without full rank the minimum-norm multipliers."""
-    bodies = system.bodies.shape[0]
-    for i in range(WIDTH * bodies):
-        out[i] = y[i]
-    at = WIDTH * bodies
-    rank = accelerations(system, t, y)
-    n = system.lines.shape[0]
-    reaction_power = 0.0
-    if n > 0:
-        if rank < n:
-            A, x = system.square[0], system.vectors[MULTIPLIERS]
-            x[:] = ranked(A).least(A @ x)
-        at = put_reactions(system, y, out, at)
-        reaction_power = power_of_reactions(system)
-    put_balances(system, t, y, out, at, reaction_power)
-
-
-@inside.register(MultiBody)
-def multibody_inside(system, y):
-    """True: the domain has no end."""
-    return True
-
-
 def multibody(
     bodies: list[Inertial],
     effects: tuple,
@@ -471,7 +312,6 @@ def multibody(
         bodies=body_table(bodies),
         lines=lines,
         rows=np.zeros((n, ROW_WIDTH)),
-        square=np.zeros((2, n, n)),
         vectors=np.zeros((2, n)),
         first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         members=members,

@@ -10,9 +10,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rb_sim import Simulation, load_scene
-from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.report import write_report
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.message_rates import APART, GrowingTime
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.scene.load import scene_from_mapping

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.derivatives import Body
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.base.errors import SinkError
 from rb_sim.scene.load import load_scene
 from tests.bags.analysis import foreign

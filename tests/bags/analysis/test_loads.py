@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from tests.bags.scenes import record_run
 from tests.interpreted import interpreted
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.bodies import BodyFigures
 from rb_sim.bags.analysis.derivatives import Body
+from rb_sim.bags.analysis.run import analyze
 from tests.bags.analysis import foreign
 
 H = 1e-2

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rb_sim.bags.analysis.analyze import analyze
+from rb_sim.bags.analysis.run import analyze
 from tests.bags.scenes import Commander, record_node
 from tests.interpreted import interpreted
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.bodies import STRETCH, BodyFigures, jumps
+from rb_sim.bags.analysis.run import analyze
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.scene.listing import find_scene
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rb_sim.bags.analysis.analyze import analyze
 from rb_sim.bags.analysis.derivatives import Body
+from rb_sim.bags.analysis.run import analyze
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import POSE, TWIST, T, pose, writing
 

@@ -1,1 +1,0 @@
-"""Layouts of Foxglove, RViz and PlotJuggler for the topics of a scene."""

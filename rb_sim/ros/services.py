@@ -1,0 +1,547 @@
+"""The services of the node: ~/reset, ~/step and ~/pause, and those whose types may be missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.time import Time
+from std_srvs.srv import SetBool, Trigger
+
+from rb_sim.base.errors import RbSimError
+from rb_sim.io.messages.cdr import NANO, Layout, stamp_of
+from rb_sim.io.messages.packing import Packer
+from rb_sim.io.messages.topic_names import WORLD, body_frame
+from rb_sim.io.messages.topics import Topic
+from rb_sim.mechanics.samples import Origins, centers_of_mass
+from rb_sim.numerics.rotations import conjugate, rotate
+from rb_sim.ros.build_interfaces import is_there
+from rb_sim.ros.serving import Turns, serve
+from rb_sim.ros.stepper import Stepper
+from rb_sim.ros.topics.command import (
+    Command,
+    Commands,
+    Refusal,
+    Vector,
+    beyond,
+    checked,
+    wrong_frame,
+)
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, SampleRow
+    from rb_sim.ros.stepper import Stepper
+    from rb_sim.scene.schema import Scene
+    from rb_sim.simulation.simulation import Simulation
+    from rb_sim.simulation.state_override import Placement
+
+
+class Loop(Protocol):
+    """The loop of the node: what services act on."""
+
+    paused: bool
+    inactive: bool
+    failure: str
+    turns: Turns
+
+    @property
+    def t(self) -> float:
+        """Simulated time [s]."""
+        ...
+
+    @property
+    def commands(self) -> Commands:
+        """The commanded wrenches."""
+        ...
+
+    def pause(self, paused: bool) -> None:
+        """Pause, or go on."""
+        ...
+
+    def reset(self) -> None:
+        """Begin anew from the scene's initial state."""
+        ...
+
+    def step_once(self) -> None:
+        """Take one sample period while paused."""
+        ...
+
+    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
+        """Put bodies into new states; project: onto the constraints first."""
+        ...
+
+    def leave(self) -> None:
+        """End the node."""
+        ...
+
+
+# ~/advance (rb_sim_interfaces/Advance): wrenches in, samples on, state and reactions out.
+#
+# Only while paused: until the next request nothing moves, so a controller may take its time. The
+# wrenches of a request act from its first sample on, and all are refused if one is.
+
+
+# The state of a sample as the messages of rb_sim_interfaces, for the answers of services.
+#
+# The numbers are packed as those of the topics are, so the two agree to the last bit.
+
+
+class Answer(NamedTuple):
+    """What an answer says of a sample."""
+
+    bodies: list[Any]
+    """BodyState of each."""
+    reactions: list[Any]
+    """Reaction of each."""
+    energy: float
+    """kinetic plus potential [J]."""
+    residual: float
+    """worst violation of a constraint, relative."""
+
+
+class StateMessages:
+    """Makes the messages of one scene's samples; numbers come as plain floats, all at once.
+
+    The messages are the same objects each time, with other numbers: an answer is sent before the
+    next one is made.
+    """
+
+    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
+        from rb_sim_interfaces import msg  # type: ignore[import-not-found]
+
+        self._bodies: list[Any] = [msg.BodyState(body=name) for name in layout.bodies]
+        of_each = zip(layout.reactions, layout.reaction_bodies, strict=True)
+        self._reactions: list[Any] = [
+            msg.Reaction(constraint=name, body=body) for name, body in of_each
+        ]
+        self._places = [
+            *(place for state in self._bodies for place in _of_state(state)),
+            *(place for one in self._reactions for place in _of_reaction(one)),
+        ]
+        """for each vector, in the order of the numbers: where it goes, and whether it has a w."""
+        size = sum(3 + turns for _, turns in self._places) + 2
+        numbers = Topic("", "", Layout().doubles(size).codec(), _numbers)
+        self._codec = numbers.codec
+        self._packer = Packer([numbers], layout, centers_of_mass(scene.bodies, layout.bodies))
+
+    def of(self, row: SampleRow) -> Answer:
+        """The messages of a sample."""
+        packed = self._packer.pack_rows(row.row[None], row.command[None], [0])[0][0]
+        values = iter(self._codec.unpack(packed))
+        for place, turns in self._places:
+            place.x, place.y, place.z = next(values), next(values), next(values)
+            if turns:
+                place.w = next(values)
+        return Answer(self._bodies, self._reactions, next(values), next(values))
+
+
+def _of_state(state: Any) -> tuple[tuple[Any, bool], ...]:
+    pose, twist = state.pose, state.twist
+    linear, angular = (twist.linear, False), (twist.angular, False)
+    return (pose.position, False), (pose.orientation, True), linear, angular
+
+
+def _of_reaction(one: Any) -> tuple[tuple[Any, bool], ...]:
+    return (one.anchor, False), (one.wrench.force, False), (one.wrench.torque, False)
+
+
+def _numbers(block: SampleBlock, motion: Origins) -> Array:
+    """All numbers of an answer, shape (n, size), in the order of its vectors."""
+    moving = (motion.position, block.orientation, motion.linear_velocity, motion.angular_velocity)
+    acting = (block.anchor, block.reaction_force, block.reaction_torque)
+    parts = [np.concatenate(one, axis=2) for one in (moving, acting)]
+    totals = np.stack([block.energy, block.residual], axis=1)
+    return np.concatenate([*(one.reshape(len(block), -1) for one in parts), totals], axis=1)
+
+
+def set_vector(of: Any, values: Sequence[float]) -> None:
+    """Three plain floats into a message's x, y and z."""
+    of.x, of.y, of.z = values
+
+
+GIVEN_TWICE = "given twice"
+
+
+class Lockstep:
+    """Serves ~/advance. loop: the node's; the rest is what it steps with."""
+
+    def __init__(
+        self,
+        node: Node,
+        loop: Loop,
+        simulation: Simulation,
+        stepper: Stepper,
+    ) -> None:
+        from rb_sim_interfaces import msg  # type: ignore[import-not-found]
+        from rb_sim_interfaces.srv import Advance  # type: ignore[import-not-found]
+
+        self._msg = msg
+        self._loop, self._simulation = loop, simulation
+        self._commands, self._stepper = loop.commands, stepper
+        self._state = StateMessages(simulation.scene, simulation.layout)
+        serve(node, Advance, "~/advance", self._advance)
+
+    def _advance(self, request: Any, answer: Any) -> Any:
+        with self._loop.turns:
+            return self._answered(request, answer)
+
+    def _answered(self, request: Any, answer: Any) -> Any:
+        answer.message = self._refusal() or self._take(request.wrenches)
+        if not answer.message:
+            answer.success = True
+            for _ in range(request.samples):
+                try:
+                    self._loop.step_once()
+                except RbSimError as error:
+                    answer.success, answer.message = False, str(error)
+                    break
+                answer.samples += 1
+            answer.message = answer.message or f"t = {self._stepper.t:.9g} s"
+        if self._stepper.last_row is not None:
+            self._fill(answer, self._stepper.last_row)
+        return answer
+
+    def _refusal(self) -> str:
+        if self._loop.failure:
+            return self._loop.failure
+        if self._loop.inactive:
+            return INACTIVE
+        return "" if self._loop.paused else "refused: only while paused (call ~/pause with true)"
+
+    def _take(self, wrenches: list[Any]) -> str:
+        """Let the wrenches act; why they do not, if so."""
+        commands: dict[str, Command] = {}
+        for one in wrenches:
+            command = self._read(one)
+            if one.body in commands and not isinstance(command, Refusal):
+                command = Refusal(GIVEN_TWICE, "the body is given twice")
+            if isinstance(command, Refusal):
+                self._commands.refused[command.reason] += 1
+                return f"{one.body}: wrench refused: {command.words}"
+            commands[one.body] = command
+        self._commands.overtake(commands)
+        for body, command in commands.items():
+            self._commands.give(self._stepper.ahead, body, command, self._stepper.t)
+        return ""
+
+    def _read(self, one: Any) -> Command | Refusal:
+        known = self._simulation.layout.commanded
+        if one.body not in known:
+            named = ", ".join(known) or "none (no commanded_wrench effect)"
+            return Refusal("unknown body", f"bodies that take a command: {named}")
+        prefix = self._commands.prefix
+        frame = {prefix + WORLD: "world", prefix + body_frame(one.body): "body"}.get(one.frame_id)
+        if frame is None:
+            return wrong_frame(one.frame_id, one.body, prefix)
+        force, torque = _vector(one.wrench.force), _vector(one.wrench.torque)
+        command = checked(frame, force, torque)
+        if isinstance(command, Refusal):
+            return command
+        return beyond(command, self._commands.limits) or command
+
+    def _fill(self, answer: Any, row: SampleRow) -> None:
+        """State, reactions and events of the last sample."""
+        msg = self._msg
+        answer.stamp.sec, answer.stamp.nanosec = divmod(stamp_of(self._stepper.t), NANO)
+        state = self._state.of(row)
+        answer.energy, answer.residual = state.energy, state.residual
+        answer.bodies, answer.reactions = state.bodies, state.reactions
+        events, forgotten = self._stepper.take_events()
+        if forgotten:
+            answer.message += f"; {forgotten} events before the first one here are omitted"
+        for event in events:
+            one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
+            set_vector(one.impulse, event.impulse)
+            answer.events.append(one)
+
+
+def _vector(of: Any) -> Vector:
+    return (of.x, of.y, of.z)
+
+
+# ~/reset and ~/step (std_srvs/Trigger), ~/pause (std_srvs/SetBool).
+#
+# They are there from the first second: while the engine compiles, ~/pause says how the node is to
+# start, and the other two are refused with that reason. Whether there is a loop to act on is looked
+# up in a turn of the request's, so that a request never falls between two answers.
+
+
+COMPILING = "refused: still compiling, or not configured (wait for ~/state paused or running)"
+INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"
+
+
+class Services:
+    """Serves the three services; the answers come after the thing is done.
+
+    paused: whether the node is to start so.
+    """
+
+    def __init__(self, node: Node, *, paused: bool) -> None:
+        self.turns = Turns()
+        """whose turn it is: a request's, or that of whoever prepares, runs and ends the loop."""
+        self.paused = paused
+        """how the node is to start, as asked last."""
+        self._loop: Loop | None = None
+        serve(node, Trigger, "~/reset", self._reset)
+        serve(node, SetBool, "~/pause", self._pause)
+        serve(node, Trigger, "~/step", self._step)
+
+    def serve(self, loop: Loop | None) -> None:
+        """From here on the services act on the loop; None: on none, as before the first.
+
+        To be called in a turn, once the loop has shown its initial state.
+        """
+        self._loop = loop
+
+    def _answered(self, answer: Any, act: Callable[[], str]) -> Any:
+        """The answer, in a turn: what `act` says it has done, or why it is refused."""
+        with self.turns:
+            try:
+                answer.message, answer.success = act(), True
+            except RbSimError as error:
+                answer.message = str(error)
+        return answer
+
+    def _there(self) -> Loop:
+        """The loop; RbSimError where there is none yet."""
+        if self._loop is None:
+            raise RbSimError(COMPILING)
+        return self._loop
+
+    def _reset(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        def act() -> str:
+            loop = self._there()
+            loop.reset()
+            return f"initial state at t = {loop.t:.9g} s, no wrench"
+
+        return self._answered(answer, act)
+
+    def _pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+        def act() -> str:
+            how = "paused" if request.data else "running"
+            if self._loop is None:
+                self.paused = request.data
+                return f"compiling; it will start {how}"
+            self._loop.pause(request.data)
+            return f"{how} at t = {self._loop.t:.9g} s"
+
+        return self._answered(answer, act)
+
+    def _step(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        def act() -> str:
+            loop = self._there()
+            if loop.inactive:
+                raise RbSimError(INACTIVE)
+            if not loop.paused:
+                raise RbSimError("refused: only while paused (call ~/pause with true first)")
+            loop.step_once()
+            return f"t = {loop.t:.9g} s"
+
+        return self._answered(answer, act)
+
+
+# ~/set_state (rb_sim_interfaces/SetState): bodies put elsewhere, checked or projected.
+#
+# The state is the next sample, one period on, as after ~/reset; commands go on. Poses and twists
+# are those of the body origins in world axes, angular velocities too.
+
+
+class SetStateService:
+    """Serves ~/set_state. loop: the node's."""
+
+    def __init__(self, node: Node, loop: Loop, simulation: Simulation, stepper: Stepper) -> None:
+        from rb_sim_interfaces.srv import SetState  # type: ignore[import-not-found]
+
+        self._loop, self._stepper = loop, stepper
+        self._state = StateMessages(simulation.scene, simulation.layout)
+        serve(node, SetState, "~/set_state", self._set)
+
+    def _set(self, request: Any, answer: Any) -> Any:
+        with self._loop.turns:
+            if self._loop.failure:
+                answer.message = f"{self._loop.failure}; ~/reset goes first"
+                return answer
+            try:
+                bodies = {one.body: _placement(one) for one in request.bodies}
+                if len(bodies) < len(request.bodies):
+                    raise RbSimError("bodies: one is given twice")
+                self._loop.set_state(bodies, project=request.project)
+            except RbSimError as error:
+                answer.message = str(error)
+                return answer
+            answer.success = True
+            answer.message = f"set at t = {self._stepper.t:.9g} s"
+            answer.stamp = Time(nanoseconds=round(self._stepper.t * 1e9)).to_msg()
+            row = self._stepper.last_row
+            assert row is not None  # it has just been emitted
+            answer.bodies = self._state.of(row).bodies
+        return answer
+
+
+def _placement(one: Any) -> Placement:
+    """A BodyState as a placement: the angular velocity in body axes. RbSimError: it cannot be."""
+    pose, twist = one.pose, one.twist
+    q = np.array([getattr(pose.orientation, name) for name in "xyzw"])
+    if not q.any():
+        raise RbSimError(f"{one.body}.orientation: got (0, 0, 0, 0); must have length 1")
+    return {
+        "position": _numbers_of(pose.position),
+        "orientation": q.tolist(),
+        "linear_velocity": _numbers_of(twist.linear),
+        "angular_velocity": rotate(conjugate(q), np.array(_numbers_of(twist.angular))).tolist(),
+    }
+
+
+def _numbers_of(of: Any) -> list[float]:
+    return [of.x, of.y, of.z]
+
+
+# The services of simulation_interfaces that this node can serve, where that package is installed.
+#
+# Under the node's name: ~/get_simulator_features, ~/get_simulation_state, ~/set_simulation_state,
+# ~/step_simulation, ~/reset_simulation. They do what ~/pause, ~/step and ~/reset do; simulated time
+# never goes back. STOPPED is paused at the initial state; QUITTING ends the node.
+
+
+PACKAGE = "simulation_interfaces"
+FEATURES = (
+    "SIMULATION_RESET",
+    "SIMULATION_RESET_STATE",
+    "SIMULATION_STATE_GETTING",
+    "SIMULATION_STATE_SETTING",
+    "SIMULATION_STATE_PAUSE",
+    "STEP_SIMULATION_SINGLE",
+    "STEP_SIMULATION_MULTIPLE",
+)
+TIME_GOES_ON = "simulated time goes on"
+
+
+class SimulationServices:
+    """Serves them. may_quit: whether the node may end by a request (a lifecycle node may not)."""
+
+    def __init__(self, node: Node, loop: Loop, *, may_quit: bool) -> None:
+        from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
+
+        self._loop, self._may_quit = loop, may_quit
+        self._result, self._states = msg.Result, msg.SimulationState
+        self._features, self._srv = msg.SimulatorFeatures, srv
+        self._stopped_at = -1.0
+        """stamp of the initial state after STOPPED [s]."""
+        for name, act in (
+            ("GetSimulatorFeatures", self._tell_features),
+            ("GetSimulationState", self._tell_state),
+            ("SetSimulationState", self._set_state),
+            ("StepSimulation", self._step),
+            ("ResetSimulation", self._reset),
+        ):
+            topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
+            serve(node, getattr(srv, name), f"~/{topic}", act)
+
+    @property
+    def _state(self) -> int:
+        """As simulation_interfaces counts them: what stands, for whatever reason, is paused."""
+        loop, states = self._loop, self._states
+        if not (loop.paused or loop.inactive or loop.failure):
+            return states.STATE_PLAYING
+        return states.STATE_STOPPED if loop.t == self._stopped_at else states.STATE_PAUSED
+
+    def _tell_features(self, _: Any, answer: Any) -> Any:
+        answer.features.features = [getattr(self._features, name) for name in FEATURES]
+        answer.features.custom_info = TIME_GOES_ON
+        return answer
+
+    def _tell_state(self, _: Any, answer: Any) -> Any:
+        with self._loop.turns:
+            answer.state.state = self._state
+            return self._answered(answer, self._result.RESULT_OK, self._loop.failure)
+
+    def _set_state(self, request: Any, answer: Any) -> Any:
+        target = request.state.state
+        with self._loop.turns:
+            try:
+                return self._answered(answer, *self._go_to(target))
+            except RbSimError as error:
+                return self._answered(answer, self._result.RESULT_INCORRECT_STATE, str(error))
+
+    def _go_to(self, target: int) -> tuple[int, str]:
+        """Go to a state; the result, and why."""
+        loop, states, result = self._loop, self._states, self._result
+        # what an error or the lifecycle holds goes on afterwards, unless it is paused, too
+        if target == self._state and (loop.paused or target != states.STATE_PAUSED):
+            return self._srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE, ""
+        if target == states.STATE_QUITTING and self._may_quit:
+            loop.leave()
+        elif target == states.STATE_PLAYING:
+            if loop.failure or loop.inactive:
+                return result.RESULT_INCORRECT_STATE, loop.failure or INACTIVE
+            loop.pause(False)
+        elif target == states.STATE_PAUSED:
+            self._stopped_at = -1.0
+            loop.pause(True)
+        elif target == states.STATE_STOPPED:
+            loop.pause(True)
+            loop.reset()
+            self._stopped_at = loop.t
+        else:
+            return result.RESULT_FEATURE_UNSUPPORTED, f"state {target} is none to go to here"
+        return result.RESULT_OK, ""
+
+    def _step(self, request: Any, answer: Any) -> Any:
+        loop, result = self._loop, self._result
+        with loop.turns:
+            if loop.inactive or not loop.paused:
+                why = INACTIVE if loop.inactive else "refused: only while paused"
+                return self._answered(answer, result.RESULT_INCORRECT_STATE, why)
+            for k in range(request.steps):
+                try:
+                    loop.step_once()
+                except RbSimError as error:
+                    why = f"{error} (after {k} of {request.steps} steps)"
+                    return self._answered(answer, result.RESULT_OPERATION_FAILED, why)
+            return self._answered(answer, result.RESULT_OK, "")
+
+    def _reset(self, request: Any, answer: Any) -> Any:
+        kind, result = type(request), self._result
+        if request.scope and not request.scope & kind.SCOPE_STATE:
+            why = "only the state can be reset"
+            return self._answered(answer, result.RESULT_FEATURE_UNSUPPORTED, why)
+        with self._loop.turns:
+            try:
+                self._loop.reset()
+            except RbSimError as error:
+                return self._answered(answer, result.RESULT_INCORRECT_STATE, str(error))
+        return self._answered(answer, result.RESULT_OK, TIME_GOES_ON)
+
+    @staticmethod
+    def _answered(answer: Any, result: int, why: str) -> Any:
+        answer.result.result, answer.result.error_message = result, why
+        return answer
+
+
+OWN = "rb_sim_interfaces"
+
+
+def offer_services(
+    node: Node, loop: Loop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
+) -> None:
+    """~/advance and ~/set_state, and those of simulation_interfaces, as far as there are types."""
+
+    def own() -> None:
+        Lockstep(node, loop, simulation, stepper)
+        SetStateService(node, loop, simulation, stepper)
+
+    def common() -> None:
+        SimulationServices(node, loop, may_quit=may_quit)
+
+    for package, offer in ((OWN, own), (PACKAGE, common)):
+        if not is_there(package):
+            continue
+        try:
+            offer()
+        except Exception as error:  # what its compiled parts raise shares no base class
+            words = " ".join(str(error).split()) or type(error).__name__
+            node.get_logger().warning(
+                f"no services of {package}: the package is there, but cannot be loaded: {words}"
+            )

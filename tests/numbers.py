@@ -1,0 +1,50 @@
+"""The laws of a compiled scene at one state, as runs have them; the way back to the manifold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tests.mechanics.test_tables import outputs
+
+
+def settled(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """y with unit quaternions and on the manifold, in place."""
+    from rb_sim.mechanics.initial_projection import start_on_manifold
+    from rb_sim.mechanics.system import settle
+    from rb_sim.mechanics.systems.many_bodies import MultiBody
+
+    if isinstance(system, MultiBody):
+        start_on_manifold(system, t, y)
+    else:
+        settle(system, t, y)
+    return y
+
+
+def rate_at(compiled: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """dy/dt."""
+    from rb_sim.mechanics.system import rate_into
+
+    dy = np.zeros(len(y))
+    if compiled.laws is None:  # contacts
+        rate_into(compiled.system, t, y, dy)
+        return dy
+    return outputs(compiled.laws.rate, t, y, inputs(compiled, t), len(y))
+
+
+def sample_at(compiled: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """What is reported."""
+    from rb_sim.mechanics.samples import row_width
+    from rb_sim.mechanics.system import sample
+
+    out = np.zeros(row_width(compiled.layout))
+    if compiled.laws is None:
+        sample(compiled.system, t, y, out)
+        return out
+    return outputs(compiled.laws.sample, t, np.array(y), inputs(compiled, t), len(out))
+
+
+def inputs(compiled: Any, t: float) -> np.ndarray:
+    """The numbers that laws take beside t and y; the last one is the length of a step."""
+    return np.array([*compiled.laws.inputs.values(compiled.system, t), 0.0])
