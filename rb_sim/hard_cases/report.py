@@ -81,6 +81,7 @@ def write(
 
 
 def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
+    """Write the entries as a JSON list; numbers that are not finite become null."""
     plain = [{key: finite(value) for key, value in entry.items()} for entry in entries]
     path.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
@@ -91,6 +92,7 @@ def finite(value: object) -> object:
 
 
 def number(value: float) -> str:
+    """Two significant digits; "-" if not finite."""
     return f"{value:.2g}" if math.isfinite(value) else "-"
 
 

@@ -74,7 +74,7 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
 def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     tmp_path: Path, here: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Processes of their own, two, then one; what that one goes on with was cut off elsewhere."""
+    """Two processes of their own, and one thread that goes on with what was cut off."""
     module, workers = sys.modules["rb_sim.sweeps.sweep"], []
     run_batches = module.run_batches
 
@@ -87,7 +87,7 @@ def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
     cut = tmp_path / "cut"
     sweep({**description, "draws": 10}, cut, scheduler=here)
-    resumed = sweep(description, cut, workers=1, batch=11)
+    resumed = sweep(description, cut, scheduler=here, batch=11)
     assert resumed.reused == 10
     one = columns(resumed)
     for name in two:

@@ -22,9 +22,11 @@ class Free(Spec):
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """None: no constraint, no reaction."""
         return ()
 
     def parts(self, place: Place) -> list[Part]:
+        """No parts: the body is not held."""
         return []
 
 
@@ -46,6 +48,7 @@ class FixedPoint(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One PointRow: 3 rows that keep the two points together."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
         return [Part(PointRow(r_B, r_A))]
@@ -66,6 +69,7 @@ class Weld(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """A PointRow and a LockRow, which keeps the relative orientation of the start."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, None, self.body, self.point_B)
         return [

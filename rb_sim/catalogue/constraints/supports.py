@@ -152,6 +152,7 @@ class Hinge(Spec):
         return self
 
     def parts(self, place: Place) -> list[Part]:
+        """A PointRow; with an axis, given on the body or on the parent, also a ParallelRow."""
         if self.point_B is None and self.point_A is not None:
             r_A = place.from_com(self.parent, self.point_A)
             r_B = place.partner_point(self.body, None, self.parent, self.point_A)

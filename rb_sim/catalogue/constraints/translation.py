@@ -99,6 +99,7 @@ class Translation(Spec):
         return spline_through(np.array(guide.points, dtype=float), guide.closed)
 
     def parts(self, place: Place) -> list[Part]:
+        """A LockRow to the world, after a CurveRow if there is a guide."""
         r_B = place.from_com(self.body, self.point_B)
         parts = [Part(LockRow(relative_turn(place, None, self.body), r_B))]
         curve = self.curve(place)

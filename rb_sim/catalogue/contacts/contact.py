@@ -48,6 +48,7 @@ class SmoothLaw(Spec):
     type: Literal["smooth"] = "smooth"
 
     def law(self) -> friction.Friction:
+        """The law of no friction."""
         return friction.Smooth()
 
 
@@ -68,6 +69,7 @@ class CoulombLaw(Spec):
         return self
 
     def law(self) -> friction.Friction:
+        """Coulomb's law; `kinetic` defaults to `static`, and static 0 is no friction at all."""
         kinetic = self.static if self.kinetic is None else self.kinetic
         return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
 
@@ -82,6 +84,7 @@ class ViscousLaw(Spec):
     """whether the traction grows with the push N."""
 
     def law(self) -> friction.Friction:
+        """The viscous law, per unit of normal force or not."""
         kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
         return kind(self.coefficient)
 
@@ -96,6 +99,7 @@ class RegularisedLaw(Spec):
     """v, of the slip at which 0.7 of mu N is reached [m/s]."""
 
     def law(self) -> friction.Friction:
+        """The regularised law."""
         return friction.Regularised(self.coefficient, self.speed)
 
 
@@ -105,6 +109,7 @@ class RoughLaw(Spec):
     type: Literal["rough"] = "rough"
 
     def law(self) -> friction.Friction:
+        """The law of a perfectly rough contact."""
         return friction.Rough()
 
 
@@ -129,6 +134,7 @@ class TurntableMotion(Spec):
     """of the axis, world [m]."""
 
     def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it."""
         return carriers.Turntable(self.point, scale(self.rate, self.axis))
 
 
@@ -146,6 +152,7 @@ class ShakenMotion(Spec):
     """[rad]."""
 
     def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it: with the angular frequency [rad/s]."""
         amplitude = scale(self.amplitude, self.direction)
         return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
 
@@ -264,10 +271,12 @@ class Contact(Touching):
         return self.model_copy(update=pair)
 
     def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
+        """Those of every constraint, and the bodies listed in `between`."""
         listed = enumerate(() if self.between in (None, "all") else self.between)
         return (*super().body_references(), *((("between", i), name) for i, name in listed))
 
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """As of every constraint that touches; of a contact `between` bodies its total alone."""
         return ("",) if self.between is not None else super().contact_suffixes(place)
 
     @property
@@ -276,6 +285,7 @@ class Contact(Touching):
         return self.mode == "unilateral" and self.compliance is None
 
     def law(self) -> ContactLaw:
+        """Restitution, friction, resistance and compliance, the same at each of its points."""
         law, soft = self.friction.law(), self.compliance
         return ContactLaw(
             self.restitution,
@@ -290,6 +300,7 @@ class Contact(Touching):
         )
 
     def parts(self, place: Place) -> list[Part]:
+        """One ContactRow for each point that may touch; none if `between` is given."""
         if self.between is not None:
             return []  # its pairs are found as they come near, see contact.between
         touching = pairs_of(

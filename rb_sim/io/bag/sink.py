@@ -406,8 +406,8 @@ class BagSink:
             return
         try:
             if summary is not None:
-                told = {key: value for key, value in summary.items() if key not in MEASURED}
-                text = json.dumps(told, sort_keys=True, default=_plain)
+                recorded = {key: value for key, value in summary.items() if key not in MEASURED}
+                text = json.dumps(recorded, sort_keys=True, default=_plain)
                 record = {"summary": text}
                 file.add_metadata(SUMMARY_RECORD, record | {"sha256": checksum(record)})
             file.finish()

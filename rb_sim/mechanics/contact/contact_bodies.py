@@ -240,6 +240,7 @@ where a step begins (see choice)."""
 
 @inline
 def keep(touch, c, at, a):
+    """Write a vector into the table of contacts: row c, from column `at` on."""
     for j in range(3):
         touch[c, at + j] = a[j]
 
