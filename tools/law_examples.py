@@ -8,8 +8,8 @@ _BALL = "bodies: {b: {mass: 1.0, shape: {type: sphere, radius: 0.1}, position: [
 EXAMPLES = {
     "free": _BODY + "constraints: {loose: {type: free, body: b}}",
     "fixed_point": _BODY + "constraints: {pin: {type: fixed_point, body: b, point_B: [0, 0, 1]}}",
-    "fixed_axis": _BODY
-    + "constraints: {hinge: {type: fixed_axis, body: b, axis_B: [0, 0, 1], bearing_distance: 0.5}}",
+    "fixed_axis": "bodies: {b: {mass: 1.0, inertia: [1, 1, 1], center_of_mass: [1, 0, 0]}}\n"
+    + "constraints: {hinge: {type: fixed_axis, body: b, axis_B: [0, 1, 0], bearing_distance: 0.5}}",
     "translation": _BODY
     + "constraints:\n  rail:\n    type: translation\n    body: b\n"
     + "    guide: {type: line, point: [0, 0, 0], direction: [1, 0, 0]}",

@@ -33,9 +33,8 @@ SYMBOLS = """\
 C centre of mass, O body origin, p a point and V its velocity (of C if no point is named), a
 acceleration, w angular velocity, q attitude, R axes of the body to the world's, r_CP from C to P;
 m mass, I inertia about C, J about the axis; F force and K torque about C, lambda the multiplier
-of a constraint equation, U potential; A of the parent or the world, B of the body, ' d/dt. \
-A reaction
-acts by the constraint on the body, and the opposite on the parent.\
+of a constraint equation, U potential; A of the parent or the world, B of the body, ' d/dt. A
+reaction acts by the constraint on the body, and the opposite on the parent.\
 """
 
 MISSING = {
@@ -83,7 +82,7 @@ def page(kind: str, spec: type[Any]) -> str:
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
     shown = f"![Path of the body, and wrench of {kind} on it](pictures/{kind}.png)"
     parts += [
-        "A body thrown with spin under gravity and this law (`python -m tools.law_pictures`):",
+        "A body (box, at three instants) that is thrown with spin under gravity and this law:",
         shown,
     ]
     return "\n\n".join(parts) + "\n"

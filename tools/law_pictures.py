@@ -3,7 +3,8 @@
     python -m tools.law_pictures [FOLDER]
 
 The example of the page, set moving: its body is thrown and spun as far as the law lets it, under
-gravity. Left the way of the centre of mass with the law's force on the body along it, right that
+gravity. Left the body as a box at three instants, the joint (pivot, axis with bearings, rail, rod,
+spring, plane), the path of the centre of mass, and the law's force on the body along it. Right that
 force (full) and its torque about the anchor (dashed) over time, world axes.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import io
 import sys
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import yaml
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.palette import AXES, GRID, REACTION
@@ -29,7 +32,8 @@ THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0
 """Of the body, where the law does not hold it [m/s, rad/s]."""
 DURATION, SAMPLES = 2.0, 200
 ARROWS = 9
-COLORS = 96
+JOINT = "#0072b2"
+COLORS = 256
 """Of a picture."""
 
 
@@ -64,7 +68,17 @@ def picture(kind: str) -> Image.Image:
     FigureCanvasAgg(figure)
     path = run.position["b"]
     way: Any = figure.add_axes((0.0, 0.02, 0.42, 0.96), projection="3d")
-    _way(way, path, None if wrench is None else wrench.force)
+    specs = [*scene.constraints.values(), *scene.effects.values()]
+    spec = next(spec for spec in specs if spec.type == kind)
+    seen = path
+    if wrench is not None and kind in ("fixed_point", "distance", "spring", "string"):
+        end = wrench.anchor[0] if kind == "fixed_point" else np.array(spec.point_A)
+        seen = np.vstack([path, end])
+    middle, size = _view(way, seen)
+    _draw_path(way, path, None if wrench is None else wrench.force, size)
+    _draw_body(way, run, 0.12 * size)
+    if wrench is not None:
+        _draw_joint(way, spec, wrench.anchor[0], run.position["b"][0], middle, size)
     plot = figure.add_axes((0.50, 0.19, 0.38, 0.69))
     if wrench is not None:
         for k, (label, color) in enumerate(zip("xyz", AXES[:3], strict=True)):
@@ -87,17 +101,10 @@ def picture(kind: str) -> Image.Image:
     return image.quantize(COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
 
 
-def _way(axes: Any, path: np.ndarray, force: np.ndarray | None) -> None:
-    axes.plot(*path.T, color="#555555", linewidth=1.2)
-    axes.scatter(*path[:1].T, color="#202020", s=12)
-    size = max(float(np.ptp(path, axis=0).max()), 0.2)
-    if force is not None:
-        rows = np.linspace(0, len(path) - 1, ARROWS).astype(int)
-        longest = float(np.linalg.norm(force[rows], axis=1).max())
-        if longest > 0.0:
-            arrows = force[rows] / longest * 0.35 * size
-            axes.quiver(*path[rows].T, *arrows.T, color=REACTION, linewidth=1.2)
-    middle = 0.5 * (path.max(axis=0) + path.min(axis=0))
+def _view(axes: Any, seen: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sets the limits to the points `seen`; the middle and the width of the view [m]."""
+    size = max(float(np.ptp(seen, axis=0).max()), 0.2)
+    middle = 0.5 * (seen.max(axis=0) + seen.min(axis=0))
     for k, set_limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
         set_limits(middle[k] - 0.6 * size, middle[k] + 0.6 * size)
     for axis, label in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
@@ -105,6 +112,67 @@ def _way(axes: Any, path: np.ndarray, force: np.ndarray | None) -> None:
         axis.set_label_text(f"{label} [m]", fontsize=7)
         axis.labelpad = -8
     axes.set_box_aspect((1, 1, 1), zoom=0.95)
+    return middle, size
+
+
+def _draw_path(axes: Any, path: np.ndarray, force: np.ndarray | None, size: float) -> None:
+    axes.plot(*path.T, color="#555555", linewidth=1.2)
+    if force is not None:
+        rows = np.linspace(0, len(path) - 1, ARROWS).astype(int)
+        longest = float(np.linalg.norm(force[rows], axis=1).max())
+        if longest > 0.0:
+            arrows = force[rows] / longest * 0.35 * size
+            axes.quiver(*path[rows].T, *arrows.T, color=REACTION, linewidth=1.2)
+
+
+def _draw_body(axes: Any, run: Any, half: float) -> None:
+    """The edges of a box about the centre of mass at three instants, dark at the first."""
+    corners = half * np.array([1.0, 0.6, 0.3]) * np.array(list(product((-1, 1), repeat=3)))
+    edges = [(i, j) for i, j in combinations(range(8), 2) if np.sum(corners[i] != corners[j]) == 1]
+    for k, color in ((-1, "#c8c8c8"), (len(run) // 3, "#a0a0a0"), (0, "#303030")):
+        at = run.position["b"][k] + Rotation.from_quat(run.orientation["b"][k]).apply(corners)
+        for i, j in edges:
+            axes.plot(*at[[i, j]].T, color=color, linewidth=0.9)
+
+
+def _draw_joint(
+    axes: Any, spec: Any, anchor: np.ndarray, start: np.ndarray, middle: np.ndarray, size: float
+) -> None:
+    """The joint at the start.
+
+    anchor: point about which its reaction is given, start: centre of mass, world [m].
+    """
+
+    def line(*points: Any, width: float = 1.2, style: str = "-") -> None:
+        axes.plot(*np.array(points, dtype=float).T, style, color=JOINT, linewidth=width)
+
+    match spec.type:
+        case "fixed_point" | "weld":
+            foot = 0.12 * size
+            axes.scatter(*anchor[:, None], s=24, color=JOINT)
+            for x, y in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+                line(anchor, anchor + foot * np.array([0.6 * x, 0.6 * y, -1.0]))
+        case "fixed_axis":
+            axis = np.array(spec.axis_B, dtype=float)
+            axis /= np.linalg.norm(axis)
+            line(anchor - 0.3 * size * axis, anchor + 0.6 * size * axis, style="--")
+            for s in (0.0, spec.bearing_distance):
+                at = anchor + s * axis
+                line(at - 0.04 * size * axis, at + 0.04 * size * axis, width=6.0)
+        case "translation":
+            along = size * np.array(spec.guide.direction)
+            line(anchor - 0.3 * along, anchor + 1.2 * along, width=2.5)
+        case "distance" | "string" | "spring":
+            end = np.array(spec.point_A)
+            parts = np.linspace(start, end, 13)
+            if spec.type == "spring":
+                parts[1:-1:2] += [0.03 * size, 0.0, 0.0]
+                parts[2:-1:2] -= [0.03 * size, 0.0, 0.0]
+            line(*parts, style="--" if spec.type == "string" else "-")
+            axes.scatter(*end[:, None], s=18, color=JOINT)
+        case "plane" | "rolling" | "contact":
+            x, y = np.meshgrid(*(m + np.array([-0.6, 0.6]) * size for m in middle[:2]))
+            axes.plot_surface(x, y, np.full((2, 2), anchor[2]), color=JOINT, alpha=0.12)
 
 
 def main(folder: Path = FOLDER) -> int:

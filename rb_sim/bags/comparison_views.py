@@ -202,7 +202,7 @@ def _open(axis: Any, label: str) -> Any:
     """An axis that is in use."""
     axis.set_axis_on()
     axis.set_ylabel(label, fontsize=9)
-    axis.tick_params(labelsize=8)
+    axis.tick_params(which="both", labelsize=8)
     axis.grid(color=GRID, linewidth=0.6)
     axis.margins(x=0.01)
     axis.spines[["top", "right"]].set_visible(False)

@@ -35,11 +35,9 @@ PEERS = """
 
 Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
 method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
-Judged by the same formulas, or by the energy of the states it gives; checks of reactions or \
-messages
-have no row, nor have cases with a part that an engine's description here lacks. *Better* and \
-*equal*
-compare the figure with rb_sim's own, which is only as accurate as its case needs.
+Judged by the same formulas, or by the energy of the states it gives; checks of reactions or
+messages have no row, nor have cases with a part that an engine's description here lacks. *Better*
+and *equal* compare the figure with rb_sim's own, which is only as accurate as its case needs.
 
 | case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
 |---|---|---|---|---|---|---|---|---|---|

@@ -14,7 +14,7 @@ from rb_sim.base.palette import AXES, BAD, CYCLE, FAINT, GOOD, GRID, TEXT
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.linear.state_space import LinearModel
 
-DAMPING = (0.1, 0.3, 0.5, 0.7, 0.9)
+DAMPING = (0.2, 0.4, 0.6, 0.8)
 """Ratios whose lines are drawn."""
 
 

@@ -23,7 +23,7 @@ from rb_sim.mechanics.systems.many_bodies import (
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.rank import Ranked, null_space, ranked
 from rb_sim.scene.place import InitialPlace
-from rb_sim.scene.reduced import misfit
+from rb_sim.scene.reduced import misfit, rolling_spin
 from rb_sim.scene.schema import Scene
 
 # Constraint lines that depend on each other: for good (redundant) or in one position only.
@@ -180,13 +180,20 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     size, what, amount = misfit(place.state(name), reduced.state, reduced.length)
     if size > MISFIT:
         joint = next(k for k, s in scene.constraints.items() if s.type != "free")
-        refuse_initial(scene, joint, f"the initial {what} of {name} violates it by {amount}")
+        problem, cure = f"the initial {what} of {name} violates it by {amount}", "correct it"
+        if scene.constraints[joint].type == "rolling" and what.endswith("velocity"):
+            slip, w = rolling_spin(reduced.system, place.state(name), MISFIT)
+            problem = f"the contact point of {name} slips at {slip:.3g} m/s"
+            cure = f"use angular_velocity [{', '.join(f'{x + 0.0:.6g}' for x in w)}]" if w else cure
+        refuse_initial(scene, joint, problem, cure)
 
 
-def refuse_initial(scene: Scene, constraint: str, problem: str) -> None:
-    """Raise SceneError: the start violates a constraint. problem: what does, and by how much."""
+def refuse_initial(
+    scene: Scene, constraint: str, problem: str, cure: str = "correct it"
+) -> NoReturn:
+    """Raise SceneError: the start violates a constraint. problem: the quantity and its amount."""
     raise SceneError(
-        f"{problem} (must be 0); correct it or set simulation.project_initial: true",
+        f"{problem} (must be 0); {cure} or set simulation.project_initial: true",
         key=f"constraints.{constraint}",
         file=scene.file,
     )

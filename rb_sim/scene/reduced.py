@@ -267,6 +267,21 @@ MAKERS: dict[type, Any] = {
 }
 
 
+def rolling_spin(system: Any, B: BodyState, misfit: float) -> tuple[float, Vec3 | None]:
+    """Slip of the contact point [m/s], and the nearest angular velocity (body axes) without slip;
+    None if more than the part `misfit` of the slip remains at every angular velocity."""
+    surface: Any = system.surface
+    arm = support(surface, unrotate(B.q_WB, system.normal))
+    slip = add(unrotate(B.q_WB, B.v_WC), cross(B.w_WB_B, arm))
+    lever = arm
+    if isinstance(system, LineRollingBody):  # it turns about its axis only
+        axis = surface.axis_B
+        lever = sub(arm, scale(dot(arm, axis), axis))
+    turn = scale(1.0 / dot(lever, lever), cross(slip, lever))
+    left = norm(add(slip, cross(turn, arm)))
+    return norm(slip), add(B.w_WB_B, turn) if left <= misfit * norm(slip) else None
+
+
 def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str, str]:
     """The largest difference: relative to the state's scale, what differs, how much in SI units."""
     turn = abs(sum(a * b for a, b in zip(given.q_WB, admissible.q_WB, strict=True)))

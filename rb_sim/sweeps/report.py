@@ -261,8 +261,12 @@ def _scale(loaded: LoadedPlan, name: str) -> str:
 
 def _draw_map(figure: Any, axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> str:
     (x, xs, _), (y, ys, _) = grid_axes(loaded)
-    mesh = axis.pcolormesh(xs, ys, grid_values(loaded, table, output).T, shading="nearest")
-    figure.colorbar(mesh, label=table.label(output))
+    z = grid_values(loaded, table, output).T
+    mesh = axis.pcolormesh(xs, ys, z, shading="nearest")
+    bar = figure.colorbar(mesh, label=table.label(output))
+    if np.isin(z[np.isfinite(z)], (0.0, 1.0)).all():  # yes or no: two colours
+        mesh.set(cmap=mesh.cmap.resampled(2), clim=(-0.5, 1.5))
+        bar.set_ticks([0.0, 1.0], labels=["no", "yes"])
     axis.set(xlabel=table.label(x), ylabel=table.label(y))
     axis.set(xscale=_scale(loaded, x), yscale=_scale(loaded, y))
     return "map"
@@ -278,7 +282,7 @@ def _draw_curve(axis: Any, loaded: LoadedPlan, table: RunTable, output: str) -> 
 
 def _draw_histogram(axis: Any, table: RunTable, output: str) -> str:
     values = table.good(output)
-    axis.hist(values[np.isfinite(values)], bins=40, color=CYCLE[0])
+    axis.hist(values[np.isfinite(values)], bins=40, color=CYCLE[0], histtype="stepfilled")
     axis.set(xlabel=table.label(output), ylabel="runs")
     return "distribution"
 

@@ -7,12 +7,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rb_sim.base.diagnostic import findings_in, global_error_in, tell
 from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.samples import Array, concatenate
-from rb_sim.numerics.rotations import roll_pitch_yaw
+from rb_sim.numerics.rotations import roll_pitch_yaw, without_jumps
 from rb_sim.trajectory.record import (
     ByName,
     EventState,
@@ -80,11 +78,13 @@ class Trajectory(Record):
         """Roll, pitch, yaw of each body [rad], shape (n, 3), as in ROS.
 
         The body is turned by roll about the world's x, then by pitch about its y, then by yaw about
-        its z. Roll and yaw count whole turns if samples are less than half a turn apart. At pitch
-        +-pi/2 only their sum or difference is determined.
+        its z. The angles are continuous, as in plots: of the two triples of an attitude each sample
+        has the one nearer to the sample before, and whole turns are counted, so that all three may
+        go beyond half a turn (pitch beyond a quarter) if samples are less than half a turn apart.
+        At pitch +-pi/2 only the sum or difference of roll and yaw is determined.
         """
 
-        return self._by_body(np.unwrap(roll_pitch_yaw(self.block.orientation), axis=0))
+        return self._by_body(without_jumps(roll_pitch_yaw(self.block.orientation)))
 
     @property
     def linear_acceleration(self) -> Mapping[str, Array]:

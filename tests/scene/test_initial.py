@@ -156,3 +156,39 @@ def test_a_body_hung_at_its_centre_may_be_rounded_there() -> None:
     bob = {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.1 + 0.2, 0.0, 0.0]}
     pivot = {"type": "fixed_point", "body": "bob", "point_A": [0.3, 0.0, 0.0]}
     compile_scene(load_scene({"bodies": {"bob": bob}, "constraints": {"pivot": pivot}}))
+
+
+@pytest.mark.parametrize(
+    ("shape", "given", "cure"),
+    [
+        ({"type": "sphere"}, {"linear_velocity": [1.0, 0.0, 0.0]}, "[0, 10, 0]"),
+        (
+            {"type": "sphere"},
+            {"linear_velocity": [1.0, 0.0, 0.0], "angular_velocity": [0.0, 5.0, 3.0]},
+            "[0, 10, 3]",
+        ),
+        (
+            {"type": "cylinder", "length": 0.4, "axis_B": [0, 1, 0], "center_B": [0, 0.1, 0]},
+            {"linear_velocity": [1.0, 0.0, 0.0], "center_of_mass": [0, 0.1, 0]},
+            "[0, 10, 0]",
+        ),
+        ({"type": "sphere"}, {"linear_velocity": [0.0, 0.0, 0.5]}, ""),
+    ],
+)
+def test_a_start_that_slips_is_answered_with_the_rolling_spin(
+    shape: dict[str, Any], given: dict[str, Any], cure: str
+) -> None:
+    """w = v / r: with 7.1 rad/s, the change to the nearest motion, nobody could do anything."""
+    body = {"mass": 2.0, "shape": shape | {"radius": 0.1}, "position": [0, 0, 0.1], **given}
+    scene = {
+        "bodies": {"ball": body},
+        "constraints": {"floor": {"type": "rolling", "body": "ball"}},
+    }
+    with pytest.raises(SceneError) as error:
+        compile_scene(load_scene(scene))
+    slip = 0.5 if given.get("angular_velocity") or not cure else 1
+    assert f"the contact point of ball slips at {slip:g} m/s" in str(error.value)
+    assert (f"use angular_velocity {cure} or" if cure else "correct it or") in str(error.value)
+    if cure:
+        body["angular_velocity"] = [float(part) for part in cure.strip("[]").split(",")]
+        compile_scene(load_scene(scene))

@@ -316,6 +316,7 @@ const ANGLES = {
       Math.asin(Math.max(-1, Math.min(1, 2 * (w * y - z * x)))),
       Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
     ],
+    other: ([roll, pitch, yaw]) => [roll + Math.PI, Math.PI - pitch, yaw + Math.PI],
   },
   "precession, nutation, spin (z-x-z)": {
     names: ["precession \u03c6", "nutation \u03b8", "spin \u03c8"],
@@ -324,18 +325,23 @@ const ANGLES = {
       Math.acos(Math.max(-1, Math.min(1, 1 - 2 * (x * x + y * y)))),
       Math.atan2(2 * (x * z - w * y), 2 * (y * z + w * x)),
     ],
+    other: ([precession, nutation, spin]) => [precession + Math.PI, -nutation, spin + Math.PI],
   },
 };
 
+/** Of the two triples of an attitude each sample has the one nearer to the sample before, as in plots.png. */
 function anglesOf(rows, body, kind) {
-  const n = rows.length / (4 * N), found = [0, 1, 2].map(() => new Float32Array(n)), turns = [0, 0, 0];
+  const n = rows.length / (4 * N), found = [0, 1, 2].map(() => new Float32Array(n));
   let before = null;
   for (let k = 0; k < n; k++) {
-    const now = kind.of(...rows.subarray(4 * (k * N + body), 4 * (k * N + body) + 4));
-    now.forEach((angle, m) => {
-      if (before) turns[m] -= Math.round((angle - before[m]) / (2 * Math.PI));
-      found[m][k] = ((angle + 2 * Math.PI * turns[m]) * 180) / Math.PI;
-    });
+    let now = kind.of(...rows.subarray(4 * (k * N + body), 4 * (k * N + body) + 4));
+    if (before) {
+      const near = (angles) => angles.map((angle, m) => angle - 2 * Math.PI * Math.round((angle - before[m]) / (2 * Math.PI)));
+      const apart = (angles) => angles.reduce((sum, angle, m) => sum + Math.abs(angle - before[m]), 0);
+      const [same, other] = [near(now), near(kind.other(now))];
+      now = apart(other) < apart(same) ? other : same;
+    }
+    now.forEach((angle, m) => { found[m][k] = (angle * 180) / Math.PI; });
     before = now;
   }
   return found;
