@@ -1,4 +1,4 @@
-"""How large rounding is, in four sizes that all of the package shares.
+"""How large rounding is, in four sizes that all of the package shares, and what solvers leave.
 
 What decides anything but rounding has a name of its own where it decides.
 """
@@ -13,3 +13,9 @@ COMPUTED_ROUNDING = 1e-12
 """Relative size of what is zero in numbers that some dozens of operations give."""
 WRITTEN_ROUNDING = 1e-9
 """Relative misfit of numbers that a person or a program has rounded and written down."""
+SOLVED = 1e-9
+"""Share of what is solved for that solvers, projections and tolerances leave at their best: of
+constraints, of velocities, of the energy exchanged, of the lengths at which loads act."""
+SOLVED_IN_CONTACT = 1e-6
+"""The same with contacts: of lengths by overlaps at events and bodies that creep at rest, of
+impulses by a step of time stepping."""
