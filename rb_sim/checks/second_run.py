@@ -77,6 +77,10 @@ PIECE = 32
 """Instants between two looks at what the second run has taken, at most."""
 
 
+DOUBTFUL = 0.1 * BOUND
+"""Error above which one within BOUND is found once more, finer still: near an instability a finer
+run may be wrong by as much as the run."""
+
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
 
@@ -186,6 +190,9 @@ class SecondRun:
             found = self._by(other, limit)
             more = other.motion.steps > (1.5 if fixed else 1.0) * taken
             if more or found.upto is not None or other.last:
+                if not other.last and found.upto is None and DOUBTFUL < found.relative <= BOUND:
+                    third = self._by(_finer(self._simulation, finer + 1), limit)
+                    return third if third.relative > found.relative else found
                 break
         return found
 
