@@ -76,37 +76,43 @@ def stick_slip(scene: Mapping, times: Array) -> Array:
     a, w = floor["motion"]["amplitude"], 2.0 * math.pi * floor["motion"]["frequency"]
     own, end, out = math.sqrt(k / mass), float(times[-1]), np.zeros(len(times))
     part = 2.0 * math.pi / max(own, w) / PARTS
-    t = x = v = 0.0
-    way, sticks = math.copysign(1.0, -a * w), False
+    t: float = 0.0
+    x: float = 0.0
+    v: float = 0.0
+    way: float = math.copysign(1.0, -a * w)
+    sticks: bool = False
+    at: Callable[[Any], tuple[Any, Any]]
+
+    def pull_at(x: float, s: float) -> float:
+        return k * x - mass * a * w * w * math.sin(w * s)
+
     while True:
-        if sticks:
+        begun, x_0, v_0, middle = t, x, v, -way * kinetic / k
 
-            def at(s: Any, t: float = t, x: float = x) -> tuple[Any, Any]:
-                return x + a * (np.sin(w * s) - math.sin(w * t)), a * w * np.cos(w * s)
+        def with_floor(s: Any, begun: float = begun, x_0: float = x_0) -> tuple[Any, Any]:
+            return x_0 + a * (np.sin(w * s) - math.sin(w * begun)), a * w * np.cos(w * s)
 
-            def goes_on(s: float, at: Any = at) -> float:
-                return static - abs(k * at(s)[0] - mass * a * w * w * math.sin(w * s))
+        def sliding(
+            s: Any, begun: float = begun, x_0: float = x_0, v_0: float = v_0, c: float = middle
+        ) -> tuple[Any, Any]:
+            cos, sin = np.cos(own * (s - begun)), np.sin(own * (s - begun))
+            return c + (x_0 - c) * cos + v_0 / own * sin, v_0 * cos - own * (x_0 - c) * sin
 
-        else:
-            middle = -way * kinetic / k
+        at = with_floor if sticks else sliding
 
-            def at(s: Any, t: float = t, x: float = x, v: float = v, c: float = middle) -> Any:
-                cos, sin = np.cos(own * (s - t)), np.sin(own * (s - t))
-                return c + (x - c) * cos + v / own * sin, v * cos - own * (x - c) * sin
+        def left(s: float, at: Any = at, sticks: bool = sticks, way: float = way) -> float:
+            if sticks:
+                return static - abs(pull_at(at(s)[0], s))
+            return way * (at(s)[1] - a * w * math.cos(w * s))
 
-            def goes_on(s: float, at: Any = at, way: float = way) -> float:
-                return way * (at(s)[1] - a * w * math.cos(w * s))
-
-        until = first_zero(goes_on, t, end, part)
-        here = (times >= t) & (times <= until)
+        t = first_zero(left, begun, end, part)
+        here = (times >= begun) & (times <= t)
         out[here] = at(times[here])[0]
-        if until >= end:
+        if t >= end:
             return out
-        x, v = (float(value) for value in at(until))
-        t = until
-        pull = k * x - mass * a * w * w * math.sin(w * t)
-        sticks = not sticks and abs(pull) <= static
-        way = -math.copysign(1.0, pull)
+        x, v = (float(value) for value in at(t))
+        sticks = not sticks and abs(pull_at(x, t)) <= static
+        way = -math.copysign(1.0, pull_at(x, t))
 
 
 def first_zero(f: Callable[[float], float], start: float, end: float, part: float) -> float:
@@ -115,7 +121,8 @@ def first_zero(f: Callable[[float], float], start: float, end: float, part: floa
     while before < end:
         after = before + part
         if f(after) <= 0.0:
-            return brentq(f, before, after, xtol=1e-15, rtol=1e-14) if f(before) > 0.0 else before
+            found: Any = brentq(f, before, after, xtol=1e-15) if f(before) > 0.0 else before
+            return float(found)
         before = after
     return math.inf
 

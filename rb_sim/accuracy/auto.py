@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.checked import (
-    TIGHTEST,
     CheckedRun,
     checked_run,
     local_tolerance,
     sharper,
     sharpest_adaptive,
 )
-from rb_sim.accuracy.choice import Choice, Setting, evaluations
+from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, evaluations
 from rb_sim.accuracy.differences import distances, pose_difference
 from rb_sim.accuracy.runs import CountedRunner, affordable_times, dividing, ulp_growth
 from rb_sim.compiler import shipped

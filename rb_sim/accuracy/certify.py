@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, by_order, checked_run
+from rb_sim.accuracy.checked import CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
-from rb_sim.accuracy.choice import Setting, listed
+from rb_sim.accuracy.choice import TIGHTEST, Setting, listed
 from rb_sim.accuracy.differences import FORCE, POSITION, ROTATION, distances, parts
 from rb_sim.accuracy.runs import EPS, CountedRunner, dividing, one_ulp_apart, sample_times, sizes_of
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing
@@ -382,9 +383,6 @@ MARGIN = 1.25
 TRIALS = 2
 """Starts one ulp apart."""
 
-UNMOVED = 1e-12
-"""Way, relative to where the bodies are, below which they do not move: rounding."""
-
 
 def certify(
     compiled: Compiled,
@@ -476,7 +474,7 @@ def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Ar
     """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
     bodies = len(runner.compiled.layout.bodies)
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
-    still = UNMOVED * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
+    still = COMPUTED_ROUNDING * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
     way = size[POSITION] if size[POSITION] > still else math.inf
     with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has resolved
         return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])

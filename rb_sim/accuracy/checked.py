@@ -7,14 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.choice import TIGHTEST, Setting
 from rb_sim.accuracy.differences import pose_difference
 from rb_sim.accuracy.runs import Runner, dividing
 from rb_sim.mechanics.methods import METHODS, tried
 from rb_sim.mechanics.samples import Array
-
-TIGHTEST = 1e-14
-"""Local tolerance below which rounding, not the step, makes the error."""
 
 REFINEMENTS = 14
 

@@ -118,6 +118,9 @@ def overdetermined(compiled: Compiled) -> int:
 # A setting of a method, and a choice among settings with its reason.
 
 
+TIGHTEST = 1e-14
+"""Local tolerance below which rounding, not the step, makes the error."""
+
 QUANTITIES = ("position", "rotation", "linear_velocity", "angular_velocity", "force", "torque")
 UNITS = ("m", "rad", "m/s", "rad/s", "N", "N m")
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rb_sim.accuracy.checked import TIGHTEST, CheckedRun, checked_run
-from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.checked import CheckedRun, checked_run
+from rb_sim.accuracy.choice import TIGHTEST, Setting
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.differences import Errors, compare
 from rb_sim.accuracy.runs import EPS, Runner, dividing, sample_times, ulp_growth

@@ -24,7 +24,7 @@ FINER = "the step that the message names, or an adaptive method with a tolerance
 CHECKS: dict[str, Check] = {
     "global error": Check(
         "difference from a second run with half the step or a tenth of the tolerance (fixed steps "
-        "with contacts by events: with `dopri853`), relative to the motion",
+        "with contacts: with `dopri853` by events), relative to the motion",
         "0.01; with `method: auto` its tolerance",
         "step or tolerance too large; a chaotic or unstable motion",
         "the setting that the message names; for chaos a shorter duration",

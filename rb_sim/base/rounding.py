@@ -1,4 +1,5 @@
-"""How large rounding is, in four sizes that all of the package shares, and what nobody sees.
+"""How large rounding is, in four sizes that all of the package shares, what solvers leave, and
+what nobody sees.
 
 What decides anything but rounding has a name of its own where it decides.
 """
@@ -15,3 +16,9 @@ WRITTEN_ROUNDING = 1e-9
 """Relative misfit of numbers that a person or a program has rounded and written down."""
 NEGLIGIBLE = 1e-6
 """Share of the largest of its kind below which something is not drawn and not told."""
+SOLVED = 1e-9
+"""Share of what is solved for that solvers, projections and tolerances leave at their best: of
+constraints, of velocities, of the energy exchanged, of the lengths at which loads act."""
+SOLVED_IN_CONTACT = 1e-6
+"""The same with contacts: of lengths by overlaps at events and bodies that creep at rest, of
+impulses by a step of time stepping."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import SOLVED
 from rb_sim.checks.sample_integrals import CheckedQuadrature
 from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
@@ -123,9 +124,6 @@ def unknown_force(scene: Scene) -> str:
 ROUNDING = 1e-13
 """Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
 
-AT_REST = 1e-9
-"""Share of a scene's lengths by which places of bodies at rest may be in doubt."""
-
 
 class Exchanged:
     """Scale of the energies: what the scene started with or has exchanged by right.
@@ -177,7 +175,7 @@ class Exchanged:
     def at_rest(self) -> float:
         """Energy that is no error: loads times a billionth of the lengths at which they act, by
         which solvers and tolerances may leave in doubt where a body at rest is [J]."""
-        return AT_REST * self._loads
+        return SOLVED * self._loads
 
     @property
     def scale(self) -> float:

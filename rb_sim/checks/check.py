@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rb_sim.base.rounding import SOLVED
 from rb_sim.checks.step_doubling import LocalError
 from rb_sim.mechanics.methods import METHODS
 
@@ -125,8 +126,6 @@ LOCAL_TURN = 2e-2
 """Angle [rad] that some steps may miss of a body's attitude; of wrong runs whose velocities show
 nothing it shows half, of right ones none (5,737 random runs)."""
 
-RESOLVED = 1e-9
-"""Of the energy exchanged: what a run to round-off may part by in any case."""
 
 LOCAL_TO_GLOBAL = 10.0
 """Local errors, each within the tolerance, add up over the steps; the motion may magnify the sum by
@@ -187,7 +186,7 @@ class Effort(NamedTuple):
         if self.tolerance is None:
             return self.bounds.balance
         grown = LOCAL_TO_GLOBAL * self.tolerance * max(1, self.steps)
-        return min(max(RESOLVED, grown), HIGHER_ORDER.balance)
+        return min(max(SOLVED, grown), HIGHER_ORDER.balance)
 
     @property
     def outcome_bound(self) -> float:

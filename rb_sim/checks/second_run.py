@@ -33,10 +33,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.choice import Setting, counted_time
+from rb_sim.accuracy.choice import TIGHTEST, Setting, counted_time
 from rb_sim.accuracy.differences import motion_size, motions_apart
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import RbSimError, SimulationError
+from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
@@ -75,15 +76,13 @@ PATIENCE, GRACE = 8.0, 0.5
 PIECE = 32
 """Instants between two looks at what the second run has taken, at most."""
 
-TIGHTEST = 1e-14
-"""Tolerance below which rounding makes the error: then a run is compared with a looser one."""
+
+DOUBTFUL = 0.1 * BOUND
+"""Error above which one within BOUND is found once more, finer still: near an instability a finer
+run may be wrong by as much as the run."""
 
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
-
-SOLVED = 1e-6
-"""Share of a body's size that is the smallest motion counted in contact: below it are the
-residuals of the contact solvers, by which bodies at rest creep."""
 
 
 class SecondRun:
@@ -191,6 +190,9 @@ class SecondRun:
             found = self._by(other, limit)
             more = other.motion.steps > (1.5 if fixed else 1.0) * taken
             if more or found.upto is not None or other.last:
+                if not other.last and found.upto is None and DOUBTFUL < found.relative <= BOUND:
+                    third = self._by(_finer(self._simulation, finer + 1), limit)
+                    return third if third.relative > found.relative else found
                 break
         return found
 
@@ -268,7 +270,7 @@ class SecondRun:
 def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
     """The largest difference of two runs of the simulation's scene, poses (n, bodies, 7)."""
     layout, radius = simulation.layout, _radii(simulation)
-    least = SOLVED * float(radius.max()) if layout.contacts else 0.0
+    least = SOLVED_IN_CONTACT * float(radius.max()) if layout.contacts else 0.0
     share, pose, i, body = motions_apart(one, two, radius, least)
     return GlobalError(share, float(times[i]), layout.bodies[body], pose)
 

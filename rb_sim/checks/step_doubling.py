@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
+from rb_sim.base.rounding import SOLVED
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.error_scales import measured, measures_of
 from rb_sim.numerics.rotations import angle_between
@@ -50,9 +51,9 @@ HARDLY = 1e-3
 """Share of its speed by which a body's velocity hardly changes in a step, so that what is missed of
 that counts as little; it counts where it adds up."""
 
-ROUNDING, SOLVED = 1e-11, 1e-9
-"""Share of the velocities, and of the places over a step, that roundings reach, and the solver of a
-step of time stepping."""
+ROUNDING = 1e-11
+"""Share of the velocities, and of the places over a step, that roundings reach; the solver of a
+step of time stepping leaves more, SOLVED."""
 
 
 class LocalError(NamedTuple):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding
+from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
     LARGEST_SHARE,
     LOCAL_TURN,
@@ -40,8 +41,6 @@ ASTRAY = 5e-2
 """Speed, over the scene's, that an impulse of time stepping may give in a direction which its
 normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
 
-ENOUGH = 1e-6
-"""Relative change of an impulse above which a step of time stepping is reported as unsolved."""
 
 MOST_TURN = np.pi
 """Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
@@ -158,7 +157,7 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
 
     # figure, bound, time, where, part of the step to try, what the figure is, what it means
     for figure, bound, t, where, try_part, what, why in (
-        (unsolved, ENOUGH, last, of(effort.unsolved), 0.5,
+        (unsolved, SOLVED_IN_CONTACT, last, of(effort.unsolved), 0.5,
          "residual of the contact solver relative to the largest impulse",
          "the contact forces of these steps have this error"),
         (part(effort.circling), 0.0, last, of(effort.circling), 0.1,

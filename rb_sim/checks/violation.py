@@ -8,6 +8,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.catalogue.contacts.touching import Touching
 from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.mechanics.initial_projection import Manifold, relative
@@ -27,13 +28,6 @@ if TYPE_CHECKING:
 #
 # The general formulation in maximal coordinates tells it.
 
-
-RESIDUAL = 1e-9
-"""Constraints are projected after every step to round-off; this is the relative violation above
-which the scene compiler, too, takes constraints for contradictory."""
-
-CONTACT_RESIDUAL = 1e-6
-"""In contact the residual also tells overlaps, which an event's location leaves behind."""
 
 CONTRADICTORY = (
     "check for constraints that contradict each other from here on, or try method dopri853"
@@ -64,7 +58,7 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
 
 def residual(run: Run) -> Look:
     """The first sample whose residual is beyond the bound, or no number."""
-    bound = CONTACT_RESIDUAL if run.layout.contacts else RESIDUAL
+    bound = SOLVED_IN_CONTACT if run.layout.contacts else SOLVED
     return lambda seen: residual_found(run.scene, run.layout, seen.block, bound)
 
 

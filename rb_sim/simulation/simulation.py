@@ -212,8 +212,9 @@ class Simulation(SceneInMotion):
             watched: Run the accuracy checks; each that fails is an AccuracyWarning and among
                 `Trajectory.findings`.
             check: Measure `Trajectory.global_error` by a second run at half of the steps or a tenth
-                of the tolerance. None: if `watched`; of runs above about 1 s of CPU time first a
-                coarser one, above 20 s only of the beginning.
+                of the tolerance (fixed steps with contacts: of dopri853 by events). None: if
+                `watched`; of runs above about 1 s of CPU time first a coarser one, above 20 s only
+                of the beginning.
 
         Raises:
             SimulationError: The integration cannot go on, or was stopped; the samples so far are

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.known_motions import stick_slip
 from rb_sim import Simulation, Trajectory
 from rb_sim.checks.second_run import apart
 from rb_sim.cli.main import app
@@ -105,6 +106,51 @@ def test_steps_that_events_of_contacts_cut_do_not_agree_by_themselves() -> None:
     assert error > 0.05
     assert run.global_error is not None
     assert run.global_error.relative == pytest.approx(error, rel=0.2)
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+@pytest.mark.parametrize("step", [2e-3, 5e-4])
+def test_short_steps_that_come_nearer_to_another_motion_are_found_wrong(step: float) -> None:
+    """A box on a shaken floor, held by a spring, sticks where time stepping lets it slip on: half
+    of the step changes little of what is wrong."""
+    box = {"mass": 1.0, "shape": {"type": "box", "size": [0.3, 0.2, 0.2]}, "position": [0, 0, 0.1]}
+    shaken = {"type": "shaken", "direction": [1, 0, 0], "amplitude": 0.16, "frequency": 1.4}
+    friction = {"type": "coulomb", "static": 0.5, "kinetic": 0.23}
+    floor = {"type": "contact", "body": "p", "friction": friction, "motion": shaken}
+    spring = {"type": "spring", "body": "p", "point_A": [0, 0, 0.1], "stiffness": 95.0}
+    scene = {
+        "bodies": {"p": box},
+        "constraints": {"c": floor},
+        "effects": {"w": {"type": "gravity", "acceleration": [0, 0, -9.81]}, "s": spring},
+        "simulation": {"duration": 3.0, "rate": 200.0, "method": "time_stepping", "step": step},
+    }
+    run = Simulation(scene).run()
+    x, exact = run.position["p"][:, 0], stick_slip(scene, run.t)
+    error = np.abs(x - exact).max() / min(np.abs(x).max(), np.abs(exact).max())
+    assert run.global_error is not None
+    assert run.global_error.relative == pytest.approx(error, rel=0.05)
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_commands_act_in_the_second_run_as_in_the_first() -> None:
+    """A push that begins during the run moves the place of rest by F / k."""
+    scene = oscillation(method="rk4", step=0.05, duration=3.0, rate=1000.0)
+    scene["effects"] = scene["effects"] | {"c": {"type": "commanded_wrench", "body": "b"}}
+    simulation, pushes = Simulation(scene), []
+
+    def push(t: float, end: float) -> None:
+        if t < end:
+            pushes.append(t)
+            simulation.apply_wrench("b", [10.0 * W * W, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+    run = simulation.run(progress=push)
+    (begun,) = pushes
+    since, x, v = W * (run.t - begun), math.cos(W * begun), -W * math.sin(W * begun)
+    after = 10.0 + (x - 10.0) * np.cos(since) + v / W * np.sin(since)
+    exact = np.where(run.t < begun, np.cos(W * run.t), after)
+    error = np.abs(run.position["b"][:, 0] - exact).max() / np.abs(exact - 1.0).max()
+    assert run.global_error is not None
+    assert run.global_error.relative == pytest.approx(error, rel=0.25)
 
 
 def test_a_motion_that_samples_do_not_show_is_compared_between_them() -> None:

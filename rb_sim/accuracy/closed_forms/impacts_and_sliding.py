@@ -19,6 +19,7 @@ from rb_sim.accuracy.closed_forms.exact import (
     steady_spin,
     unturned,
 )
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
 from rb_sim.catalogue.contacts.friction import Coulomb, NoResistance, Smooth
 from rb_sim.catalogue.geometry.pairs import PointOnPlane, Resting, SurfaceOnPlane
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
@@ -30,8 +31,6 @@ from rb_sim.scene.compiled import Compiled
 
 
 CENTRE = (0.0, 0.0, 0.0)
-NEAR = 1e-14
-"""Relative size of a component that is only rounding, in what the scene says."""
 
 
 class Single(NamedTuple):
@@ -129,7 +128,7 @@ def normal_of(pair: Any) -> LongArray:
 
 def small(value: Any, size: Any) -> bool:
     """Whether a vector or number is only rounding beside `size`."""
-    return bool(np.abs(value).max() <= NEAR * size)
+    return bool(np.abs(value).max() <= SUM_ROUNDING * size)
 
 
 def coordinates_of(
@@ -295,10 +294,6 @@ def stands(body: Single, n: LongArray, e: LongArray, kinetic: Long, slope: LongA
 # Then v and w are constant.
 
 
-TOUCHING = 1e-12
-"""Gap relative to the scene's length, and speed relative to its, that count as none."""
-
-
 def slipping_ball(compiled: Compiled) -> Exact | None:
     """The exact motion of a ball that touches a level plane with Coulomb friction, or None."""
     ball = ball_of(compiled, SurfaceOnPlane)
@@ -309,12 +304,15 @@ def slipping_ball(compiled: Compiled) -> Exact | None:
     gap = n @ (body.p - long(ball.pair.r_A)) - a
     if not fall > 0 or not small(np.cross(n, body.g), fall):
         return None
-    if abs(gap) > TOUCHING * body.length or abs(body.v @ n) > TOUCHING * body.speed:
+    if (
+        abs(gap) > COMPUTED_ROUNDING * body.length
+        or abs(body.v @ n) > COMPUTED_ROUNDING * body.speed
+    ):
         return None
     slip = body.v - a * np.cross(body.w, n)
     slip = slip - (slip @ n) * n
     size = np.sqrt(slip @ slip)
-    rolls = size <= TOUCHING * body.speed
+    rolls = size <= COMPUTED_ROUNDING * body.speed
     e = np.zeros(3, dtype=Long) if rolls else slip / size
     brake = Long(ball.friction.kinetic) * fall
     turn = brake * body.mass * a / ball.moment * np.cross(n, e)

@@ -22,6 +22,7 @@ from rb_sim.accuracy.closed_forms.exact import (
     tensor,
     unturned,
 )
+from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody, FixedPointBody
 from rb_sim.mechanics.systems.free import FreeRotor
 from rb_sim.numerics.rotations import conjugate, product, rotate, unit
@@ -32,10 +33,6 @@ from rb_sim.scene.compiled import Compiled
 # theta'' = -W^2 sin theta with theta from the direction of gravity, W^2 = m g r / J.  With
 # k^2 = sin^2(theta_0/2) + theta'_0^2 / (4 W^2): swings sin(theta/2) = k sn(W t + u, k^2) for k < 1,
 # turns over theta/2 = am(k W t + u, 1/k^2) for k > 1 (Whittaker, Analytical Dynamics, section 44).
-
-
-SEPARATRIX = 1e-15
-"""|1 - k^2| below which the motion cannot be distinguished from the separatrix."""
 
 
 def pendulum(compiled: Compiled) -> Exact | None:
@@ -65,7 +62,7 @@ def about_hanging(theta: Long, speed: Long, frequency2: Long) -> Any:
     whole = 2 * PI * np.round(theta / (2 * PI))
     W, half = np.sqrt(frequency2), (theta - whole) / 2
     m1 = (np.cos(half) - speed / (2 * W)) * (np.cos(half) + speed / (2 * W))  # 1 - k^2
-    if abs(m1) < SEPARATRIX:
+    if abs(m1) < SUM_ROUNDING:
         return None
     relative = swing(half, speed, W, m1) if m1 > 0 else turning(half, speed, W, m1)
     return shifted(relative, whole)
@@ -311,10 +308,6 @@ def symmetry_axis(moments: LongArray, w: LongArray) -> int | None:
 # spin w3 = s + p cos(theta) satisfy p (I3 w3 - I1 p cos(theta)) = m g l (moments about the point).
 
 
-STEADY = 1e-14
-"""Relative misfit of the condition up to which initial values count as steady (rounded ones)."""
-
-
 def steady_top(compiled: Compiled) -> Exact | None:
     """The exact motion of a top whose initial state precesses steadily, or None."""
     system, y = compiled.system, compiled.y
@@ -331,7 +324,7 @@ def steady_top(compiled: Compiled) -> Exact | None:
     axial, k = e @ about_O @ e, unturned(q0, up)
     across = (np.trace(about_O) - axial) / 2
     uniaxial = across * np.eye(3) + (axial - across) * np.outer(e, e)
-    if np.abs(about_O - uniaxial).max() > STEADY * across:
+    if np.abs(about_O - uniaxial).max() > SUM_ROUNDING * across:
         return None
     side = k - (k @ e) * e
     if side @ side < 1e-12:
@@ -340,7 +333,9 @@ def steady_top(compiled: Compiled) -> Exact | None:
     beside = w - p * side - w3 * e
     weight = mass * strength * length
     misfit = p * (axial * w3 - across * p * cosine) - weight
-    if abs(misfit) > STEADY * weight or np.sqrt(beside @ beside) > STEADY * np.sqrt(w @ w):
+    if abs(misfit) > SUM_ROUNDING * weight or np.sqrt(beside @ beside) > SUM_ROUNDING * np.sqrt(
+        w @ w
+    ):
         return None
 
     def coordinates(times: LongArray) -> LongArray:

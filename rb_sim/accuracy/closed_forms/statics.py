@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import Element
 from rb_sim.statics.of_scene import at_rest
@@ -17,9 +18,6 @@ from rb_sim.statics.of_scene import at_rest
 
 
 Array = NDArray[np.float64]
-
-CLOSE = 1e-12
-"""Relative to what is compared: below it two numbers of a scene are taken to be one."""
 
 
 class ExactReactions(NamedTuple):
@@ -85,7 +83,7 @@ def line(element: Element) -> Array:
 
 def same(a: Any, b: Any, scale: float = 1.0) -> bool:
     """Whether two vectors or numbers are one, but for rounding at `scale`."""
-    return float(np.abs(np.subtract(a, b)).max()) <= CLOSE * scale
+    return float(np.abs(np.subtract(a, b)).max()) <= COMPUTED_ROUNDING * scale
 
 
 def pointing(elements: Iterable[Element], direction: Array) -> Element | None:
