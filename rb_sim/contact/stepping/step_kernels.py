@@ -217,15 +217,15 @@ def bears_more(tables, memory, c, more):
 
 
 @inline
-def led_to_world(tables, memory, links, i, impulse, told):
-    """Whether all points between body i and the world bear an impulse on it more; told: add it."""
+def led_to_world(tables, memory, links, i, impulse, final):
+    """Whether all points between body i and the world bear an impulse on it more; final: add it."""
     while i >= 0:
         c = links[i]
         if c < 0:
             return False
         on_body = tables.owners[c, 0] == i
         more = impulse if on_body else scale(-1.0, impulse)
-        if told:
+        if final:
             put(memory, c, IMPULSE, add(triple(memory, c, IMPULSE), more))
         elif not bears_more(tables, memory, c, more):
             return False
@@ -240,7 +240,7 @@ def book_lift(tables, memory, workspace, y):
 
     Bodies pay for it with their velocities instead, so that they come to rest, if the cones of the
     contacts that bear them to the world have room for the impulse: it is part of what these are
-    told to have given, which is the change of momenta.  Before `note_aims`.
+    reported to have given, which is the change of momenta.  Before `note_aims`.
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
     carried, links, known = np.zeros(n), np.empty(n, np.int64), False
