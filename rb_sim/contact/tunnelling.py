@@ -17,7 +17,7 @@ from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of
 from rb_sim.numerics.rotations import conjugate, product
 from rb_sim.numerics.rotations import rotate as turned
-from rb_sim.numerics.vectors import cross, norm, rotate, sub
+from rb_sim.numerics.vectors import cross, norm, rotate, sub, unrotate
 
 # Sides that sink in unseen: edges of boxes and rods between the points at which they touch.
 #
@@ -206,7 +206,8 @@ def speed_over(sides: Sides, t: float, y: Array) -> float:
         A, _, _, _ = carrier(sides.motion, t, WORLD)
     w_B, w_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     of_centre = sub(sub(B.v_WC, A.v_WC), cross(w_A, sub(B.p_WC, A.p_WC)))
-    return float(norm(of_centre) + norm(sub(w_B, w_A)) * reach(sides))
+    spin = unrotate(B.q_WB, sub(w_B, w_A))  # a rod that spins about itself moves no side by it
+    return float(norm(of_centre) + np.linalg.norm(np.cross(spin, sides.edges), axis=-1).max())
 
 
 def quiet(all_sides: tuple[Sides, ...], t: float, y: Array, t1: float, y1: Array) -> bool:

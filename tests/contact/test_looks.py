@@ -126,6 +126,16 @@ def test_no_point_moves_faster_over_the_support_than_is_said() -> None:
         assert 0.3 * bound < speeds.max() <= bound * (1.0 + 1e-8)
 
 
+def test_a_rod_that_spins_about_itself_moves_no_side() -> None:
+    """Only as fast as its centre, at whatever spin: it is looked at no more often for it."""
+    edges = np.array([[[-0.3, 0.0, 0.0], [0.4, 0.0, 0.0]]])
+    fields: Any = dict.fromkeys(Sides._fields) | {"body": 1, "parent": 0, "edges": edges}
+    y = np.zeros(26)
+    y[6] = y[19] = 1.0
+    y[20:23], y[23] = [0.3, 0.0, -0.4], 1e6
+    assert speed_over(Sides(**fields), 0.0, y) == pytest.approx(0.5, rel=1e-12)
+
+
 def test_what_rests_is_looked_at_once_in_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """A box that lies on a box for a minute: steps grow to seconds, and so does what is between."""
     under = held({"type": "box", "size": [1.0, 1.0, 0.4]}, 0.2)

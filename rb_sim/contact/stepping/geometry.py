@@ -91,6 +91,12 @@ def spot_at(tables, scratch, e, t, B, A, out):
 
 
 @inline
+def pushed(memory, c):
+    """True if a normal impulse of the step acted at point c."""
+    return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
+
+
+@inline
 def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
     """Give the points of two boxes to the slots that had them before, or to free ones; forget what
     was in slots that have none any more."""
@@ -108,8 +114,8 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
             place = unrotate(B.q_WB, sub(p, B.p_WC))
             best, slot = near * near, -1
             for c in range(8):
-                if taken[c, 0] == 1.0:
-                    continue
+                if taken[c, 0] == 1.0 or (turn == 1 and pushed(memory, first + c)):
+                    continue  # an impulse of this step is still to be told
                 if turn == 1:
                     slot = c
                     break
@@ -131,12 +137,6 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
         if forget and taken[c, 0] == 0.0:
             for j in range(MEMORY):
                 memory[first + c, j] = 0.0
-
-
-@inline
-def pushed(memory, c):
-    """True if a normal impulse of the step acted at point c."""
-    return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
 
 
 @inline

@@ -25,12 +25,14 @@ from rb_sim.contact.stepping.scene_tables import (
     BOXES,
     COMPLIANT,
     FIRST,
+    KINETIC,
     LAW,
     LOADS,
     PARENT,
     RADIUS,
     RESTS,
     ROWS,
+    STATIC,
 )
 from rb_sim.contact.stepping.step import (
     STATE,
@@ -176,10 +178,9 @@ def find_carried(tables, memory, workspace, carried):
 
 
 @inline
-def find_supports(tables, memory, links, order):
-    """Write for each body the point that bears it nearest to the world (-1: none does), and the
-    bodies in the order in which they are reached from there; how many are."""
-    reached = 0
+def find_supports(tables, memory, links):
+    """Write for each body the point that bears it nearest to the world, of several of its pair that
+    which pushes most; -1: none does."""
     for i in range(links.shape[0]):
         links[i] = -1
     changed = True
@@ -189,60 +190,82 @@ def find_supports(tables, memory, links, order):
             b, a = tables.owners[c, 0], tables.owners[c, 1]
             if memory[c, CLOSED] != 1.0:
                 continue
-            new = -1
             if links[b] < 0 and (a < 0 or links[a] >= 0):
-                new = b
+                links[b], changed = c, True
             elif a >= 0 and links[a] < 0 and links[b] >= 0:
-                new = a
-            if new >= 0:
-                links[new], order[reached] = c, new
-                reached, changed = reached + 1, True
-    return reached
+                links[a], changed = c, True
+    for c in range(tables.owners.shape[0]):
+        for side in range(2):
+            i = tables.owners[c, side]
+            at = links[i] if i >= 0 and memory[c, CLOSED] == 1.0 else -1
+            same = tables.owners[at, 0] == tables.owners[c, 0] if at >= 0 else False
+            same = same and tables.owners[at, 1] == tables.owners[c, 1]
+            if same and norm(triple(memory, c, AIM)) > norm(triple(memory, at, AIM)):
+                links[i] = c
+
+
+@inline
+def bears_more(tables, memory, c, more):
+    """Whether the impulse of point c stays in its cone with another one added."""
+    aim, total = triple(memory, c, AIM), add(triple(memory, c, IMPULSE), more)
+    if norm(aim) == 0.0:
+        return False
+    n = scale(1.0 / norm(aim), aim)
+    push = dot(total, n)
+    bound = min(tables.laws[c, STATIC], tables.laws[c, KINETIC])
+    return norm(sub(total, scale(push, n))) <= bound * push
+
+
+@inline
+def led_to_world(tables, memory, links, i, impulse, final):
+    """Whether all points between body i and the world bear an impulse on it more; final: add it."""
+    while i >= 0:
+        c = links[i]
+        if c < 0:
+            return False
+        on_body = tables.owners[c, 0] == i
+        more = impulse if on_body else scale(-1.0, impulse)
+        if final:
+            put(memory, c, IMPULSE, add(triple(memory, c, IMPULSE), more))
+        elif not bears_more(tables, memory, c, more):
+            return False
+        i = tables.owners[c, 1] if on_body else tables.owners[c, 0]
+    return True
 
 
 @inline
 def book_lift(tables, memory, workspace, y):
-    """What the loads lose where bodies were moved apart is work of the contacts, the last of y.
+    """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
+    counts as made by them with what they made in the step, but where driven supports lift.
 
-    Bodies that contacts bear pay for it with their velocities instead, so that they come to rest,
-    but where driven supports lift them; what they cannot pay counts as made by contacts.  What
-    paying takes of momenta goes through the contacts that bear the bodies to the world, and is part
-    of the impulses of these: an impulse that is reported is the change of a momentum.
+    Bodies pay for it with their velocities instead, so that they come to rest, if the cones of the
+    contacts that bear them to the world have room for the impulse: it is part of what these are
+    reported to have given, which is the change of momenta.  Before `note_aims`.
     """
-    n = tables.bodies.shape[0]
-    before, carried = workspace.before, np.zeros(n)
-    links, order = np.empty(n, np.int64), np.empty(n, np.int64)
-    taken, reached, unpaid = np.zeros((n, 3)), -1, 0.0
+    n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
+    carried, links, known = np.zeros(n), np.empty(n, np.int64), False
     find_carried(tables, memory, workspace, carried)
     for i in range(n):
-        B, k, m = state_of(y, i), STATE * i, tables.bodies[i, MASS]
-        lifted = 0.0
+        B, k, m, lifted = state_of(y, i), STATE * i, tables.bodies[i, MASS], 0.0
         for j in range(3):
             lifted -= tables.bodies[i, LOAD + j] * (y[k + j] - before[k + j])
         if lifted > 0.0 and carried[i] == 0.0:
-            if reached < 0:
-                reached = find_supports(tables, memory, links, order)
-            if links[i] >= 0:
-                spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
-                kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
-                slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+            if not known:
+                find_supports(tables, memory, links)
+                known = True
+            spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
+            kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
+            slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
+            impulse = scale(m * (slower - 1.0), B.v_WC)
+            if led_to_world(tables, memory, links, i, impulse, False):
+                led_to_world(tables, memory, links, i, impulse, True)
                 lifted -= min(lifted, kinetic)
-                for j in range(3):
-                    taken[i, j] = m * (slower - 1.0) * y[k + 7 + j]
                 for j in range(7, STATE):
                     y[k + j] *= slower
-                unpaid += lifted
         y[y.shape[0] - 1] += lifted
-    workspace.notes[MADE] += max(0.0, workspace.notes[GAINED]) + unpaid
-    for turn in range(reached - 1, -1, -1):  # from the last ones towards the world
-        i = order[turn]
-        c = links[i]
-        on_body = tables.owners[c, 0] == i
-        other = tables.owners[c, 1] if on_body else tables.owners[c, 0]
-        for j in range(3):
-            memory[c, IMPULSE + j] += taken[i, j] if on_body else -taken[i, j]
-            if other >= 0:
-                taken[other, j] += taken[i, j]
+        if carried[i] == 0.0:
+            made += lifted
+    workspace.notes[MADE] += max(0.0, made)
 
 
 # Parts of a step: where something fast meets what is round, the step is split there.
@@ -612,10 +635,10 @@ def one_part(tables, memory, workspace, t, y, h):
         apart = shift_deepest(tables, workspace, y)
     if not apart:
         find_at_end(tables, memory, workspace, t + h, y, h)
+    book_lift(tables, memory, workspace, y)
     note_aims(memory, workspace, t + h)
     note_open(workspace, t + h)
     note_anchors(memory, workspace)
-    book_lift(tables, memory, workspace, y)
     note_ends(tables, memory, workspace, y)
 
 
