@@ -104,6 +104,7 @@ class SecondRun:
         self._steps, self._before = motion.steps, self._counted(motion)
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
+        self._end = math.inf
 
     def add(self, block: SampleBlock) -> None:
         """The next samples of the run."""
@@ -123,9 +124,12 @@ class SecondRun:
         return np.concatenate(times), np.concatenate(poses)
 
     def result(
-        self, always: bool | None = None, look: Callable[[], None] | None = None
+        self,
+        always: bool | None = None,
+        look: Callable[[], None] | None = None,
+        singular: float | None = None,
     ) -> GlobalError:
-        """The global error of the run so far.
+        """The global error of the run so far, or up to a singular configuration at `singular` [s].
 
         always: make the finer run whatever it costs (True), or no second run (False); None: as
         AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
@@ -142,12 +146,16 @@ class SecondRun:
         took, found = self._counted(motion) - self._before, None
         limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
         times, poses = self._kept()
+        self._end = math.inf if singular is None else max(singular, times[1])
         try:
             if AFFORDED < took <= LONGEST and not always and simulation.choice is None:
                 found = self._by_coarser(times, poses, took, look)
-            return found or self._by_finer(times, poses, math.inf if always else limit, look)
+            found = found or self._by_finer(times, poses, math.inf if always else limit, look)
         except WatchEndedError:
             return GlobalError(unknown="the run is too long (use --check)")
+        if singular is None or (found.upto or math.inf) <= singular:
+            return found
+        return found._replace(upto=singular, why="not known beyond the singular configuration")
 
     def _by_coarser(
         self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
@@ -168,7 +176,7 @@ class SecondRun:
         at = np.searchsorted(grid, times)
         if upto is not None or motion_size(second, radius) > 2.0 * motion_size(second[at], radius):
             return None
-        found = apart(times, poses, second[at], self._simulation)
+        found = self._apart(times, poses, second[at])
         return found._replace(by=by) if found.relative <= BOUND else None
 
     def _by_finer(
@@ -205,9 +213,11 @@ class SecondRun:
             times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
-        found = apart(times, poses, second, simulation)
-        stated = found._replace(relative=found.relative / other.share, by=other.by, upto=upto)
-        if other.last or upto is not None or not DOUBTFUL * BOUND < stated.relative <= BOUND:
+        found = self._apart(times, poses, second)
+        stated = found._replace(relative=found.relative / other.share, by=other.by)
+        if upto is not None:
+            return stated._replace(upto=upto, why="use --check for the whole run")
+        if other.last or not DOUBTFUL * BOUND < stated.relative <= BOUND:
             return stated
         return self._by_third(stated, found.relative, finer + 1, times, second, limit, look)
 
@@ -236,10 +246,16 @@ class SecondRun:
         if upto is not None:
             return stated
         third = _poses(rows, len(trial.layout.bodies))
-        next_ = apart(times, second, third, simulation)
+        next_ = self._apart(times, second, third)
         falls = max(1.0 - next_.relative / first, 1.0 / SLOWEST)
         relative = max(first, next_.relative) / falls
         return stated if relative <= stated.relative else stated._replace(relative=relative, by=by)
+
+    def _apart(self, times: Array, one: Array, two: Array) -> GlobalError:
+        """The largest difference of two runs before a singular configuration: beyond it several
+        motions fulfil the laws, and both may follow the same wrong one."""
+        before = times <= self._end
+        return apart(times[before], one[before], two[before], self._simulation)
 
     def _carried(
         self, trial: Motion, grid: Array, limit: float, look: Callable[[], None] | None
