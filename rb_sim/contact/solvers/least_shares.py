@@ -1,8 +1,9 @@
-"""Shares of a load that the laws leave open, where joints carry the difference: the least ones.
+"""Shares of a load that the laws leave open: the least ones.
 
 Two flat pads that fingers press against a block determine the sum of the pressures at the corners
-of each pad, but not their centre: the joints of the fingers carry any offset.  Of a block that
-slips the friction, and so the motion, depends on it.  As under event-driven contact (`impacts`) the
+of each pad, but not their centre: the joints of the fingers carry any offset.  A table that stands
+on four legs determines the loads of three.  Of what slips in several directions the friction, and
+so the motion, depends on it.  As under event-driven contact (`impacts`) the
 impulses taken are those of minimum norm among those that give all normals, and what sticks, the
 same velocities.  With the joints eliminated these are W r + q of the impulses r of contacts.
 
