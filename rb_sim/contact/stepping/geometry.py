@@ -28,6 +28,7 @@ from rb_sim.contact.stepping.step_workspace import (
     CLOSED,
     ENDS,
     GAP,
+    IMPULSE,
     MEMORY,
     MOVES,
     NORMAL,
@@ -89,6 +90,13 @@ def spot_at(tables, scratch, e, t, B, A, out):
 
 
 @inline
+def has_given(memory, c):
+    """True if point c gave an impulse in the step."""
+    i = triple(memory, c, IMPULSE)
+    return i[0] != 0.0 or i[1] != 0.0 or i[2] != 0.0
+
+
+@inline
 def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
     """Give the points of two boxes to the slots that had them before, or to free ones; forget what
     was in slots that have none any more."""
@@ -109,6 +117,8 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
                 if taken[c, 0] == 1.0:
                     continue
                 if turn == 1:
+                    if not forget and has_given(memory, first + c):
+                        continue  # at the end of a step its impulse is still to be told
                     slot = c
                     break
                 away = sub(place, triple(memory, first + c, PLACE))

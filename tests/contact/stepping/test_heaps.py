@@ -53,6 +53,7 @@ def test_a_stack_stands(count: int, step: float, duration: float) -> None:
     assert_allclose(trajectory.reaction["floor"].force[:, 2], 0.5 * G * count, rtol=1e-10)
 
 
+@pytest.mark.filterwarnings("ignore:ambiguous")  # once it slips: shares of its four corners
 @pytest.mark.parametrize("over", [0.001, 0.049, 0.0501, 0.08])
 def test_a_box_that_hangs_over(over: float) -> None:
     """It stands as long as its centre is above the one below, and tips over beyond; one contact,
@@ -118,6 +119,7 @@ def test_balls_that_wedge_each_other_are_solved() -> None:
     assert max(speeds) <= 1e-9
 
 
+@pytest.mark.filterwarnings("ignore:ambiguous")
 def test_dominoes_fall() -> None:
     """The first pushes the next one over, and so on."""
     trajectory, _ = run(scenes.dominoes(4), 1.0, 1e-3)
