@@ -141,7 +141,7 @@ docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.thresholds
 	$(VENV)/bin/python -m tools.reference
 	$(VENV)/bin/python -m tools.tutorials
-	$(VENV)/bin/mkdocs build --strict --quiet
+	$(VENV)/bin/zensical build --clean --strict
 	@echo "build/site/index.html"
 
 bench: $(VENV)/.test

@@ -147,7 +147,7 @@ setup(
             "plotly>=5.24",
             "pandas>=2.2",
             "xarray>=2024.1",
-            "mkdocs-material>=9.5",
+            "zensical>=0.0.73",
             "mkdocstrings[python]>=0.29",
             "nbclient",
             "nbformat",

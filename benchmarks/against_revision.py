@@ -156,6 +156,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 def page(revision: str, about: str, table: dict[str, Compared]) -> str:
     """docs/steps.md."""
     lines = [
+        *("---", "search: {exclude: true}", "---", ""),
         "# Steps beside an earlier revision",
         "",
         f"Written by `python -m benchmarks.against_revision {revision} --page`, in one run.",

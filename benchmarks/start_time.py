@@ -2,11 +2,15 @@
 
     python -m benchmarks.start_time [--scene NAME] [--repeats N]
     python -m benchmarks.start_time --beside [--repeats N]
+    python -m benchmarks.start_time --first [--repeats N]
 
 A new empty cache folder (RB_SIM_CACHE) makes the first start a real first one. Given are the wall
 clock, which is what a user waits for and depends on what else the machine does, and the CPU time.
 --beside gives the least CPU times of new scenes, whose laws have to be compiled while the loops are
 on disk, and what they are above that of a free body whose law is on disk, too.
+--first gives what a machine that never ran rb_sim needs: each start has an empty cache folder, the
+loops are those that come with the package, and what an empty Python takes is subtracted. It ends
+where a start compiles a loop.
 """
 
 from __future__ import annotations
@@ -45,6 +49,9 @@ NEW: dict[str, dict[str, Any] | None] = {
     "chain of 20": chain(20),
 }
 """Scenes; None for a shipped one of this name."""
+
+FIRST = ("dropped_box", "heavy_top", "gazebo_boxes")
+"""Shipped scenes with a contact, without one, and with a stack of boxes."""
 
 COMMAND = "import sys; from rb_sim.cli.main import main; sys.exit(main())"
 
@@ -109,13 +116,43 @@ def print_beside(repeats: int) -> None:
         print(f"{name:14s} {value:.2f} s of CPU, {value - least['free body']:+.2f} s")
 
 
+def print_first(repeats: int) -> None:
+    """Measure and print starts with an empty cache, above those of an empty Python."""
+    subprocess.run([sys.executable, "-m", "rb_sim.compiler.ship", os.uname().machine], check=True)
+    with machine.alone():
+        print(machine.line(machine.describe()))
+        empty = [timed([sys.executable, "-c", "pass"], dict(os.environ)).cpu for _ in range(9)]
+        python = statistics.median(empty)
+        for name in FIRST:
+            above = [never_started(name).cpu - python for _ in range(repeats)]
+            print(
+                f"{name:14s} first start to the first step, above Python's {python:.2f} s: "
+                f"CPU median {statistics.median(above):.2f} s, least {min(above):.2f} s"
+            )
+
+
+def never_started(name: str) -> Taken:
+    """A first start of a shipped scene; ends the measurement where it compiles a loop."""
+    with tempfile.TemporaryDirectory() as folder:
+        taken = to_first_step(
+            str(scenes.CONFIG / f"{name}.yaml"), {**os.environ, "RB_SIM_CACHE": folder}
+        )
+        if compiled := sorted(Path(folder).glob("*/loop-*")):
+            raise SystemExit(f"{name}: compiles {len(compiled)} loops, which are not shipped")
+    return taken
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.start_time")
     parser.add_argument("--scene", choices=scenes.NAMES, default="rolling_sphere")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--beside", action="store_true", help="new scenes beside a free body")
+    parser.add_argument("--first", action="store_true", help="with an empty cache, shipped loops")
     options = parser.parse_args()
+    if options.first:
+        print_first(options.repeats)
+        return
     if options.beside:
         print_beside(options.repeats)
         return

@@ -129,19 +129,19 @@ def throughput(runs: int, workers: int) -> None:
         began, wall = time.process_time(), time.perf_counter()
         list(batch.rows(range(len(some)), some))
         cpu, wall = time.process_time() - began, time.perf_counter() - wall
-        _told(name, len(some), cpu, wall, 1)
+        _printed(name, len(some), cpu, wall, 1)
     for name, use in (("Dask, no lanes", False), ("Dask, lanes", True)):
         with tempfile.TemporaryDirectory() as folder:
             busy = _Busy(workers)
             with _Used() as used:
                 sweep({**TOP, "draws": runs}, folder, workers=workers, lanes=use, progress=busy)
-        _told(f"{name}, start included", runs, used.cpu, used.wall, workers)
+        _printed(f"{name}, start included", runs, used.cpu, used.wall, workers)
         busy.tell()
     with _Used() as used, multiprocessing.get_context("spawn").Pool(workers) as pool:
         list(pool.imap_unordered(_pooled, _chunks(runs, 1000)))
         pool.close()
         pool.join()
-    _told("multiprocessing, lanes, start incl.", runs, used.cpu, used.wall, workers)
+    _printed("multiprocessing, lanes, start incl.", runs, used.cpu, used.wall, workers)
     _mujoco(runs, workers)
     print(f"the machine's load: {os.getloadavg()[0]:.1f}")
 
@@ -207,7 +207,7 @@ def tops(runs: int, workers: int) -> None:
     with tempfile.TemporaryDirectory() as folder, _Used() as used:
         sweep({**TOP, "draws": runs}, folder, workers=workers)
     print(f"{runs} runs of heavy_top, 2 s each at 1e-6, 1001 samples; start included")
-    _told(f"Dask, lanes, {workers} workers", runs, used.cpu, used.wall, workers)
+    _printed(f"Dask, lanes, {workers} workers", runs, used.cpu, used.wall, workers)
 
 
 def _chunks(runs: int, size: int) -> list[tuple[int, int, int]]:
@@ -249,7 +249,7 @@ def _mujoco(runs: int, workers: int) -> None:
     with _Used() as used:
         for first in range(0, few, 100):
             rollout.rollout(model, data, states[first : first + 100], nstep=count)
-    _told(f"MuJoCo rollout, RK4 {step:g} s", few, used.cpu, used.wall, workers)
+    _printed(f"MuJoCo rollout, RK4 {step:g} s", few, used.cpu, used.wall, workers)
 
 
 class _Used:
@@ -270,7 +270,7 @@ class _Used:
         return sum(u.ru_utime + u.ru_stime for u in map(resource.getrusage, kinds))
 
 
-def _told(name: str, runs: int, cpu: float, wall: float, cores: int) -> None:
+def _printed(name: str, runs: int, cpu: float, wall: float, cores: int) -> None:
     share = 100.0 * cpu / (wall * cores)
     print(f"{name:36} {1e3 * cpu / runs:7.3f} ms {runs / wall:12.0f} {share:14.0f} %", flush=True)
 

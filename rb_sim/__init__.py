@@ -81,14 +81,19 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
-    if name in (
-        "fit",
-        "statics",
-    ):  # packages that are functions, too (rb_sim.base.callable_package)
+    if name in ("fit", "statics"):  # packages that are functions (rb_sim.base.callable_package)
         return import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), _NAMES_THERE.get(name, name))
+    try:
+        module = import_module(_HOMES[name])
+    except ImportError as error:
+        from rb_sim.base.installed import complaint
+
+        if not (line := complaint()):
+            raise
+        raise ImportError(line.removeprefix("error: "), name=error.name) from None
+    value = getattr(module, _NAMES_THERE.get(name, name))
     globals()[name] = value
     return value
 

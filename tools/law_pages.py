@@ -30,10 +30,10 @@ ABOUT = {
 """Of keys that mean the same everywhere."""
 
 SYMBOLS = """\
-C centre of mass, O body origin, p a point and V its velocity (of C where no point is named), a
+C centre of mass, O body origin, p a point and V its velocity (of C if no point is named), a
 acceleration, w angular velocity, q attitude, R axes of the body to the world's, r_CP from C to P;
-m mass, I inertia about C, J about the axis; F force and K torque about C, lambda what a constraint
-exerts along its row, U potential; A of the parent or the world, B of the body, ' d/dt. A reaction
+m mass, I inertia about C, J about the axis; F force and K torque about C, lambda the multiplier
+of a constraint equation, U potential; A of the parent or the world, B of the body, ' d/dt. A reaction
 acts by the constraint on the body, and the opposite on the parent.\
 """
 

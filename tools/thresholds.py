@@ -33,6 +33,10 @@ NONE_OF_THEM = {
 """Small constants that decide nothing."""
 
 HEAD = """\
+---
+search: {exclude: true}
+---
+
 # Thresholds
 
 Made from the sources by `make docs`: all named constants up to 1e-5 by which the package decides

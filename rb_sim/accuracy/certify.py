@@ -258,10 +258,10 @@ def as_far_as_events_go(
     limit, runner.limit = runner.limit, FIRST * budget
     rows, _ = runner.sampled(sharp)
     runner.limit = limit
-    told = np.isfinite(rows).all(axis=1, keepdims=True)
-    if np.count_nonzero(told) < 2:
+    resolved = np.isfinite(rows).all(axis=1, keepdims=True)
+    if np.count_nonzero(resolved) < 2:
         return own
-    true, other = np.where(told, rows, own.rows), np.where(told, own.rows, own.other)
+    true, other = np.where(resolved, rows, own.rows), np.where(resolved, own.rows, own.other)
     gaps = distances(other, true, runner.compiled.layout)[:, :2].max(axis=1)
     if gaps.max() <= own.agreement:  # reactions stay those of one method: shares may be open
         return own
@@ -478,5 +478,5 @@ def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Ar
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
     still = UNMOVED * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
     way = size[POSITION] if size[POSITION] > still else math.inf
-    with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has told
+    with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has resolved
         return np.maximum(errors[:, POSITION] / way, errors[:, ROTATION])

@@ -59,7 +59,7 @@ MEASURING = 10.0
 """CPU time of the rounds [s]: after it no other begins, but for FEWEST_ROUNDS."""
 
 FEWEST_ROUNDS = 5
-"""Of which a median and its spread can be told."""
+"""From which a median and its spread can be computed."""
 
 EDGE = 0.1
 """Share of the time between two events that is kept clear of either, and of the end of a run."""

@@ -51,7 +51,7 @@ less than rounding makes (see `floors`)."""
 CALENDAR = 1e6
 """[s]."""
 DOUBTFUL = 0.1
-"""Part of a difference from which on it is told that interpolation may have made it."""
+"""Part of a difference above which a note says that interpolation may cause it."""
 SURELY = 1.5
 """Times what interpolation may have made, beyond which a difference is one of the motions: the
 estimate is short by a third at 2 rad between samples."""
@@ -111,18 +111,18 @@ class Differences:
                          "than clocks drift, so the motions differ; bounds are checked with both "
                          "offsets as well")  # fmt: skip
         for name, doubts in self.doubts.items():
-            told = [
+            doubtful = [
                 f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
                 for quantity, doubt in doubts.items()
                 if doubt.max() > max(self._matters(name, quantity), self.floors[quantity])
             ]
-            if told:
+            if doubtful:
                 lines.append(f"{name}: interpolation between the samples of B causes differences "
-                             f"up to {', '.join(told)}")  # fmt: skip
+                             f"up to {', '.join(doubtful)}")  # fmt: skip
         return lines
 
     def _matters(self, name: str, quantity: str) -> float:
-        """What interpolation makes is told from here on."""
+        """Difference above which a note names interpolation as its cause."""
         largest = float(self.series[name][quantity].max())
         return max(DOUBTFUL * largest, DIVERGED * self.scales[name][quantity])
 

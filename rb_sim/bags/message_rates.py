@@ -139,7 +139,7 @@ class Rates:
 APART = 1000.0
 """Between the stretches before and after a jump on the growing time [s]; sources may reach the
 jump at instants that differ by less."""
-MOST_TOLD = 3
+MOST_NAMED = 3
 
 
 class _Jump(NamedTuple):
@@ -204,7 +204,7 @@ class GrowingTime:
         lines = [
             f"{jump.source}: time goes back from {jump.old:.6g} s to {jump.new:.6g} s: the balance "
             "starts again there"
-            for jump in self._jumps[:MOST_TOLD]
+            for jump in self._jumps[:MOST_NAMED]
         ]
         more = len(self._jumps) - len(lines)
         return [*lines, f"and so {more} times more"] if more else lines

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mcap.records import Channel
 
 
-# Whether the header stamps of several sources are of one clock, told by when they were logged.
+# Whether the header stamps of several sources are of one clock, judged by when they were logged.
 
 
 APART = 0.5
@@ -134,7 +134,7 @@ KINDS = {
     "std_msgs/msg/Float64": SCALAR,
 }
 UNIT = 1e-3
-"""Distance from unit length beyond which a quaternion is told."""
+"""Distance from unit length beyond which a quaternion is reported."""
 HUGE = 1e100
 """Readings beyond are damage, as those that are not finite: their squares overflow."""
 AHEAD = 1 << 23

@@ -43,7 +43,7 @@ class Piece(NamedTuple):
 MOST = 16
 """Sources of one name; more are taken for a name that changes with every message."""
 MOST_OF_TOPIC = 1000
-TOLD = 3
+MOST_NAMED = 3
 WORLD = ("", "world", "map", "odom")
 """Frames that are the world's, besides that of the poses."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped")
@@ -72,9 +72,9 @@ class Sources:
         lines = []
         for base, named in self._named.items():
             others = list(named.values())[1:]
-            told = ", ".join(others[:TOLD]) + ", ..." * (len(others) > TOLD)
+            named_others = ", ".join(others[:MOST_NAMED]) + ", ..." * (len(others) > MOST_NAMED)
             if others:
-                lines.append(f"{base}: not all of one type and frame: {told} for itself")
+                lines.append(f"{base}: not all of one type and frame: {named_others} for itself")
         return lines + [
             f"{source}: comes in {len(channels)} channels, which are taken as one source"
             for source, channels in self._channels.items()

@@ -213,7 +213,7 @@ class Impacts:
 
 
 Array = np.ndarray
-TOLD = 3
+MOST_NAMED = 3
 """Notes in the line that refuses a bag."""
 
 
@@ -291,7 +291,7 @@ class Tracks:
 
     def _named(self, body: str) -> list[str]:
         """The poses of that name; else those whose frame has it, or their topic where the frame is
-        not told; else those whose topic or frame has it among its parts."""
+        not given; else those whose topic or frame has it among its parts."""
         child = {name: track.child for name, track in self.bodies.items()}
         found = [name for name in child if name == body]
         found = found or [
@@ -364,7 +364,7 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     if not (bodies or of_joints):
         none = "no pose in it (PoseStamped, Odometry or TF)"
         none = f"{none}, and {unmatched}" if unmatched else none
-        why = "; ".join([none, *readings.notes[:TOLD]])
+        why = "; ".join([none, *readings.notes[:MOST_NAMED]])
         raise SinkError(f"{bag}: {why}")
     reactions = {}
     for name, parts in sources.items():
@@ -401,7 +401,8 @@ def _track(parts: list[Piece]) -> Track:
 
 def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
     """Give a twist to the pose of the same name, in the axes that its frame says: those of the
-    poses, or of the body, as in an Odometry. Returns a line where that is not to be told, or ""."""
+    poses, or of the body, as in an Odometry. Returns a line where that cannot be determined, or
+    ""."""
     t, twist = _joined(sources[source])
     names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
@@ -415,7 +416,7 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
         frame = plain(sources[source][0].frame)
         return (
             f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
-            "the body's: left out"
+            "the body's: not used"
         )
     track.linear_velocity, track.angular_velocity = v, w
     return ""

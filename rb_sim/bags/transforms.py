@@ -142,7 +142,7 @@ BACK = 1.0
 """[s]: stamps that step back by more are of a clock that was set; by less they are late."""
 MOST = 100_000
 """Poses that wait for the transforms of their parents, and transforms that wait for poses."""
-TOLD = 4
+MOST_NAMED = 4
 
 
 class Composed:
@@ -327,7 +327,9 @@ def _picked(piece: Piece, which: Array) -> Piece:
 
 
 def _some(names: list[str]) -> str:
-    return ", ".join(names[:TOLD]) + f" and {len(names) - TOLD} more" * (len(names) > TOLD)
+    return ", ".join(names[:MOST_NAMED]) + f" and {len(names) - MOST_NAMED} more" * (
+        len(names) > MOST_NAMED
+    )
 
 
 # Frames that static transforms hold together: where one of them lies in another, at all times.

@@ -173,6 +173,8 @@ class GlobalError(NamedTuple):
     """end of the part of the run that was compared [s]; None: all of it was."""
     why: str = ""
     """why no more of it was."""
+    below: bool = False
+    """whether it is only known to be smaller than this, by a coarser second run."""
 
     @property
     def known(self) -> bool:
@@ -191,9 +193,12 @@ class GlobalError(NamedTuple):
         by = f"by a second run ({self.by})"
         if self.upto is not None:
             by += f" up to t = {self.upto:.4g} s; {self.why}"
+        if self.below:
+            by += "; --check states the error itself"
         if not self.relative > 0.0:
             return f"at round-off, {by}"
-        return f"{self.relative:.1g} of the motion, at t = {self.t:.4g} s ({self.body}), {by}"
+        share = f"{'below ' if self.below else ''}{self.relative:.1g} of the motion"
+        return f"{share}, at t = {self.t:.4g} s ({self.body}), {by}"
 
 
 def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:

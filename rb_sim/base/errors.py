@@ -33,12 +33,15 @@ class UnknownNameError(RbSimError, KeyError):
 
 
 class MissingExtraError(RbSimError):
-    """An optional library is not installed; the text says what to install."""
+    """A library is not installed that is loaded when it is used; the text says what to install.
+
+    extra: that brings it, or "" for one that comes with rb_sim.
+    """
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(
-            f"{purpose} needs the package {library!r}: "
-            f"install it with pip install 'rb_sim[{extra}]'"
+            f"{purpose} needs the package {library!r}: install it with pip install "
+            + (f"'rb_sim[{extra}]'" if extra else library)
         )
 
 

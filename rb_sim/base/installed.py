@@ -5,8 +5,10 @@ Asked only after an import has failed, so that a start that works pays nothing.
 
 from __future__ import annotations
 
+import ast
 import re
 from importlib import metadata
+from pathlib import Path
 
 _BOUND = re.compile(r"([A-Za-z0-9_.-]+)\s*(?:\[[^]]*\])?\s*\(?([^;)]*)")
 _NUMBERS = re.compile(r"\d+")
@@ -14,14 +16,9 @@ _NUMBERS = re.compile(r"\d+")
 
 def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
     """(what is wrong, the requirement) of each package that does not fit; of rb_sim's own
-    requirements if none are given, as pip and colcon have recorded them."""
-    if requirements is None:
-        try:
-            requirements = metadata.requires("rb_sim") or []
-        except metadata.PackageNotFoundError:
-            return []
+    requirements if none are given."""
     found = []
-    for requirement in requirements:
+    for requirement in _recorded() if requirements is None else requirements:
         if "extra ==" in requirement:
             continue
         match = _BOUND.match(requirement)
@@ -29,7 +26,7 @@ def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
             continue
         name, bounds = match[1], match[2].strip()
         lowest = re.search(r">=\s*([0-9.]+)", bounds)
-        needs = f"{name}>={lowest[1]}" if lowest else name
+        needs = name + bounds.replace(" ", "")
         try:
             version = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -38,6 +35,19 @@ def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
         if lowest and _numbers(version) < _numbers(lowest[1]):
             found.append((f"{name} is {version} and must be at least {lowest[1]}", needs))
     return found
+
+
+def _recorded() -> list[str]:
+    """What rb_sim needs, as pip and colcon have recorded it; of a bare checkout, its setup.py."""
+    try:
+        return metadata.requires("rb_sim") or []
+    except metadata.PackageNotFoundError:
+        setup = Path(__file__).parents[2] / "setup.py"
+        tree = ast.parse(setup.read_text(encoding="utf-8") if setup.is_file() else "")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg == "install_requires":
+            return ast.literal_eval(node.value)
+    return []
 
 
 def _numbers(version: str) -> list[int]:

@@ -38,6 +38,7 @@ SWEEPS = 30
 
 @inline
 def breaks_of(table):
+    """The m + 1 parameters at which the pieces of a table begin and the last one ends."""
     return table[HEAD : HEAD + int(table[0]) + 1]
 
 
@@ -413,16 +414,19 @@ def curve_nearest(curve, p):
 
 @curve_point.register(LineCurve)
 def line_point(curve, s):
+    """point + s direction, its constant tangent, and no curvature."""
     return add(curve.point, scale(s, curve.direction)), curve.direction, (0.0, 0.0, 0.0)
 
 
 @curve_nearest.register(LineCurve)
 def line_nearest(curve, p):
+    """The foot of the perpendicular from p, as the distance from `point` along the line."""
     return dot(sub(p, curve.point), curve.direction)
 
 
 @curve_point.register(CircleCurve)
 def circle_point(curve, s):
+    """The point at the angle s from e1 towards e2; derivatives by the angle."""
     c, q = curve.radius * cos(s), curve.radius * sin(s)
     radial = add(scale(c, curve.e1), scale(q, curve.e2))
     tangent = add(scale(-q, curve.e1), scale(c, curve.e2))
@@ -431,15 +435,18 @@ def circle_point(curve, s):
 
 @curve_nearest.register(CircleCurve)
 def circle_nearest(curve, p):
+    """The angle of p about the centre, in (-pi, pi]."""
     d = sub(p, curve.centre)
     return atan2(dot(d, curve.e2), dot(d, curve.e1))
 
 
 @curve_point.register(SplineCurve)
 def spline_point(curve, s):
+    """The point and derivatives of the piece that holds s."""
     return curve.pieces.point(s)
 
 
 @curve_nearest.register(SplineCurve)
 def spline_nearest(curve, p):
+    """The parameter found by the routine of the table."""
     return call(curve.pieces.nearest, *p)[0]

@@ -225,6 +225,12 @@ def _listed(allowed: str, length: int | None = None) -> Callable[[Any], Any]:
     return check
 
 
+def _text(name: Any) -> Any:
+    if not isinstance(name, str):
+        raise refuse("the name of a body")  # keys are text already
+    return name
+
+
 def _unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
     return _normalised(vector, "a direction: 3 numbers, not all zero")
 
@@ -248,6 +254,7 @@ Name = Annotated[
         pattern=r"^[\p{L}\p{N}]([\p{L}\p{M}\p{N}_ .:+()-]*[\p{L}\p{M}\p{N}_.:+()-])?$",
         max_length=64,
     ),
+    BeforeValidator(_text),
 ]
 """Name of a body, constraint or effect, as CAD programs give them; rb_sim.base.names has what is
 made of it where less is allowed."""
@@ -317,11 +324,15 @@ def _with_unit(angle: Any) -> Any:
     return math.radians(number) if match[2] == "deg" else number
 
 
+Angle = Annotated[Finite, BeforeValidator(_with_unit)]
+"""An angle in radians; also read from "5 deg"."""
+
+
 class AxisAngle(Spec):
     """A rotation by `angle` [rad] about `axis` (brought to length 1); also read from "5 deg"."""
 
     axis: UnitVector3
-    angle: Annotated[Finite, AfterValidator(_radians), BeforeValidator(_with_unit)]
+    angle: Annotated[Angle, AfterValidator(_radians)]
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """[x, y, z, w] = [axis sin(angle/2), cos(angle/2)]."""

@@ -87,7 +87,7 @@ def may_work(scene: Scene) -> bool:
 
 def bodies_at_work(scene: Scene) -> list[str] | None:
     """Bodies whose motion tells the power of all loads without a potential; None: it may take all
-    of them, since reactions of joints that move work as well. Those of contacts are told apart."""
+    of them, since reactions of joints that move work as well. Those of contacts are separate."""
     if _joints_move(scene):
         return None
     effects = _effects_at_work(scene)
@@ -106,7 +106,8 @@ def _joints_move(scene: Scene) -> bool:
 
 
 def unknown_force(scene: Scene) -> str:
-    """Name of the first effect that exerts an outer force not told by the samples; or ""."""
+    """Name of the first effect that exerts an outer force that the samples do not contain; or
+    ""."""
     for name, effect in scene.effects.items():
         kind: str = effect.type  # type: ignore[attr-defined]
         between_bodies = getattr(effect, "parent", None) is not None
@@ -168,7 +169,7 @@ class Exchanged:
 
     @property
     def rounding(self) -> float:
-        """Energy that cannot be told from round-off [J]."""
+        """Energy that cannot be distinguished from round-off [J]."""
         return self._noise
 
     @property
@@ -405,8 +406,9 @@ class Ledger:
         return [t for t in jumps[first : self._given_jumps] if t > begin]
 
     def _roundings(self, block: SampleBlock) -> Array:
-        """Momentum and angular momentum that are not told from the roundings of what adds up to
-        them, each body's own and the impulses of reactions up to the block's end, (2,)."""
+        """Momentum and angular momentum that cannot be distinguished from the roundings of what
+        adds up to them, each body's own and the impulses of reactions up to the block's end,
+        (2,)."""
         assert self._first is not None
         own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
         noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])

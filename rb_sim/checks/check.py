@@ -50,7 +50,8 @@ class Seen(NamedTuple):
 
 
 Look = Callable[[Seen], Iterable["Finding"]]
-"""Tells what has passed its bound in the last samples; asked until all its names have been told."""
+"""Tells what has passed its bound in the last samples; asked until all its names have been
+reported."""
 
 Check = tuple[tuple[str, ...], Callable[[Run], Look]]
 """Names of the findings, and what makes the check of a run."""

@@ -119,18 +119,18 @@ class WatchList:
         """
         if not len(block):
             return
-        told = effort if isinstance(effort, Effort) else effort()
+        effort_now = effort if isinstance(effort, Effort) else effort()
         first, jumps = 0, self._jumps(block)
         with np.errstate(all="ignore"):
             if len(jumps) > MOST_CHANGES:
                 self._begin_anew()
-                self._look(block, told)
+                self._look(block, effort_now)
                 return
             for jump in jumps:
-                self._add(_cut(block, first, jump), told)
+                self._add(_cut(block, first, jump), effort_now)
                 self._begin_anew()
                 first = jump
-            self._add(_cut(block, first, len(block)) if first else block, told)
+            self._add(_cut(block, first, len(block)) if first else block, effort_now)
 
     def _begin_anew(self) -> None:
         """Draw balances from the next sample on."""
@@ -153,7 +153,7 @@ class WatchList:
             self._look(block, effort)
 
     def _look(self, block: SampleBlock, effort: Effort) -> None:
-        """Ask all checks that have not told yet."""
+        """Ask all checks that have not reported yet."""
         self._samples += len(block)
         seen = Seen(block, effort, self._ledger, self._resolution, self._samples)
         for names, look in self._checks:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.integrate.quadrature import GAP, SIGNED, SIZE, SUM, UNTOLD, Integral, Samples
+from rb_sim.integrate.quadrature import GAP, SIGNED, SIZE, SUM, UNRESOLVED, Integral, Samples
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import cross, norms, turn_between
 
@@ -108,10 +108,10 @@ class Quadrature:
         """From the first to the last sample so far, shape (columns,)."""
         return self.integral.ended()[:, SUM]
 
-    def untold(self) -> Array:
+    def unresolved(self) -> Array:
         """What the samples leave open of the parts of the integral beside breaks, beyond the
         samples of a piece, shape (columns,)."""
-        return self.integral.ended()[:, UNTOLD]
+        return self.integral.ended()[:, UNRESOLVED]
 
     def followed_by(self, samples: Samples) -> Quadrature:
         """Another quadrature of these samples and the next ones."""
@@ -160,7 +160,7 @@ class CheckedQuadrature:
         """(integral, how much it changes with every other sample left out), each (columns,).
 
         Of two samples none can be left out, and half of them have a gap as all do: there all of the
-        integral is in doubt. Beside a break half of them may be the same as all: see `untold`.
+        integral is in doubt. Beside a break half of them may be the same as all: see `unresolved`.
         """
         if self._finished is None:
             self._finished = self._taken_together()
@@ -174,7 +174,7 @@ class CheckedQuadrature:
         gaps = self._early_gaps + self._all.integral.columns[:, GAP]
         if self._gaps is not None:
             gaps = self._gaps.total()
-        return total, np.abs(total - half.total()) + gaps + self._all.untold()
+        return total, np.abs(total - half.total()) + gaps + self._all.unresolved()
 
 
 # Whether the samples of a run resolve its motion, so that integrals over them mean something.

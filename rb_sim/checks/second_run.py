@@ -2,15 +2,18 @@
 
 The second run takes half of the steps that were really taken, or a tenth of the tolerance.  Two
 runs of order p in steps h and h/2 are apart by 1 - 2^-p of the error of the first, and two runs in
-which the error is as the tolerance by 0.9 of it.  Fixed steps between two events of contacts may be
-the same at h and h/2, and their errors with them: there the second run is one of dopri853 at the
-default tolerance, and its difference the error.  The error at an instant is the largest of
+which the error is as the tolerance by 0.9 of it.  Fixed steps with contacts may come ever nearer to
+another motion, as where a slip that stops in a step is taken for one that goes on, or be the same
+between two events at h and h/2: there the second run is one of dopri853 from event to event at the
+default tolerance, and its difference the error; of time stepping with so many contacts that this
+takes too long it is half of the steps.  The error at an instant is the largest of
 
     |x - x'| / S,   A turn / S,   turn / 1 rad
 
 over the bodies, with A^2 = largest moment / mass and S the largest |x - x_0| or A turn_0 of any
 body over the run, in the run or in the second one, whichever is smaller: of two runs of which one
-has exploded the other tells how large the motion is.
+has exploded the other tells how large the motion is.  Commands act in the second run when they did
+in the first.
 
 A run that takes long is made again in larger steps first, which costs a part of it: if the two
 agree within BOUND the error is smaller than their difference, and no finer run is made.  How long
@@ -33,7 +36,7 @@ import numpy as np
 from rb_sim.accuracy.choice import Setting, counted_time
 from rb_sim.accuracy.differences import motion_size, motions_apart
 from rb_sim.base.diagnostic import Finding, GlobalError
-from rb_sim.base.errors import SimulationError
+from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.checks.check import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
@@ -75,14 +78,6 @@ PIECE = 32
 TIGHTEST = 1e-14
 """Tolerance below which rounding makes the error: then a run is compared with a looser one."""
 
-DOUBTFUL = 0.1
-"""Share of BOUND above which an error within it is found once more, by a third run finer still: in
-contact half of the steps may change little of an error that a quarter of them changes by more."""
-
-SLOWEST = 16.0
-"""Times the difference of two runs that their error is taken to be at most, where the next
-difference is hardly smaller."""
-
 REFINED = 3
 """Times that the second run is made finer still because it took no more steps than the first."""
 
@@ -97,18 +92,22 @@ class SecondRun:
     def __init__(self, simulation: Any) -> None:
         """simulation: at the start of the run."""
         self._simulation, motion = simulation, simulation.motion
-        self._t0, self._system = motion.time, motion.system
+        self._t0, self._laws = motion.time, [(motion.time, motion.system)]
+        """commands: from when on which laws hold."""
         self._from_start = motion.as_compiled and motion.time == 0.0
         self._y = None if self._from_start else _copy(motion.coordinates)
         self._turns = motion.kept.copy()
         self._steps, self._before = motion.steps, self._counted(motion)
         self._rows: list[tuple[Array, Array]] = []
-        self._count, self._stride, self._seen, self._disturbed = 0, 1, 0, False
+        self._count, self._stride, self._seen, self._moved = 0, 1, 0, False
+        self._look: Callable[[], None] | None = None
         self._end = math.inf
 
     def add(self, block: SampleBlock) -> None:
         """The next samples of the run."""
-        self._disturbed |= bool(block.inputs) and self._seen > 0
+        if block.inputs and self._seen:
+            self._moved |= any(given.state or not given.body for given in block.inputs)
+            self._laws.append((block.inputs[-1].t, self._simulation.motion.system))
         first = -self._seen % self._stride
         self._seen += len(block)
         poses = np.concatenate([block.position, block.orientation], axis=2)[first :: self._stride]
@@ -134,151 +133,141 @@ class SecondRun:
         always: make the finer run whatever it costs (True), or no second run (False); None: as
         AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
         """
-        simulation, motion = self._simulation, self._simulation.motion
+        motion = self._simulation.motion
         if always is False:
             return GlobalError(unknown="not checked")
-        if self._disturbed:
-            return GlobalError(unknown="commands came during the run")
+        if self._moved:
+            return GlobalError(unknown="the state was set during the run")
         if not self._from_start and motion.event_driven:
             return GlobalError(unknown="the run continues another one with contacts")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
-        took, found = self._counted(motion) - self._before, None
+        took, self._look = self._counted(motion) - self._before, look
+        self._end = math.inf if singular is None else singular
         limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
-        times, poses = self._kept()
-        self._end = math.inf if singular is None else max(singular, times[1])
         try:
-            if AFFORDED < took <= LONGEST and not always and simulation.choice is None:
-                found = self._by_coarser(times, poses, took, look)
-            found = found or self._by_finer(times, poses, math.inf if always else limit, look)
+            found = self._by_events(limit)
+            if found is None and AFFORDED < took <= LONGEST and not always:
+                found = self._by_coarser(took)
+            found = found or self._by_finer(math.inf if always else limit)
         except WatchEndedError:
             return GlobalError(unknown="the run is too long (use --check)")
         if singular is None or (found.upto or math.inf) <= singular:
             return found
         return found._replace(upto=singular, why="not known beyond the singular configuration")
 
-    def _by_coarser(
-        self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
-    ) -> GlobalError | None:
-        """The difference from a coarser run, which is more than the error of the run; None where
-        it is above BOUND, or samples do not show the motion."""
-        made = _coarser(self._simulation)
-        if made is None or len(times) < FEW:
+    def _by_events(self, limit: float) -> GlobalError | None:
+        """The difference of fixed steps with contacts from the motion by events, which is all of
+        their error; None of others, and of time stepping where that comes to no end in time [s].
+        """
+        motion = self._simulation.motion
+        step = getattr(self._simulation.method, "step", None)
+        if step is None or not (motion.layout.contacts and self._from_start):
             return None
-        (trial, by), stride = made, max(1, len(times) // BETWEEN)
-        times, poses = times[::stride], poses[::stride]
+        if motion.event_driven:
+            return self._by(_by_events(self._simulation), limit)
+        try:
+            return self._by(_by_events(self._simulation), limit, whole=True)
+        except RbSimError:
+            return None  # too many bodies, or an event that cannot be decided
+        except WatchEndedError:
+            if self._look is not None:
+                self._look()
+            return None
+
+    def _by_coarser(self, limit: float) -> GlobalError | None:
+        """The difference from a coarser run, which is more than the error of the run; None where
+        it is above BOUND."""
+        other = _coarser(self._simulation)
+        if other is None:
+            return None
+        try:
+            found = self._by(other, limit, whole=True)
+        except (SimulationError, WatchEndedError):
+            return None
+        return found._replace(below=True) if found.relative <= BOUND else None
+
+    def _by_finer(self, limit: float) -> GlobalError:
+        """The error by the finer run, over what it comes to within the limit [s].
+
+        Raises WatchEndedError.
+        """
+        taken, found = self._simulation.motion.steps - self._steps, GlobalError()
+        fixed = getattr(self._simulation.method, "tolerance", None) is None
+        for finer in range(1, REFINED + 1):
+            other = _finer(self._simulation, finer)
+            found = self._by(other, limit)
+            more = other.motion.steps > (1.5 if fixed else 1.0) * taken
+            if more or found.upto is not None or other.last:
+                break
+        return found
+
+    def _by(self, other: SecondMotion, limit: float, *, whole: bool = False) -> GlobalError:
+        """The error of the run by the other motion, over what that comes to within the limit [s].
+
+        whole: whether it has to come to the end, and what it cannot do is an error.
+        Raises WatchEndedError, and with `whole` SimulationError.
+        """
+        simulation, run = self._simulation, self._simulation.motion
+        times, poses = self._kept()
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
         try:
-            rows, upto = self._carried(trial, grid, limit, look)
+            rows, upto = self._carried(other.motion, grid, limit)
         except SimulationError:
-            return None
-        second, radius = _poses(rows, len(trial.layout.bodies)), _radii(self._simulation)
-        at = np.searchsorted(grid, times)
-        if upto is not None or motion_size(second, radius) > 2.0 * motion_size(second[at], radius):
-            return None
-        found = self._apart(times, poses, second[at])
-        return found._replace(by=by) if found.relative <= BOUND else None
-
-    def _by_finer(
-        self, times: Array, poses: Array, limit: float, look: Callable[[], None] | None
-    ) -> GlobalError:
-        """The error by the finer run, over what it comes to within the limit [s]."""
-        simulation, run = self._simulation, self._simulation.motion
-        finer, taken = 1, run.steps - self._steps
-        fixed = getattr(simulation.method, "tolerance", None) is None
-        grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
-        for _ in range(REFINED):
-            other = _finer(simulation, finer)
-            try:
-                rows, upto = self._carried(other.motion, grid, limit, look)
-            except SimulationError:
-                return GlobalError(math.inf, other.motion.time, "", math.inf, other.by)
-            more = other.motion.steps > (1.5 if fixed else 1.0) * taken
-            if more or upto is not None or other.last:
-                break
-            finer += 1
+            if whole:
+                raise
+            return GlobalError(math.inf, other.motion.time, "", math.inf, other.by)
         if upto is not None:  # in time it came so far only
             grid = grid[: len(rows)]
             times = times[: np.searchsorted(times, upto, side="right")]
             poses = poses[: len(times)]
-            if len(times) < 2:
+            if whole or len(times) < 2:
                 raise WatchEndedError
-        second = _poses(rows, len(run.layout.bodies))
-        at, radius = np.searchsorted(grid, times), _radii(simulation)
+        second, radius = _poses(rows, len(run.layout.bodies)), _radii(simulation)
+        at = np.searchsorted(grid, times)
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
-            again = motion_of(run.compiled, simulation.method)
-            rows, _ = self._carried(again, grid, math.inf, look)
+            rows, _ = self._carried(motion_of(run.compiled, simulation.method), grid, math.inf)
             times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
-        found = self._apart(times, poses, second)
-        stated = found._replace(relative=found.relative / other.share, by=other.by)
-        if upto is not None:
-            return stated._replace(upto=upto, why="use --check for the whole run")
-        if other.last or not DOUBTFUL * BOUND < stated.relative <= BOUND:
-            return stated
-        return self._by_third(stated, found.relative, finer + 1, times, second, limit, look)
+        # beyond a singular configuration there are several motions, and two runs may err alike
+        before = times <= max(self._end, times[1])
+        found = apart(times[before], poses[before], second[before], simulation)
+        why = "use --check for the whole run" if upto is not None else ""
+        relative = found.relative / other.share
+        return found._replace(relative=relative, by=other.by, upto=upto, why=why)
 
-    def _by_third(
-        self,
-        stated: GlobalError,
-        first: float,
-        finer: int,
-        times: Array,
-        second: Array,
-        limit: float,
-        look: Callable[[], None] | None,
-    ) -> GlobalError:
-        """The error stated, or that by the differences of three runs if it is larger: differences
-        that fall by r with each add up to first / (1 - r).
-
-        first: difference of the run from the second one, whose poses are given at the times.
-        finer: how many times the third one is made finer than the run.
-        """
-        simulation = self._simulation
-        trial, by, *_ = _finer(simulation, finer)
-        try:
-            rows, upto = self._carried(trial, times, limit, look)
-        except SimulationError:
-            return stated
-        if upto is not None:
-            return stated
-        third = _poses(rows, len(trial.layout.bodies))
-        next_ = self._apart(times, second, third)
-        falls = max(1.0 - next_.relative / first, 1.0 / SLOWEST)
-        relative = max(first, next_.relative) / falls
-        return stated if relative <= stated.relative else stated._replace(relative=relative, by=by)
-
-    def _apart(self, times: Array, one: Array, two: Array) -> GlobalError:
-        """The largest difference of two runs before a singular configuration: beyond it several
-        motions fulfil the laws, and both may follow the same wrong one."""
-        before = times <= self._end
-        return apart(times[before], one[before], two[before], self._simulation)
-
-    def _carried(
-        self, trial: Motion, grid: Array, limit: float, look: Callable[[], None] | None
-    ) -> tuple[Array, float | None]:
+    def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None]:
         """Rows of the trial at the instants, and where it was at the limit [s]; None: at its end.
 
         Raises SimulationError.
         """
-        self._begin(trial)
+        if not self._from_start:
+            trial.reset(self._y, self._t0)
+            trial.kept = self._turns
         before, out = self._counted(trial), np.zeros((len(grid), trial.width))
 
         def watch() -> None:
             if self._counted(trial) - before > limit:
                 raise WatchEndedError
-            if look is not None:
-                look()
+            if self._look is not None:
+                self._look()
 
         trial.watch = watch
+        done, ends = 0, [*(t for t, _ in self._laws[1:]), math.inf]
         try:
-            for first in range(0, len(grid), PIECE):
-                trial.run_to(grid[first : first + PIECE], out[first : first + PIECE])
-                if first + PIECE < len(grid):
+            for (begun, law), end in zip(self._laws, ends, strict=True):
+                if trial.layout.commanded and not (self._from_start and begun == self._t0):
+                    trial.run_to([begun])
+                    trial.change_law(law)
+                upto = int(np.searchsorted(grid, end))
+                for first in range(done, upto, PIECE):
+                    last = min(first + PIECE, upto)
+                    trial.run_to(grid[first:last], out[first:last])
                     watch()
+                done = max(done, upto)
         except WatchEndedError:
             reached = int(np.searchsorted(grid, trial.time, side="right"))
             return out[:reached], trial.time
@@ -286,14 +275,6 @@ class SecondRun:
 
     def _counted(self, motion: Motion) -> float:
         return counted_time(motion, self._simulation.setting)
-
-    def _begin(self, trial: Motion) -> None:
-        """Let the trial begin where the run began; it stands at the start of the scene."""
-        if not self._from_start:
-            trial.reset(self._y, self._t0)
-            trial.kept = self._turns
-            if trial.layout.commanded:
-                trial.change_law(self._system)
 
 
 def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
@@ -366,22 +347,21 @@ class SecondMotion(NamedTuple):
     """whether none follows that is finer by the same rule."""
 
 
-def _finer(simulation: Any, times: int) -> SecondMotion:
-    """A motion of half of the steps, or a tenth of the tolerance, taken so many times.
+def _by_events(simulation: Any) -> SecondMotion:
+    """The adaptive motion by events. Raises SceneError where the scene allows none."""
+    sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
+    method = sharp.build(simulation.scene.simulation.duration)
+    return SecondMotion(motion_of(simulation.motion.compiled, method), str(sharp), 1.0)
 
-    The last ones: a looser tolerance where a tighter one is below rounding, and one that does not
-    take steps of the run's length.
-    """
+
+def _finer(simulation: Any, times: int) -> SecondMotion:
+    """A motion of half of the steps, or a tenth of the tolerance, taken so many times; the last one
+    is of a looser tolerance, where a tighter one is below rounding."""
     compiled, method = simulation.motion.compiled, simulation.method
-    step = getattr(method, "step", None)
-    if step is not None and simulation.motion.event_driven:
-        sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
-        motion = motion_of(compiled, sharp.build(simulation.scene.simulation.duration))
-        return SecondMotion(motion, str(sharp), 1.0, last=True)
     if getattr(method, "tolerance", None) is None:
         parts = 2**times
         order = METHODS[simulation.setting.name].order
-        finer = method._replace(step=step / parts)
+        finer = method._replace(step=method.step / parts)
         words = "with half the step" if times == 1 else f"with 1/{parts} of the step"
         motion = motion_of(_cut_between(compiled, parts), finer)
         return SecondMotion(motion, words, 1.0 - parts ** -float(order))
@@ -392,18 +372,21 @@ def _finer(simulation: Any, times: int) -> SecondMotion:
     return SecondMotion(_at_tolerance(simulation, factor), words, share, looser)
 
 
-def _coarser(simulation: Any) -> tuple[Motion, str] | None:
-    """A motion of longer steps or a looser tolerance, and how in words; None where that would tell
-    nothing."""
-    compiled, method = simulation.motion.compiled, simulation.method
+def _coarser(simulation: Any) -> SecondMotion | None:
+    """A motion of longer steps or a looser tolerance; None where that would tell nothing, or `auto`
+    has measured the error of a coarser setting."""
+    method = simulation.method
+    if simulation.choice is not None:
+        return None
     if getattr(method, "tolerance", None) is None:
-        words = f"with {COARSER_STEP:g} times the step; the error is smaller"
-        return motion_of(compiled, method._replace(step=COARSER_STEP * method.step)), words
+        longer = method._replace(step=COARSER_STEP * method.step)
+        motion = motion_of(simulation.motion.compiled, longer)
+        return SecondMotion(motion, f"with {COARSER_STEP:g} times the step", 1.0)
     looser = COARSER_TOLERANCE * method.tolerance
     if looser > LOOSEST:
         return None
-    words = f"at tolerance {looser:.2g}; the error is smaller"
-    return _at_tolerance(simulation, COARSER_TOLERANCE), words
+    motion = _at_tolerance(simulation, COARSER_TOLERANCE)
+    return SecondMotion(motion, f"at tolerance {looser:.2g}", 1.0)
 
 
 def _at_tolerance(simulation: Any, factor: float) -> Motion:

@@ -36,19 +36,19 @@ class LeastOf:
 
     What is not finite counts as 1. law: machine code, or a Python function of arrays.
 
-    inputs: p. width: how many numbers it gives. told: whether its last two tell the least of them
-    and which it is.
+    inputs: p. width: how many numbers it gives. located: whether its last two tell the least of
+    them and which it is.
     """
 
-    def __init__(self, law: Any, inputs: Any, width: int, told: bool) -> None:
-        self._law, self._inputs, self._width, self._told = law, inputs, width, told
+    def __init__(self, law: Any, inputs: Any, width: int, located: bool) -> None:
+        self._law, self._inputs, self._width, self._located = law, inputs, width, located
 
     def __call__(self, t: Any, y: Any) -> tuple[Any, Any]:
         """(the least, which) at every t (n,) with the rows of y (n, N), both contiguous."""
         rows = np.zeros((len(t), self._width))
         evaluate_rows(self._law, t, y, self._inputs, rows)
         rows[~np.isfinite(rows)] = 1.0
-        if self._told:
+        if self._located:
             return rows[:, -2], rows[:, -1].astype(int)
         return np.minimum(rows.min(axis=1), 1.0), rows.argmin(axis=1)
 
@@ -169,8 +169,10 @@ class Follower:
         inner = s[1:-1]
         low = np.flatnonzero((inner < s[:-2]) & (inner <= s[2:])) + 1
         fine = low[np.maximum(ways[low - 1], ways[low]) <= RESOLVED]
-        told = [k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED]
-        places = [self._told(t, y, s, k) for k in told[:1]]
+        located = [
+            k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED
+        ]
+        places = [self._located(t, y, s, k) for k in located[:1]]
         places += self._around(t, y, s, fine)
         return min(places, key=lambda place: place.at, default=None)
 
@@ -196,10 +198,10 @@ class Follower:
             here = np.take_along_axis(here, middle[:, None] + [-1, 0, 1], axis=1)
         for times, some, there in zip(*kept, strict=True):
             for k in suspects(some)[:1]:
-                return [self._told(times, there, some, k)]
+                return [self._located(times, there, some, k)]
         return []
 
-    def _told(self, t: Array, y: Array, s: Array, k: int) -> Vanishing:
+    def _located(self, t: Array, y: Array, s: Array, k: int) -> Vanishing:
         """The place k, or one after it."""
         near, at = k, float(t[k])
         if s[k] > VANISHED:
@@ -251,8 +253,8 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
 # Where lines depend on each other for good some are left out, in loops those that are chosen after
 # each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
 # those that are kept may lose rank on the way although all together do not: the laws decide, but
-# the choice is a bad one there and the motion loses digits.  That is told apart by the eigenvalues
-# of A over all lines.
+# the choice is a bad one there and the motion loses digits.  The two are distinguished by the
+# eigenvalues of A over all lines.
 #
 # States between samples are looked at, too (see above), where bodies turn by much from one to
 # the next.
@@ -266,7 +268,7 @@ UNDECIDED = (
 )
 
 
-class DeadPoint(NamedTuple):
+class SingularConfiguration(NamedTuple):
     """Where lines came to depend on each other."""
 
     t: float
@@ -321,7 +323,7 @@ class Conditioning:
     def __init__(
         self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
     ) -> None:
-        self.found: DeadPoint | None = None
+        self.found: SingularConfiguration | None = None
         self._layout, self._scene = layout, scene
         self._watched: list[int] = []
         """lines of which s tells."""
@@ -346,9 +348,9 @@ class Conditioning:
         self._lines, law = lines_left(system, left_out)
         inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
         if self._lines:
-            self._laws.append(LeastOf(law, inputs, len(self._lines), told=False))
+            self._laws.append(LeastOf(law, inputs, len(self._lines), located=False))
         if laws.choice is not None:
-            self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, told=True))
+            self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, located=True))
         self._system = system
         self._follower = Follower(self.shares, system.length)
         self._watched = [*self._lines, *laws.changing]
@@ -366,7 +368,7 @@ class Conditioning:
         place = self._follower.add(block.t, coordinates(block, slice(None)))
         if place is not None:
             owner = self._owner(self._watched[place.line])
-            self.found = DeadPoint(place.at, place.s, owner, self._others_hold(place))
+            self.found = SingularConfiguration(place.at, place.s, owner, self._others_hold(place))
 
     def _owner(self, line: int) -> str:
         """The constraint to which the line belongs."""
@@ -375,9 +377,9 @@ class Conditioning:
         owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
         return owners[part_of(self._system, line)]
 
-    def told(self, t: float, least: float, line: int) -> DeadPoint:
+    def located(self, t: float, least: float, line: int) -> SingularConfiguration:
         """The singular configuration at t where s of this line comes to zero."""
-        return DeadPoint(t, least, self._owner(self._watched[line]))
+        return SingularConfiguration(t, least, self._owner(self._watched[line]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the line to which it belongs at every sample; 1 where it is no number."""
@@ -466,7 +468,7 @@ def rows_ahead(run: Motion, times: Array) -> Array | None:
     return out
 
 
-# Whether a motion that cannot go on has come to a dead point, which no step mends.
+# Whether a motion that cannot go on has come to a singular configuration, which no step mends.
 #
 # There s of `singular_configuration` falls to zero: as |x| where the motion passes a change point,
 # as the root of x where a drive comes to the end of its way.  The last states tell
@@ -480,7 +482,7 @@ STEPS = 2.0
 """Steps after the last state in which s has to come to zero, fixed ones, or of those states."""
 
 
-def dead_end(simulation: Any, t: Array, rows: Array) -> DeadPoint | None:
+def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguration | None:
     """The singular configuration at which the run of a Simulation has failed, if it is one.
 
     t, rows: its last samples.
@@ -500,7 +502,7 @@ def dead_end(simulation: Any, t: Array, rows: Array) -> DeadPoint | None:
     with np.errstate(all="ignore"):
         s, line = watch.shares(t, rows[:, :width])
     at = zero_of(t, s, end + STEPS * (getattr(run.method, "step", None) or step))
-    return None if at is None else watch.told(at, float(s[-1]), int(line[-1]))
+    return None if at is None else watch.located(at, float(s[-1]), int(line[-1]))
 
 
 def zero_of(t: Array, s: Array, until: float) -> float | None:

@@ -41,7 +41,7 @@ ASTRAY = 5e-2
 normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
 
 ENOUGH = 1e-6
-"""Relative change of an impulse above which a step of time stepping is told as unsolved."""
+"""Relative change of an impulse above which a step of time stepping is reported as unsolved."""
 
 MOST_TURN = np.pi
 """Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""

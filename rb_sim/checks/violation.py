@@ -42,7 +42,8 @@ STEPPED = "joints are accurate to first order only; try a smaller step or an eve
 
 
 def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
-    """Name of the constraint whose violation is largest at sample i; "" where it cannot be told."""
+    """Name of the constraint whose violation is largest at sample i; "" where it cannot be
+    determined."""
     if layout.contacts or not scene.constraints:
         return ""
     options = scene.simulation.model_copy(update={"project_initial": True})

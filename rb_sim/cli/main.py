@@ -306,7 +306,9 @@ def layout(
     scene: opt.Scene,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where to.", show_default="the current folder"),
+        typer.Option(
+            metavar="DIR", help="Folder for the layouts.", show_default="the current folder"
+        ),
     ] = None,
 ) -> int:
     """Write layouts for Foxglove, RViz and PlotJuggler with the topics of a scene.

@@ -26,6 +26,7 @@ class Kind:
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """None, unless the kind says otherwise."""
         return ()
 
 
@@ -38,6 +39,7 @@ class Number(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """One: the type itself."""
         return (self.type,)
 
 
@@ -51,6 +53,7 @@ class Complex(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """Two: real and imaginary part."""
         return "double", "double"
 
 
@@ -65,6 +68,7 @@ class Pointer(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """One: the address."""
         return ("ptr",)
 
 
@@ -89,6 +93,7 @@ class Array(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """The address, the length of each axis, and the distance of entries if strided."""
         return ("ptr",) + ("i64",) * (self.ndim + self.strided)
 
 
@@ -100,6 +105,7 @@ class PackedSystem(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """One: the address of the layout."""
         return ("ptr",)
 
 
@@ -112,6 +118,7 @@ class Tuple(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
+        """Those of its entries in turn."""
         return tuple(leaf for kind in self.kinds for leaf in kind.leaves)
 
 

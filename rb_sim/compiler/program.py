@@ -153,6 +153,7 @@ class Program:
         """Slots that nobody uses at the moment."""
 
     def __call__(self, numbers: list[Any], arrays: Arrays) -> Any:
+        """Call the code with the numbers; arrays in its result are those given or new copies."""
         try:
             buffer = self._buffers.pop()
         except IndexError:
@@ -442,6 +443,7 @@ class Entry:
         PROGRAMS.add(self)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the function; compile it first for kinds of arguments that are new."""
         if self._plain:
             return self.function(*arguments)
         tokens, numbers, arrays = flattened(arguments)

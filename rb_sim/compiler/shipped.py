@@ -37,6 +37,7 @@ class Target(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Triple and processor, as the names of kept code have them."""
         return f"{self.triple}-{self.processor}"
 
     def machine(self, level: int) -> Any:

@@ -143,9 +143,14 @@ class Expressions(Variables):
         return getattr(self, f"of_{type(node).__name__}", self.refuse)(node)
 
     def of_Constant(self, node: ast.Constant) -> Value:  # noqa: N802
+        """A constant of the source."""
         return numbers.constant(node.value)
 
     def of_Name(self, node: ast.Name) -> Value:  # noqa: N802
+        """A variable of the function, else an object of its module.
+
+        Raises KindError for a name that has no value.
+        """
         if node.id in self.variables:
             return self.read(node.id)
         if node.id not in self.names:
@@ -162,6 +167,7 @@ class Expressions(Variables):
         return numbers.constant(value)
 
     def of_Tuple(self, node: ast.Tuple) -> Value:  # noqa: N802
+        """A tuple of values."""
         return tuple_of(self.several(node.elts))
 
     def several(self, nodes: list[ast.expr]) -> list[Value]:
@@ -175,9 +181,11 @@ class Expressions(Variables):
         return found
 
     def of_BinOp(self, node: ast.BinOp) -> Value:  # noqa: N802
+        """An operation on two values."""
         return numbers.binary(self, node.op, self.value(node.left), self.value(node.right))
 
     def of_UnaryOp(self, node: ast.UnaryOp) -> Value:  # noqa: N802
+        """`not`, minus or plus."""
         value = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return numbers.negated(self, value)
@@ -186,6 +194,7 @@ class Expressions(Variables):
         return value if isinstance(node.op, ast.UAdd) else self.refuse(node.op)
 
     def of_Compare(self, node: ast.Compare) -> Value:  # noqa: N802
+        """Comparisons, of which all must hold; unlike in Python each operand is evaluated."""
         left, found = self.value(node.left), []
         for operator, right in zip(node.ops, node.comparators, strict=True):
             other = self.value(right)
@@ -197,6 +206,7 @@ class Expressions(Variables):
         return result
 
     def of_BoolOp(self, node: ast.BoolOp) -> Value:  # noqa: N802
+        """`and`, `or`: the second operand is evaluated only if it matters."""
         yes, no, after = self.label("yes"), self.label("no"), self.label("both")
         holds = self.test(node, yes, no)
         if holds is not None:
@@ -239,6 +249,7 @@ class Expressions(Variables):
         return holds if known_all else None
 
     def of_IfExp(self, node: ast.IfExp) -> Value:  # noqa: N802
+        """One of two values of a common kind; only that one is evaluated."""
         yes, no, after = self.label("yes"), self.label("no"), self.label("either")
         holds = self.test(node.test, yes, no)
         if holds is not None:
@@ -262,6 +273,10 @@ class Expressions(Variables):
         return Value(kind, leaves)
 
     def of_Attribute(self, node: ast.Attribute) -> Value:  # noqa: N802
+        """An attribute: of a module, a packed system, a named tuple, an array or a complex number.
+
+        Raises KindError for any other.
+        """
         value = self.value(node.value)
         kind = value.kind
         if isinstance(kind, Object):
@@ -277,6 +292,10 @@ class Expressions(Variables):
         raise KindError(f"{kind_text(kind)} has no {node.attr}")
 
     def of_Subscript(self, node: ast.Subscript) -> Value:  # noqa: N802
+        """An entry of a tuple, of an array or at an address.
+
+        Raises KindError for any other kind.
+        """
         value = self.value(node.value)
         if isinstance(value.kind, Tuple):
             return self.of_tuple(value, node.slice)
@@ -314,6 +333,10 @@ class Expressions(Variables):
         return found
 
     def of_Call(self, node: ast.Call) -> Value:  # noqa: N802
+        """A call of a method of an array, of `_replace`, or of a function that is known.
+
+        Raises KindError for any other.
+        """
         arguments = self.several(node.args)
         words = {word.arg: self.value(word.value) for word in node.keywords if word.arg}
         if isinstance(node.func, ast.Attribute):
@@ -431,28 +454,35 @@ class Translation(Expressions):
         """Nothing."""
 
     def do_Expr(self, node: ast.Expr) -> None:  # noqa: N802
+        """An expression that is a statement; docstrings are passed over."""
         if not isinstance(node.value, ast.Constant):
             self.value(node.value)
 
     def do_Return(self, node: ast.Return) -> None:  # noqa: N802
+        """Return a value from the function."""
         self.finish(known(None) if node.value is None else self.value(node.value))
 
     def do_Break(self, node: ast.Break) -> None:  # noqa: N802
+        """Go behind the innermost loop."""
         self.go(self.loops[-1][1])
 
     def do_Continue(self, node: ast.Continue) -> None:  # noqa: N802
+        """Go to the next round of the innermost loop."""
         self.go(self.loops[-1][0])
 
     def do_Assign(self, node: ast.Assign) -> None:  # noqa: N802
+        """Give a value to one or several targets."""
         value = self.value(node.value)
         for target in node.targets:
             self.give(target, value)
 
     def do_AnnAssign(self, node: ast.AnnAssign) -> None:  # noqa: N802
+        """Give a value to an annotated target; without a value nothing is done."""
         if node.value is not None:
             self.give(node.target, self.value(node.value))
 
     def do_AugAssign(self, node: ast.AugAssign) -> None:  # noqa: N802
+        """Change a variable, or an entry of an array, whose indices are evaluated once."""
         if isinstance(node.target, ast.Name):
             before = self.value(node.target)
             self.give(node.target, numbers.binary(self, node.op, before, self.value(node.value)))
@@ -477,6 +507,7 @@ class Translation(Expressions):
             self.refuse(target)
 
     def do_If(self, node: ast.If) -> None:  # noqa: N802
+        """Do one of two lists of statements."""
         yes, no, after = self.label("yes"), self.label("no"), self.label("then")
         self.test(node.test, yes, no)
         for block, statements in ((yes, node.body), (no, node.orelse)):
@@ -486,6 +517,7 @@ class Translation(Expressions):
         self.begin(after)
 
     def do_While(self, node: ast.While) -> None:  # noqa: N802
+        """A loop as long as a condition holds."""
         look, inside, after = self.label("while"), self.label("do"), self.label("done")
         self.go(look)
         self.begin(look)
@@ -502,6 +534,10 @@ class Translation(Expressions):
         self.loops.pop()
 
     def do_For(self, node: ast.For) -> None:  # noqa: N802
+        """A loop over a range, whose step is a constant; over a tuple it is unrolled, see `each`.
+
+        Raises KindError for a step that is no constant.
+        """
         call = node.iter
         if not (isinstance(call, ast.Call) and self.value(call.func).kind == Object(range)):
             return self.each(node)

@@ -35,9 +35,9 @@ from rb_sim.fit.unknowns import (
     held_still,
     moving,
     negligible,
+    poorly_determined,
     slopes_of,
     start_of,
-    untold,
     values_of,
     with_numbers,
 )
@@ -102,7 +102,7 @@ def spread_of(
 ) -> Spread:
     """least: singular value of J, relative to the largest, that says nothing."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    weak = untold(s, least)
+    weak = poorly_determined(s, least)
     inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
     covariance = slopes @ ((Vt.T * inverse) @ Vt * variance) @ slopes.T
     errors = np.sqrt(np.diag(covariance))
@@ -134,7 +134,7 @@ FAR = 10.0
 """Standard deviations of the noise: no sample of any size has one so far from noise."""
 MOST = 0.1
 """Of the poses: more of them are no outliers, but another motion."""
-TOLD = 3
+MOST_NAMED = 3
 
 Residuals = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -150,7 +150,9 @@ def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
             sigma = np.median(size, axis=0) / NORMAL
             far |= (size > np.maximum(FAR * sigma, rounding)).any(axis=1)
         if far.any() and far.sum() <= MOST * len(t):
-            at = ", ".join(f"{x:.6g}" for x in t[far][:TOLD]) + ", ..." * bool(far.sum() > TOLD)
+            at = ", ".join(f"{x:.6g}" for x in t[far][:MOST_NAMED]) + ", ..." * bool(
+                far.sum() > MOST_NAMED
+            )
             lines.append(
                 f"{body}: {far.sum()} of {len(t)} poses are off by more than {FAR:g} times the "
                 f"noise of the others (t = {at} s): they distort the fit and enlarge its errors"
@@ -335,12 +337,12 @@ class _Problem:
         if self.smooth:
             try:
                 self.runs += 1
-                return self._told(raw_jacobian(self.recording, self.scene_at, x))
+                return self._usable_rows(raw_jacobian(self.recording, self.scene_at, x))
             except (NotSmoothError, SimulationError):
                 self.smooth, self._options = False, differenced(self._options)
-        return self._told(differences(self.raw, x))
+        return self._usable_rows(differences(self.raw, x))
 
-    def _told(self, J: np.ndarray) -> np.ndarray:
+    def _usable_rows(self, J: np.ndarray) -> np.ndarray:
         """The rows that are followed, weighted; nothing for numbers whose effect is rounding."""
         size = np.where(self._is_angle, 1.0, self._way or 1.0)[:, None]
         effect = np.sqrt(np.mean((J / size)[self._follow] ** 2, axis=0))

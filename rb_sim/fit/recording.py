@@ -107,7 +107,7 @@ def pairs_of(
             f"{', '.join(bodies)}; assign them with {option}"
         )
     return pairs, [
-        f"{body}: left out: its poses may be {' or '.join(found)}; say which with {option}"
+        f"{body} is not used: its poses may be {' or '.join(found)}; say which with {option}"
         for body, found in several.items()
     ]
 
@@ -128,7 +128,7 @@ def recorded_by_others(
     return recording
 
 
-TOLD = 3
+MOST_NAMED = 3
 """Wrenches that a line names."""
 
 
@@ -194,7 +194,7 @@ class _Acting:
             why = "the scene has no commanded_wrench that takes them"
             if self._commanded:
                 why = "commands of a body are named with --wrench BODY=TOPIC"
-            some = ", ".join(rest[:TOLD]) + ", ..." * (len(rest) > TOLD)
+            some = ", ".join(rest[:MOST_NAMED]) + ", ..." * (len(rest) > MOST_NAMED)
             lines.append(f"its wrenches ({some}) are not applied: {why}")
         return lines
 

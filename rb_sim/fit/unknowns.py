@@ -207,7 +207,7 @@ def _given(data: Mapping[str, Any], key: str) -> float | None:
 
 STEP = 1e-5
 """Of a difference, relative to a number's scale."""
-UNTOLD = 1e-5
+UNDETERMINED = 1e-5
 """The same where J is taken by differences: a motion to 1e-10 over steps of 1e-5."""
 TOLERANCE = 1e-10
 """Of motions of which differences are taken, at most."""
@@ -259,10 +259,10 @@ def moving(J: np.ndarray) -> np.ndarray:
 
 def negligible(exact: bool) -> float:
     """Singular value of J, relative to the largest, that says nothing."""
-    return WRITTEN_ROUNDING if exact else UNTOLD
+    return WRITTEN_ROUNDING if exact else UNDETERMINED
 
 
-def untold(s: np.ndarray, least: float) -> np.ndarray:
+def poorly_determined(s: np.ndarray, least: float) -> np.ndarray:
     """Which singular values say nothing beside the largest."""
     return s <= least * max(s[0], 1e-300)
 
@@ -271,7 +271,7 @@ def still(J: np.ndarray, least: float) -> np.ndarray:
     """Rows that hold the combinations without effect, as strongly as the data hold the weakest
     of the others: what the data do not tell is where the search began."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    weak = untold(s, least)
+    weak = poorly_determined(s, least)
     return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
 
 

@@ -238,6 +238,7 @@ class PlainColumns:
         self._n, self._law = tangents.n, PlainLaw(tangents.outputs)
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the Jacobian at (t, y), row by row, into out: n calls of the law."""
         n = self._n
         both, column = np.concatenate([y[:n], np.zeros(n)]), np.zeros(len(out) // n)
         for j in range(n):
@@ -343,21 +344,21 @@ done:
 """
 """The law: what is computed once, then all columns, LANES at a time, each put into its place.
 
-The room is calloc's, since the stack of a thread may be small where bodies are many.
+The workspace is calloc's, since the stack of a thread may be small where bodies are many.
 """
 
 
 def _driver(tangents: Tangents, once: str, pointer: str) -> str:
     """DRIVER for these tangents; once: the name of the law of what is computed once."""
     p, n, rows, typed = pointer, tangents.n, len(tangents.outputs), pointer != "ptr"
-    given, places, at = "%given" if typed else "%room", [], 0
+    given, places, at = "%given" if typed else "%workspace", [], 0
     for name, count in (
         ("known", len(tangents.once)),
         ("directions", (n + LANES) * LANES),
         ("result", rows * LANES),
         ("frame", tangents.pieces.frame * LANES),
     ):
-        places.append(f"%{name} = getelementptr double, {p} %room, i64 {at}")
+        places.append(f"%{name} = getelementptr double, {p} %workspace, i64 {at}")
         at += count
     arguments = f"{p} %directions, {p} %known, {p} %result, {p} %frame"
     parts = range(len(tangents.pieces.parts))
@@ -371,7 +372,9 @@ def _driver(tangents: Tangents, once: str, pointer: str) -> str:
         lanes=LANES,
         size=at,
         declared="\n".join(f"declare void @part{k}({p}, {p}, {p}, {p})" for k in parts),
-        places="\n  ".join(([f"%room = bitcast i8* {given} to {p}"] if typed else []) + places),
+        places="\n  ".join(
+            ([f"%workspace = bitcast i8* {given} to {p}"] if typed else []) + places
+        ),
         calls="\n  ".join(f"call void @part{k}({arguments})" for k in parts),
         on="\n  ".join(_unit_directions(p, "on", "1.0")),
         off="\n  ".join(_unit_directions(p, "off", "0.0")),

@@ -86,8 +86,8 @@ def _frame(count: int, pointer: str) -> list[str]:
     array = f"[{max(1, count)} x double]"
     kind = f"{array}*" if pointer != "ptr" else "ptr"
     return [
-        f"  %room = alloca {array}, align 16",
-        f"  %frame = getelementptr {array}, {kind} %room, i64 0, i64 0",
+        f"  %workspace = alloca {array}, align 16",
+        f"  %frame = getelementptr {array}, {kind} %workspace, i64 0, i64 0",
     ]
 
 

@@ -61,6 +61,7 @@ class PlainLaw:
         self.call = plain_function(python_source(outputs), Pieces(outputs))
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the law at (t, y) with the inputs p into out."""
         self.call(float(t), y, p, out)
 
 
@@ -187,10 +188,10 @@ def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
     array = "ptr" if p == "ptr" else f"{array_type}*"
     lines = [
         f"define void @law({p} %arguments, {p} %results) nounwind {{",
-        f"  %room = alloca {array_type}, align 16",
+        f"  %workspace = alloca {array_type}, align 16",
     ]
     for i in range(count):
-        lines.append(f"  %to{i} = getelementptr {array_type}, {array} %room, i64 0, i64 {i}")
+        lines.append(f"  %to{i} = getelementptr {array_type}, {array} %workspace, i64 0, i64 {i}")
         value = f"%x{i}"
         if i < len(numbers):
             value = constant(numbers[i])

@@ -341,6 +341,7 @@ class ArrayLaw:
         self._order = in_order(self._outputs)
 
     def __call__(self, t: Array, y: Array) -> Array:
+        """The outputs at all instants, shape (n, outputs)."""
         values: dict[int, Any] = {}
 
         def value(x: Any) -> Any:

@@ -25,7 +25,8 @@ from rb_sim.graph.symbols import External, Graph, Symbol
 
 
 BASES = ("y", "p", "const", "frame", "out")
-"""Arrays of a program: the arguments of a law, its constants, and room for what is in between."""
+"""Arrays of a program: the arguments of a law, its constants, and workspace for what is in
+between."""
 
 
 def arrays(name: str, kind: str, entries: Sequence[Any]) -> str:
@@ -237,8 +238,8 @@ class Program:
             return PlainProgram(self)
         if self.frame > MOST_WORKSPACE:
             raise ValueError(
-                f"a law with room for {self.frame} numbers; must be at most {MOST_WORKSPACE}: "
-                "the scene is too large, or has too many constraint lines that depend on each other"
+                f"a law with a workspace of {self.frame} numbers; must be at most {MOST_WORKSPACE}:"
+                " the scene is too large, or has too many constraint rows that depend on each other"
             )
         pointer = machine.pointer_type()
         head, calls, externals, kernels = [], [], [], {}
@@ -284,9 +285,9 @@ class Program:
                 *head,
                 arrays("@const", "double", [constant(x) for x in numbers]),
                 f"define void @law(double %t, {p} %y, {p} %p, {p} %out) {{",
-                f"  %room = alloca {kind}, align 16",
-                f"  %frame = getelementptr {kind}, {'ptr' if p == 'ptr' else kind + '*'} %room, "
-                "i64 0, i64 0",
+                f"  %workspace = alloca {kind}, align 16",
+                f"  %frame = getelementptr {kind}, {'ptr' if p == 'ptr' else kind + '*'} "
+                "%workspace, i64 0, i64 0",
                 *first_element("@const", "double", len(numbers), "%const", p),
                 *calls,
                 "  ret void",
@@ -304,6 +305,7 @@ class PlainProgram:
         self._constants = tuple(program.constants)
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
+        """Write the law at (t, y) with the inputs p into out: every call of the program in turn."""
         frame = [0.0] * self._frame
         bases = {"y": y, "p": p, "const": self._constants, "frame": frame, "out": out}
         for does, fields, count in self._calls:

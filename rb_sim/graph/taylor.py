@@ -171,7 +171,8 @@ class Series:
     of order k of the `events`, the first and then the second factors of the sums, and the
     coefficients of order k + 1 of y.
 
-    An event is a difference whose sign decides a selection; the numbers of order 0 begin with them.
+    An event must keep its sign along a step: first the `roots`, then the differences whose signs
+    decide selections; the numbers of order 0 begin with them.
     Raises NoSeriesError for what has no series, and for a selection that ends in a number: a step.
     """
 
@@ -179,12 +180,13 @@ class Series:
         self.n = len(outputs)
         nodes = in_order(outputs)
         moving = _moving(nodes)
-        events = list(dict.fromkeys(_events(nodes, moving)))
+        roots = [x for x in nodes if x.op == "sqrt" and x.number in moving]
+        events = list(dict.fromkeys([*roots, *_events(nodes, moving)]))
         nodes = in_order([*outputs, *events, *companions(nodes, moving)])
         moving = _moving(nodes)
         pairs = [pair for x in nodes if x.number in moving for pair in pairs_of(x, moving)]
         laid = laid_out(dict.fromkeys(pairs), degrees(outputs, nodes, moving))
-        self.events = len(events)
+        self.events, self.roots = len(events), len(roots)
         self.sums = -(-len(laid) // LANES) * LANES
         self.terms = [
             max(one.degree for one in laid[i : i + LANES]) for i in range(0, self.sums, LANES)

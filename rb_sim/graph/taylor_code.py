@@ -17,7 +17,7 @@ from rb_sim.graph.taylor import LANES, Series
 
 
 HEAD = 4
-"""Numbers before the sums in the room of a series; the first of them is the highest order."""
+"""Numbers before the sums in the workspace of a series; the first of them is the highest order."""
 
 GROUP = 8
 """Vectors that go through the orders together, each in a register."""
@@ -385,9 +385,9 @@ class Driver(Writer):
     def _entry(self) -> tuple[str, str, str, str]:
         """(highest order, places of the sums, the numbers of order 0, the rows)."""
         self.label("entry")
-        highest = self.line(f"load double, {self.p} %room, align 8")
+        highest = self.line(f"load double, {self.p} %workspace, align 8")
         last = self.line(f"fptosi double {highest} to i64")
-        sums = self.place("%room", HEAD)
+        sums = self.place("%workspace", HEAD)
         kept = self.place(sums, self.series.sums)
         series = self.series
         return (
@@ -431,7 +431,7 @@ class Driver(Writer):
     def _end(self, declared: Sequence[str], last: str) -> str:
         """End the loop and the function; returns its text."""
         p = self.p
-        head = f"define void @law(double %t, {p} %y, {p} %p, {p} %room) nounwind {{"
+        head = f"define void @law(double %t, {p} %y, {p} %p, {p} %workspace) nounwind {{"
         self.lines += [
             "  %following = add i64 %k, 1",
             f"  %after = getelementptr double, {p} %row, i64 {self.series.width}",
@@ -527,17 +527,19 @@ SMALL = 4000
 
 
 class SeriesLaws:
-    """`expand`, void expand(t, y, p, room), writes the series; room[0]: its highest order.
+    """`expand`, void expand(t, y, p, workspace), writes the series; workspace[0]: its highest
+    order.
 
-    From room[first] on lie the orders 1, 2 ... with `width` numbers each: the n coefficients of y,
-    then those of the events, whose values at order 0 are at room[events_at].
-    `add`, void add(h, rows, &order, out), gives y(h) - y(0) and dy/dt(h), 2 n numbers, for the
-    rows from room[first] on.
+    From workspace[first] on lie the orders 1, 2 ... with `width` numbers each: the n coefficients
+    of y, then those of the events, whose values at order 0 are at workspace[events_at]. `add`, void
+    add(h, rows, &order, out), gives y(h) - y(0) and dy/dt(h), 2 n numbers, for the rows from
+    workspace[first] on.
     """
 
     def __init__(self, outputs: Sequence[Any]) -> None:
         series = Series(outputs)
         self.n, self.events, self.width = series.n, series.events, series.width
+        self.roots = series.roots
         self.events_at = HEAD + series.sums
         self.first = self.events_at + series.numbers + series.n + BEFORE * series.width
         self.expand: Law | PlainLaw | PlainExpansion
@@ -559,7 +561,7 @@ class SeriesLaws:
         self.expand = linked([text], others=dict(laws.values()))
 
     def size(self, order: int) -> int:
-        """Numbers of the room for series of this order."""
+        """Numbers of the workspace for series of this order."""
         return self.first + (order + 1) * self.width
 
 
@@ -571,6 +573,7 @@ class PlainExpansion:
         self._start, self._order = PlainLaw(series.start), PlainLaw(series.order)
 
     def __call__(self, t: float, y: Any, p: Any, workspace: Any) -> None:
+        """Write the series at (t, y) into the workspace, whose first number is the order wanted."""
         series, order = self._series, int(workspace[0])
         n, sums, width = series.n, series.sums, series.width
         left, given = n + series.events, workspace[HEAD:]
@@ -594,6 +597,7 @@ class PlainSum:
         self._n, self._width = series.n, series.width
 
     def __call__(self, h: float, rows: Any, order: Any, out: Any) -> None:
+        """Write the change over h, by Horner's rule, and its rate into out: n numbers each."""
         n = self._n
         change, slope = np.zeros(n), np.zeros(n)
         for k in range(int(order[0]), 0, -1):

@@ -184,7 +184,7 @@ class Vectors:
         if x.op in ("select", "rarely"):
             condition, one, other = a
             if not isinstance(x.operands[0], Condition):
-                raise TypeError("a selection by what is no condition")
+                raise TypeError("a selection needs a condition")
             return self.line(f"select {MASK} {condition}, {VECTOR} {one}, {VECTOR} {other}")
         if x.op in ("sin", "cos"):
             return self.turn(x.op, a[0])

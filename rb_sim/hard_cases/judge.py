@@ -53,15 +53,15 @@ class Check(_Strict):
 
     energy: change of energy less work, over what was exchanged. momentum: the worse of both
     balances. residual: violation of constraints. formula: largest size of a formula over the
-    samples. against: largest pose difference to another setting. told: that a check warns, or the
+    samples. against: largest pose difference to another setting. warned: that a check warns, or the
     run is refused; the figure is 0 then, else 1. refused: likewise, only by an error.
     """
 
-    figure: Literal["energy", "momentum", "residual", "formula", "against", "told", "refused"]
+    figure: Literal["energy", "momentum", "residual", "formula", "against", "warned", "refused"]
     formula: str = ""
     against: Setting | None = None
     words: str = ""
-    """what an error must say, of refused and told."""
+    """what an error must say, of refused and warned."""
     bound: float = Field(default=0.5, gt=0.0)
     because: str = ""
     """how the bound follows from order, step and conditioning."""
@@ -304,8 +304,8 @@ def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
     findings = outcome.watches.findings if outcome.watches is not None else ()
     lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
     said = lines[0] if lines else ""
-    if check.figure in ("told", "refused"):
-        spoken = lines if outcome.error or check.figure == "told" else []
+    if check.figure in ("warned", "refused"):
+        spoken = lines if outcome.error or check.figure == "warned" else []
         found = [line for line in spoken if re.search(check.words, line)]
         return (0.0, found[0]) if found else (1.0, said)
     if outcome.run is None or outcome.watches is None:

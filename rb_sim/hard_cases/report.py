@@ -16,8 +16,8 @@ HEAD = """# Hard cases
 
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does
-as well. The figure must stay below the bound; *limit* marks what does not hold today, said in its
-case. CPU times are of one run on one machine, kernels %s.
+as well. The figure must stay below the bound; *limit* marks a bound that does not hold today; its
+case says why. CPU times are of one run on one machine, kernels %s.
 %s
 ![Margin of every case](pictures/hard-cases.png)
 
@@ -34,10 +34,10 @@ PEERS = """
 ## Beside other engines
 
 Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
-method (%s) over a ladder of steps, from one to a sample to 1024; the row is the best of the ladder.
-Judged by the same formulas, or by the energy of the states it gives; what needs reactions or words
-has no row, nor have cases with a part that an engine's description here lacks. *Better* and *equal*
-compare the figure with rb_sim's own, which goes no further than its case asks for.
+method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
+Judged by the same formulas, or by the energy of the states it gives; checks of reactions or messages
+have no row, nor have cases with a part that an engine's description here lacks. *Better* and *equal*
+compare the figure with rb_sim's own, which is only as accurate as its case needs.
 
 | case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
 |---|---|---|---|---|---|---|---|---|---|
@@ -81,6 +81,7 @@ def write(
 
 
 def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
+    """Write the entries as a JSON list; numbers that are not finite become null."""
     plain = [{key: finite(value) for key, value in entry.items()} for entry in entries]
     path.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
 
@@ -91,6 +92,7 @@ def finite(value: object) -> object:
 
 
 def number(value: float) -> str:
+    """Two significant digits; "-" if not finite."""
     return f"{value:.2g}" if math.isfinite(value) else "-"
 
 
@@ -129,7 +131,7 @@ def described(case: Case) -> str:
     for check in case.checks:
         if check.because:
             what = f"`{check.formula}`" if check.formula else check.figure
-            parts.append(f"\nBound {check.bound:.2g} of {what}: {sentence(check.because)}\n")
+            parts.append(f"\nBound {check.bound:.2g} of {what}. {sentence(check.because)}\n")
     if case.limit:
         parts.append(f"\nLimit: {sentence(case.limit)}\n")
     for engine, what in case.engines.items():
@@ -138,8 +140,10 @@ def described(case: Case) -> str:
 
 
 def sentence(text: str) -> str:
-    """One line that ends in a full stop."""
+    """One line that begins with a capital, but for names like rk4, and ends in a full stop."""
     line = " ".join(text.split())
+    if line.partition(" ")[0].isalpha():
+        line = line[:1].upper() + line[1:]
     return line if line.endswith((".", ":")) else f"{line}."
 
 
@@ -212,7 +216,7 @@ def balanced(groups: Sequence[Sequence[str]]) -> list[list[tuple[str, bool]]]:
 
 def is_words(row: Row) -> bool:
     """Whether what must come is a message, not a figure."""
-    return row.check in ("told", "refused")
+    return row.check in ("warned", "refused")
 
 
 def least_margin(rows: Sequence[Row]) -> float:

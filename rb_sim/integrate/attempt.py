@@ -100,6 +100,7 @@ def accumulate(n, y, dy, carry):
 
 @helper
 def copy(n, to, of):
+    """Write n numbers of one array into another."""
     for i in range(n):
         to[i] = of[i]
 
@@ -116,12 +117,14 @@ class ByLaws(NamedTuple):
 
 @position_error.register(ByLaws)
 def error_by_laws(way, t, y):
+    """The law GAP gives the largest error; no list of rows: the other law knows them."""
     call_law(way.laws[GAP], t, y, way.p, way.at)
     return way.at[0], 0
 
 
 @correct_positions.register(ByLaws)
 def correct_by_laws(way, t, y, lines):
+    """The law POSITION gives the coordinates after the step of Newton's iteration."""
     call_law(way.laws[POSITION], t, y, way.p, way.at)
     copy(way.n, y, way.at)
 

@@ -24,6 +24,7 @@ TOTAL, INSIDE, FIXED_EXTRA = range(3)
 
 @helper
 def fill(vector, row, value):
+    """Write a value into all lanes of one row of a vector table."""
     for lane in range(LANES):
         vector[row * LANES + lane] = value
 
@@ -192,6 +193,7 @@ def go_on(k, lane, inputs, m):
 
 @helper
 def attempt(k, inputs, m, start, h, sampling):
+    """Set the next attempt of lane k: its start and length [s], and whether it goes to a sample."""
     inputs[(m + STEP) * LANES + k] = h
     inputs[(m + TIME) * LANES + k] = start
     inputs[(m + SAMPLING) * LANES + k] = sampling

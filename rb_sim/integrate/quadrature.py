@@ -79,7 +79,7 @@ WORKSPACE, LAST, SEEN, LONGEST, COLUMNS = 9, 13, 14, 15, 16
 and whether there is one; the last of more breaks before its first sample, and whether there is one;
 the times of its last samples; workspace for weights; the time of the last sample of all, and
 whether there is one; the longest interval that is no gap; where the columns begin."""
-SUM, BEFORE, UNTOLD, PART, VALUES, VALUE, SIZE, SIGNED, GAP = 0, 1, 2, 3, 4, 8, 9, 10, 11
+SUM, BEFORE, UNRESOLVED, PART, VALUES, VALUE, SIZE, SIGNED, GAP = 0, 1, 2, 3, 4, 8, 9, 10, 11
 COLUMN = 12
 """Places in each column: the integral; the size of the last sample before the piece; what samples
 leave open beside breaks; the last part of the integral; the values of the last samples, and of the
@@ -160,9 +160,9 @@ def doubt_part(state, width, n, value, length):
     for c in range(width):
         column = part(state, COLUMNS + COLUMN * c)
         if n == 1:
-            column[UNTOLD] += max(abs(column[VALUES]), column[BEFORE]) * length
+            column[UNRESOLVED] += max(abs(column[VALUES]), column[BEFORE]) * length
         elif n < NODES:
-            column[UNTOLD] += abs(column[PART] - column[VALUES + value] * length)
+            column[UNRESOLVED] += abs(column[PART] - column[VALUES + value] * length)
 
 
 @helper
@@ -177,7 +177,7 @@ def add_head(state, width, n):
         put_parts(state, width, n)
         for c in range(width):
             column = part(state, COLUMNS + COLUMN * c)
-            column[UNTOLD] += abs(column[PART])
+            column[UNRESOLVED] += abs(column[PART])
 
 
 @helper

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FORCE, TORQUE, POINT, POSITION, ORIENTATION, VELOCITY, SPIN, TOTAL = range(8)
 STRIDES, COUNT, SIGN = 8, 16, 17
-"""Places in what `add_power_into` is told: where the vectors at the first instant are, and the
+"""Places in what `add_power_into` is given: where the vectors at the first instant are, and the
 totals; from STRIDES on by how many numbers each goes on; how many instants; 1 or -1."""
 
 

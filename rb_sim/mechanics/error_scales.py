@@ -135,6 +135,7 @@ def whole_body(k: int) -> list[Group]:
 
 
 def itself(y: Array) -> Array:
+    """y itself: coordinates that need no projection."""
     return y
 
 
@@ -323,6 +324,8 @@ def scatter(rate: Rate, y: Array, slope: Array) -> Array:
 
 
 def sum_of_sizes(vectors: Array, bodies: Indices, parents: Indices) -> Array:
+    """|vector| of each pair's body and of its parent, added: shape (pairs,) of vectors (bodies,
+    k)."""
     sizes = np.linalg.norm(vectors, axis=1)
     return sizes[bodies] + sizes[parents]
 

@@ -149,6 +149,7 @@ class Manifold:
 
 @position_error.register(Manifold)
 def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, list[int]]:
+    """Largest error of the holonomic rows that the laws eliminate [m], and their numbers."""
     rows = way.system.rows
     write_rows(way.system, t, y)
     held = [k for k in way.laws.order if rows[k, HOLONOMIC]]
@@ -157,6 +158,7 @@ def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, li
 
 @correct_positions.register(Manifold)
 def correct_on_numbers(way: Manifold, t: float, y: list[float], lines: list[int]) -> None:
+    """Displace the bodies by what the errors of these rows demand."""
     way.push({k: -way.system.rows[k, ERROR] for k in lines})
     move_by_push(way.system, y)
 

@@ -200,6 +200,7 @@ def dense(outputs: Sequence[Any], y: Sequence[Any]) -> list[Any]:
 
 
 def is_coordinate(x: Any, i: int) -> bool:
+    """Whether x is the symbol of coordinate i, unchanged."""
     return isinstance(x, Symbol) and x.op == "y" and x.operands[0] == i
 
 

@@ -30,10 +30,12 @@ class TimeStepping(NamedTuple):
 
 
 def in_contact(system: Any) -> bool:
+    """Whether events cut the motion of the system into pieces: it has contacts."""
     return not traceable(system)
 
 
 def any_system(system: Any) -> bool:
+    """True: the method takes every system."""
     return True
 
 

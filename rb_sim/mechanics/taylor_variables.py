@@ -83,11 +83,13 @@ def begin_as_pendulum(system, y):
 
 
 def rates_of_pendulum(system, z):
+    """dz/dt of (angle, rate, angular acceleration S, its derivative by the angle C)."""
     _, w, S, C = z
     return w, S, C * w, -(S * w)
 
 
 def change_of_pendulum(system, y, z, dz):
+    """Change of (angle, rate): they are variables themselves."""
     return dz[:2]
 
 
@@ -155,6 +157,7 @@ def begin_in_angles(system, y):
 
 
 def rates_of_angles(system, z):
+    """dz/dt of the variables of `begin_in_angles`."""
     c, s, _, _, _, w1, w2, w3, ahead, across = z
     moment, side = moments(system)
     a = system.surface.radius
@@ -180,10 +183,12 @@ def rates_of_angles(system, z):
 
 
 def turn_about(axis, angle):
+    """The quaternion of a turn by an angle [rad] about a unit vector."""
     return scale(sin(0.5 * angle), axis) + (cos(0.5 * angle),)
 
 
 def change_from_angles(system, y, z, dz):
+    """Change of y, from the angles that the disk has been tilted, turned and spun."""
     q, w, n = y[3:7], y[7:10], system.normal
     e, u, _, _ = slope_frame(system, q)
     e_W, k_B, a = rotate(q, e), system.surface.axis_B, system.surface.radius
@@ -243,6 +248,7 @@ def begin_in_world_axes(system, y):
 
 
 def rates_in_world_axes(system, z):
+    """dz/dt of the quaternion, the spin in world axes and the way of the centre."""
     alpha, up = gain(system)
     w = z[4:7]
     turn = quaternion_product((*scale(0.5, w), 0.0), z[:4])
@@ -250,6 +256,7 @@ def rates_in_world_axes(system, z):
 
 
 def change_from_world_axes(system, y, z, dz):
+    """Change of y; the spin is turned into the body's axes."""
     turned = quaternion_unit(tuple(a + b for a, b in zip(y[3:7], dz[:4], strict=True)))
     w = add(z[4:7], dz[4:7])
     return (*dz[7:], *dz[:4], *sub(unrotate(turned, w), y[7:10]))

@@ -91,7 +91,8 @@ def instants_beside(events: Sequence[float], start: float, end: float) -> Array:
 #
 # A run that begins with a stiff transient is slow at first only, and one whose body comes to roll
 # at 1e9 rad/s is fast at first only. The estimate therefore takes the fastest of the paces between
-# the last looks, and a run is given up only where all of them say so for some time.
+# the last looks, and a run is given up only if all of them say so for some time. The first look
+# alone says nothing: laws are traced and loops are loaded before it.
 
 
 EFFORT = 5.0
@@ -156,11 +157,12 @@ class Forecast:
         self._looked, self._reached = now, t
         if over:
             self.given_up = f"ended after {waited:.3g} s of wall-clock time: {self._said(t, left)}"
-        elif left > self._most and spent >= PATIENCE * self._effort:
-            self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
-        elif left > LONG and self._tell is not None:
+            return False
+        if left > LONG and self._tell is not None and len(self._paces) > 1:
             self._tell(self._said(t, left))
             self._tell = None
+        if left > self._most and spent >= PATIENCE * self._effort:
+            self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
         return not self.given_up
 
     def _said(self, t: float, left: float) -> str:

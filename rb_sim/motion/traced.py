@@ -58,7 +58,7 @@ class TracedStepper:
         self._kept = np.array(laws.inputs.kept(laws.system), dtype=int)
         """places of the inputs that laws keep from step to step."""
         self._inputs = np.zeros(0)
-        self._rooms: dict[int, Array] = {}
+        self._workspaces: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
     def start(self, t: float, y: Any, system: Any, h: float = 0.0, *, fresh: bool = True) -> None:
@@ -67,7 +67,7 @@ class TracedStepper:
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
-        for workspace in self._rooms.values():
+        for workspace in self._workspaces.values():
             workspace[1:] = (
                 0.0  # a series that was not finite must not get into the sums of another
             )
@@ -113,23 +113,25 @@ class TracedStepper:
 
     def keep(self) -> Kept:
         """A record from which `back_to` carries on from here again, to the last bit."""
-        rooms = {order: workspace.copy() for order, workspace in self._rooms.items()}
+        workspaces = {order: workspace.copy() for order, workspace in self._workspaces.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
-        return (*grid, self._inputs.copy(), rooms)
+        return (*grid, self._inputs.copy(), workspaces)
 
     def back_to(self, kept: Kept) -> None:
         """The grid of steps as it was then; `kept` serves again."""
         self._clock[:], self._count[:], self._state[:] = kept[:3]
         self._inputs[:] = kept[3]
         for order, workspace in kept[4].items():
-            self._rooms[order][:] = workspace
+            self._workspaces[order][:] = workspace
 
     @property
     def steps(self) -> int:
+        """Steps of the grid taken since its start."""
         return int(self._count[place.TAKEN])
 
     @property
     def rejected(self) -> int:
+        """Attempts given up since the start of the grid."""
         return int(self._count[place.REJECTED])
 
     @property
@@ -144,6 +146,7 @@ class TracedStepper:
 
     @property
     def next_length(self) -> float:
+        """Length that the adaptive control proposes for the next step [s]."""
         return float(self._clock[place.NEXT])
 
     @property
@@ -211,18 +214,20 @@ class TracedStepper:
         return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
-        """The laws of the series, their sizes, and room for one; nothing for other methods."""
+        """The laws of the series, their sizes, and a workspace for one; nothing for other
+        methods."""
         if step.series is None:
             return (None,) * 5, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
         laws, own = self.laws.series, getattr(self.laws, "variables", None)
         key = int(order)
-        if key not in self._rooms:
+        if key not in self._workspaces:
             beside = 0 if own is None else self.laws.n + 2 * laws.n
-            self._rooms[key] = np.zeros(laws.size(key) + beside)
-            self._rooms[key][0] = order
+            self._workspaces[key] = np.zeros(laws.size(key) + beside)
+            self._workspaces[key][0] = order
         sizes = [key, laws.first, laws.width, laws.events, laws.events_at, laws.n, laws.size(key)]
+        sizes.append(laws.roots)
         used = (self.laws.rate, None, None) if own is None else (own.rate, own.begin, own.end)
-        return (laws.expand, laws.add, *used), np.array(sizes), self._rooms[key]
+        return (laws.expand, laws.add, *used), np.array(sizes), self._workspaces[key]
 
     def _size(self, small: Small, tolerance: float) -> None:
         """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
@@ -275,6 +280,7 @@ class TracedMotion(Motion):
         return super().take(method)
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
+        """As Motion.reset; the counts of steps begin at zero."""
         compiled = self.compiled
         self.system = compiled.system if y is None else started(compiled.system, y)
         self.time, self.as_compiled = time, y is None
@@ -283,18 +289,22 @@ class TracedMotion(Motion):
 
     @property
     def steps(self) -> int:
+        """As Motion.steps, over all grids since the last reset."""
         return self._steps_before + self._stepper.steps
 
     @property
     def rejected_steps(self) -> int:
+        """As Motion.rejected_steps, over all grids since the last reset."""
         return self._rejected_before + self._stepper.rejected
 
     @property
     def cut_steps(self) -> int:
+        """As Motion.cut_steps, over all grids since the last reset."""
         return self._cut_before + self._stepper.cut
 
     @property
     def kept(self) -> Array:
+        """As Motion.kept; the stepper has it."""
         return self._stepper.kept
 
     @kept.setter
@@ -303,24 +313,29 @@ class TracedMotion(Motion):
 
     @property
     def frontier(self) -> tuple[float, float]:
+        """As Motion.frontier."""
         begin, end = self._stepper.last_step
         return end, end - begin
 
     @property
     def coordinates(self) -> Any:
+        """As Motion.coordinates: a tuple in reduced coordinates, else an array."""
         y = self._stepper.y
         return tuple(y.tolist()) if self.compiled.reduced else y
 
     def keep(self) -> tuple[Any, ...]:
+        """As Motion.keep: time, system, counts and the grid of steps."""
         before = self._steps_before, self._rejected_before, self._cut_before
         return (self.time, self.system, before, self._stepper.keep())
 
     def back_to(self, kept: tuple[Any, ...]) -> None:
+        """As Motion.back_to."""
         self.time, self.system, before, grid = kept
         self._steps_before, self._rejected_before, self._cut_before = before
         self._stepper.back_to(grid)
 
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
+        """As Motion.run_to; a grid ends at each breakpoint and a new one begins."""
         times = np.asarray(times, dtype=float)
         if not self.compiled.breakpoints:  # a loop that asks for one instant at a time is quick
             self._record(times, math.inf, out)
@@ -340,9 +355,11 @@ class TracedMotion(Motion):
         return done
 
     def take_worst(self) -> float:
+        """As Motion.take_worst: the loop keeps it."""
         return self._stepper.take_worst()
 
     def sample(self) -> Array:
+        """As Motion.sample; at the end of a table its last value still counts."""
         out = np.zeros((1, self.width))
         self._sample_now(out)
         return out

@@ -61,7 +61,7 @@ def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False
 
     Raises RbSimError where an override is none that ROS knows.
     """
-    with _told(name) as options:
+    with _named_errors(name) as options:
         return node.create_publisher(
             kind, name, _reliable(depth, latched=latched), qos_overriding_options=options
         )
@@ -76,7 +76,7 @@ def accept(
     group: CallbackGroup | None,
 ) -> Subscription:
     """A subscription to messages of class `kind`, as bytes. Raises RbSimError as `offer` does."""
-    with _told(name) as options:
+    with _named_errors(name) as options:
         return node.create_subscription(
             kind,
             name,
@@ -109,7 +109,7 @@ def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
 
 
 @contextmanager
-def _told(name: str) -> Iterator[QoSOverridingOptions]:
+def _named_errors(name: str) -> Iterator[QoSOverridingOptions]:
     """The options of a topic; what is refused inside the block becomes an RbSimError."""
     try:
         with warnings.catch_warnings(action="ignore"):  # rclpy's, of a depth that is refused here

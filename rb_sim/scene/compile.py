@@ -63,7 +63,7 @@ def absolute_tolerances(scene: Scene, compiled: Compiled) -> tuple[float | None,
     for name, value in zip(scene.bodies, given, strict=True):
         if value is not None and compiled.layout.contacts:
             key = f"bodies.{name}.absolute_tolerance"
-            text = f"got {value:g}; must be left out in a scene with contacts"
+            text = f"got {value:g}; must be omitted in a scene with contacts"
             raise SceneError(text, key=key, file=scene.file)
     return given
 

@@ -37,6 +37,9 @@ SHOWN = 12
 DENSEST = 3e5
 """Density [kg/m^3] beyond which a mass is taken for grams: osmium has 2.3e4, water in grams 1e6."""
 
+ANGLES = {"phase", "rest_angle"}
+"""Keys of effects that hold an angle [rad]."""
+
 FAR_FROM_UNIT = 1e-2
 """Of the length of a quaternion: two digits of each component leave less."""
 
@@ -51,6 +54,10 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
         yield from _grams(name, scene.bodies[name])
+    for part in ("effects", "loads"):
+        for name, given in (data.get(part) or {}).items():
+            for key in ANGLES & given.keys() if isinstance(given, Mapping) else ():
+                yield from _angle(f"{part}.{name}.{key}", given[key])
     if scene.at_rest:
         return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
@@ -58,10 +65,11 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
         yield f"names in ROS topics, frames and joints: {', '.join(others[:SHOWN])}{more}"
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
-    if still and not scene.effects and not any(map(_drives, scene.constraints.values())):
+    pushed = any(map(_pushes, scene.effects.values()))
+    if still and not pushed and not any(map(_drives, scene.constraints.values())):
         yield (
-            "nothing moves: the scene has no effects and no body has a velocity; for gravity add "
-            "effects: {weight: {type: gravity}}"
+            f"nothing moves: the scene has no effects{' but drag' if scene.effects else ''} and no "
+            "body has a velocity; for gravity add effects: {weight: {type: gravity}}"
         )
 
 
@@ -96,6 +104,12 @@ def _grams(name: str, body: Body) -> Iterator[str]:
             f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
             f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
         )
+
+
+def _pushes(effect: Any) -> bool:
+    """Whether an effect acts on a body at rest: drag and damping only if their medium flows."""
+    resists = effect.type in ("linear_drag", "quadratic_drag", "angular_damping")
+    return not resists or any(getattr(effect, "medium_velocity", ()))
 
 
 def _drives(spec: Any) -> bool:

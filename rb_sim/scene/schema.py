@@ -70,7 +70,7 @@ _inertia_check = TypeAdapter(SymmetricInertia)
 
 
 class Body(Spec):
-    """One rigid body: what it is and how it starts."""
+    """One rigid body and its initial state."""
 
     mass: Positive = Field(description="mass [kg]")
     shape: AnyShape | None = None
@@ -358,7 +358,7 @@ class Scene(Spec):
         key = "supports", name
         if spec.normal_B is not None and not self.at_rest:
             allowed = refuse(
-                "left out for bodies that move: an edge has no normal of its own; for their "
+                "omitted for bodies that move: an edge has no normal of its own; for their "
                 "reactions at rest: rb_sim statics"
             )
             raise refuse_at(((*key, "normal_B"), list(spec.normal_B), allowed))

@@ -132,10 +132,12 @@ class Sphere(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """2/5 a^2 about every axis."""
         return 0.4 * self.radius**2 * np.eye(3)
 
     @property
     def reach(self) -> float:
+        """The radius."""
         return self.radius
 
 
@@ -149,11 +151,13 @@ class Disk(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """a^2/2 about the axis, a^2/4 across."""
         square = self.radius**2
         return _revolution(0.5 * square, 0.25 * square, self.axis_B)
 
     @property
     def reach(self) -> float:
+        """The radius."""
         return self.radius
 
 
@@ -168,11 +172,13 @@ class Cylinder(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """a^2/2 about the axis, a^2/4 + h^2/12 across."""
         square = self.radius**2
         return _revolution(0.5 * square, 0.25 * square + self.length**2 / 12.0, self.axis_B)
 
     @property
     def reach(self) -> float:
+        """The distance of the edge of an end from the centre."""
         return float(np.hypot(self.radius, 0.5 * self.length))
 
 
@@ -184,11 +190,13 @@ class Box(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """(y^2 + z^2)/12 about x, and so on."""
         x, y, z = self.size
         return _diagonal(x * x / 12.0, y * y / 12.0, z * z / 12.0)
 
     @property
     def reach(self) -> float:
+        """Half the diagonal."""
         return 0.5 * float(np.linalg.norm(self.size))
 
 
@@ -204,6 +212,7 @@ class Rod(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """l^2/12 across the axis; about it a cylinder's, of radius THIN_ROD l if none is given."""
         thin = self.length**2 / 12.0
         if self.radius is None:
             return _revolution(0.5 * (THIN_ROD * self.length) ** 2, thin, self.axis_B)
@@ -217,6 +226,7 @@ class Rod(Shape):
 
     @property
     def reach(self) -> float:
+        """The distance of the edge of an end from the centre."""
         return float(np.hypot(self.radius or 0.0, 0.5 * self.length))
 
 
@@ -228,11 +238,13 @@ class Ellipsoid(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
+        """(b^2 + c^2)/5 about x, and so on."""
         a, b, c = self.semi_axes
         return _diagonal(a * a / 5.0, b * b / 5.0, c * c / 5.0)
 
     @property
     def reach(self) -> float:
+        """The longest semi-axis."""
         return max(self.semi_axes)
 
 

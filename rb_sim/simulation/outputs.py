@@ -130,7 +130,11 @@ def choose(
         from rb_sim.io.plots.plots import PlotSink
 
         path = folder / "plots.png"
-        chosen["plots"] = Output(PlotSink(path, accelerating if accelerations else None), path, say)
+        try:
+            sink = PlotSink(path, accelerating if accelerations else None)
+            chosen["plots"] = Output(sink, path, say)
+        except MissingExtraError as error:
+            say(f"note: no plots.png: {error} (or give --no-plots)")
     return chosen
 
 

@@ -14,7 +14,7 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import Watched
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import dead_end, rows_ahead
+from rb_sim.checks.singular_configuration import rows_ahead, singular_end
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
@@ -371,9 +371,11 @@ class Simulation(SceneInMotion):
             events, inputs = self.take_events(), self.take_inputs()
             yield replace(block, events=events, inputs=inputs, worst=residual)
         if failure is not None:
-            dead = dead_end(self, times[:reached], out[:reached]) if not self._is_trial else None
-            if dead is not None:
-                raise SimulationError(dead.refusal) from failure
+            singular = (
+                singular_end(self, times[:reached], out[:reached]) if not self._is_trial else None
+            )
+            if singular is not None:
+                raise SimulationError(singular.refusal) from failure
             raise self._advised(failure, float(times[-1]), watcher)
 
     def _advised(self, error: SimulationError, end: float, watcher: Watcher) -> SimulationError:

@@ -191,7 +191,7 @@ def at_rest(scene: Scene) -> Equilibrium:
         kind = spec.type
         if getattr(spec, "between", None) is not None:
             raise SceneError(
-                f"got {spec.between!r}; must be left out for statics, which needs each pair that "
+                f"got {spec.between!r}; must be omitted for statics, which needs each pair that "
                 "touches as a contact with body and parent",
                 key=f"constraints.{name}.between",
                 file=scene.file,

@@ -231,7 +231,7 @@ class Expression:
         size = np.shape(names)[-1] if np.ndim(names) else 1
         components = "xyzw"[:size] if size > 1 else ""  # a single one: a number over time
         if len(name) != 1 or name not in components:
-            allowed = one_of(name, components) if components else "left out: it is a number"
+            allowed = one_of(name, components) if components else "omitted: it is a number"
             raise self._refuse(f"{name!r} must be {allowed}")
         return _array(names)[..., components.index(name)]
 

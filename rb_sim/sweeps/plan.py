@@ -170,9 +170,9 @@ class Plan(Spec):
         if drawn and self.draws is None:
             raise refuse_at((("draws",), None, refuse(f"given: {drawn[0]} is drawn")))
         if not drawn and self.draws is not None:
-            raise refuse_at((("draws",), self.draws, refuse("left out: nothing is drawn")))
+            raise refuse_at((("draws",), self.draws, refuse("omitted: nothing is drawn")))
         if not drawn and "sampling" in self.model_fields_set:
-            raise refuse_at((("sampling",), self.sampling, refuse("left out: nothing is drawn")))
+            raise refuse_at((("sampling",), self.sampling, refuse("omitted: nothing is drawn")))
         self._check_correlations(drawn)
         for key in self.simulation:
             if key not in OVERRIDES:
@@ -187,7 +187,7 @@ class Plan(Spec):
     def _check_correlations(self, drawn: list[str]) -> None:
         """Raise the error for a correlation that cannot be."""
         if self.correlations and self.sampling == "saltelli":
-            allowed = refuse("left out: Sobol indices are of numbers that do not depend on others")
+            allowed = refuse("omitted: Sobol indices are of numbers that do not depend on others")
             raise refuse_at((("correlations",), "some", allowed))
         seen: set[frozenset[str]] = set()
         for i, pair in enumerate(self.correlations):

@@ -28,10 +28,12 @@ class Dual:
 
     @property
     def ndim(self) -> int:
+        """Number of axes of the value."""
         return self.value.ndim
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Shape of the value, which is also that of its change."""
         return self.value.shape
 
     def __getitem__(self, index: Any) -> Dual:

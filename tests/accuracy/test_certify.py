@@ -23,28 +23,19 @@ CASES = {case["id"]: case for case in json.loads(FILE.read_text())["cases"]}
 """Closed forms, and motions in quadruple precision."""
 
 SETTINGS: dict[str, dict[str, Any]] = {
-    "free_tumble_generic": {"tolerance": 1e-6},
     "free_separatrix": {"tolerance": 1e-10},
     "inertia_ratio_1e6": {"tolerance": 1e-8},
     "heavytop_bruls_cardona": {"tolerance": 1e-10},
-    "lagrange_steady_slow": {"tolerance": 1e-6},
     "lagrange_cuspidal": {"method": "rk4", "step": 0.001},
-    "sleeping_top_below": {"tolerance": 1e-10},
-    "kovalevskaya": {"method": "rk4", "step": 0.005},
-    "asymmetric_heavy_top": {"tolerance": 1e-7},
     "thin_rod_pendulum": {"tolerance": 1e-9},
-    "heavytop_spin_1e4": {"tolerance": 1e-8},
     "pendulum_3rad": {"tolerance": 1e-13},
     "gate_inclined_axis": {"tolerance": 1e-6},
     "trans_cycloid": {"tolerance": 1e-8},
-    "disk_steady": {"tolerance": 1e-7},
     "disk_wobble": {"method": "gauss6", "step": 0.02},
-    "disk_falls_near_flat": {"tolerance": 1e-10},
     "rattleback_kl_minus": {"tolerance": 1e-8},
     "ball_eccentric": {"tolerance": 1e-10},
     "cylinder_unbalanced": {"method": "rk4", "step": 0.003},
     "chaplygin_sleigh": {"tolerance": 1e-8},
-    "knife_edge_incline": {"tolerance": 1e-10},
 }
 
 SPLINES = ("trans_cycloid",)
@@ -139,7 +130,7 @@ def truth() -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "options", [{"tolerance": 1e-6}, {"tolerance": 1e-11}, {"method": "rk4", "step": 0.01}], ids=str
+    "options", [{"tolerance": 1e-11}, {"method": "rk4", "step": 0.01}], ids=str
 )
 def test_a_chaotic_run_is_certified_up_to_where_it_means_anything(
     truth: np.ndarray, options: dict[str, Any]
@@ -276,9 +267,7 @@ def test_an_oscillator_of_any_size_is_certified_in_its_own(size: float) -> None:
     assert error <= found.errors[0] <= 100.0 * error
 
 
-@pytest.mark.parametrize(
-    ("drag", "tolerance"), [(1e4, 1e-6), (1e4, 1e-8), (1e6, 1e-6), (1e8, 1e-6)]
-)
+@pytest.mark.parametrize(("drag", "tolerance"), [(1e4, 1e-8), (1e8, 1e-6)])
 def test_what_dies_out_at_once_is_certified_to_rounding(drag: float, tolerance: float) -> None:
     """v = exp(-c t) of radau5, whose error is gone with the motion; explicit runs err by a million
     times as much in the velocity, and through a drag of 1e8 kg/s do not come to the end, so that

@@ -51,7 +51,12 @@ def test_a_long_run_is_told_once_with_its_time() -> None:
     made, told = follow(10.0, [(5.0, 0.01), (10.0, 0.02), (20.0, 0.04)])
     assert not made.given_up
     (line,) = told
-    assert "t = 0.01 s of 10 s and would take 1.39 hours more" in line  # 5 s (10 - 0.01)/0.01
+    assert "t = 0.02 s of 10 s and would take 1.39 hours more" in line  # 5 s (10 - 0.02)/0.01
+
+
+def test_what_precedes_the_first_step_is_no_pace() -> None:
+    """Five seconds of tracing a large scene, then 2 s/s."""
+    assert follow(10.0, [(5.0, 1e-5), (10.0, 2.5), (15.0, 5.0)])[1] == []
 
 
 def test_a_short_run_is_not_told() -> None:

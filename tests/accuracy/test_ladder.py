@@ -132,7 +132,7 @@ def test_picture_is_written(climbed: Accuracy, tmp_path: Path) -> None:
 
 
 def test_verb_writes_both_files_and_refuses_a_bad_budget(tmp_path: Path) -> None:
-    for budget in (1e-3, 5.0):  # also where no method gets its turn
+    for budget in (1e-3, 1.0):  # also where no method gets its turn
         out = tmp_path / f"out_{budget}"
         assert accuracy_verb(PENDULUM, out, target=1e-3, budget=budget) == 0
         assert {path.name for path in out.iterdir()} == {"accuracy.json", "accuracy.png"}
@@ -152,8 +152,9 @@ def colours(accuracy: Accuracy) -> dict[str, set[str]]:
 
 
 def test_a_method_has_one_colour_in_the_pictures_of_two_scenes(climbed: Accuracy) -> None:
-    box = climb(load_scene(PENDULUM.with_name("dropped_box.yaml")), budget=8.0)
-    one, other = colours(climbed), colours(box)
+    """Whichever other methods integrate them."""
+    one = colours(climbed)
+    other = colours(replace(climbed, ladders=climbed.ladders[2:]))
     shared = one.keys() & other.keys()
     assert len(shared) >= 3 and one.keys() != other.keys()
     for name in shared:

@@ -48,7 +48,7 @@ def test_a_twist_in_another_frame_is_left_out_and_told(tmp_path):
     tracks = tracks_of_bag(write(tmp_path / "x.mcap", "lidar", V))
     assert tracks.bodies["/drone/pose"].linear_velocity is None
     assert tracks.notes == [
-        "/drone/twist: its frame lidar is neither that of the poses, map, nor the body's: left out"
+        "/drone/twist: its frame lidar is neither that of the poses, map, nor the body's: not used"
     ]
 
 

@@ -19,16 +19,16 @@ def test_what_fits_is_not_named():
 
 
 def test_what_is_missing_and_what_is_too_old_in_one_line():
-    wants = ["numpy>=1.20", "scipy>=99.1", "no-such-package>=2.0", "other-one"]
+    wants = ["numpy>=1.20", "scipy>=99.1", "no-such-package>=2.0,<3", "other-one"]
     assert [needs for _, needs in lacking(wants)] == [
         "scipy>=99.1",
-        "no-such-package>=2.0",
+        "no-such-package>=2.0,<3",
         "other-one",
     ]
     line = complaint(wants)
     assert "\n" not in line
     assert "must be at least 99.1" in line and "no-such-package is not installed" in line
-    assert "pip install 'scipy>=99.1' 'no-such-package>=2.0' 'other-one'" in line
+    assert "pip install 'scipy>=99.1' 'no-such-package>=2.0,<3' 'other-one'" in line
 
 
 def test_versions_are_compared_as_numbers():
@@ -63,3 +63,53 @@ def test_apts_pydantic_ends_the_start_in_one_line(tmp_path, command):
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: pydantic is 1.10.14 and must be at least 2.7")
     assert "pip install 'pydantic>=2.7'" in line
+
+
+@pytest.mark.parametrize(
+    ("command", "begins"),
+    [
+        (["-m", "rb_sim", "run", "pendulum"], "error: "),
+        (["-c", "import rb_sim; rb_sim.Simulation"], "ImportError: "),
+    ],
+    ids=["command line", "import"],
+)
+def test_a_bare_checkout_says_in_one_line_what_it_lacks(tmp_path, command, begins):
+    """A tree that nothing was installed from: no packages, and no record of what it needs but
+    setup.py."""
+    for name in ("rb_sim", "setup.py"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    done = subprocess.run(
+        [sys.executable, "-S", *command],
+        cwd=tmp_path,
+        env={"PATH": os.environ["PATH"]},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith(f"{begins}numpy is not installed; scipy is not installed")
+    assert "pip install 'numpy>=" in line and "'typer>=" in line
+    assert begins != "error: " or len(done.stderr.splitlines()) == 1
+
+
+def test_without_matplotlib_a_run_says_so_at_its_start_and_is_kept(tmp_path):
+    """The pictures are drawn last: the run is not lost for them."""
+    code = (
+        "import sys, importlib.util as util; find = util.find_spec\n"
+        "util.find_spec = lambda name, *given: None if name == 'matplotlib' else find(name, *given)"
+        "\nfrom rb_sim.__main__ import main\nmain()"
+    )
+    command = [sys.executable, "-c", code, "run", "thrown_ball", "--out", str(tmp_path / "here")]
+    done = subprocess.run(
+        [*command, "--no-rerun", "--no-check", "--duration", "0.1"],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert "no plots.png" in line and "pip install matplotlib" in line and "--no-plots" in line
+    assert (tmp_path / "here" / "summary.json").is_file()

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rb_sim.checks.check import Effort, below, effort_of, finer_step, round_down
-from rb_sim.checks.imbalance import CLOSER, INTERVALS, closer_samples
-from rb_sim.checks.step_doubling import LocalError
-from tests.checks.blocks import Block
+from rb_sim.checks.check import Effort, finer_step
 
 
 def adaptive(tolerance: float, steps: int) -> Effort:
@@ -50,58 +46,6 @@ def test_advice_by_what_was_set() -> None:
     assert fixed("euler").finer_step(0.8, 0.1) == fixed("of nobody").finer_step(0.8, 0.1) == 5e-4
 
 
-def test_where_the_effort_of_a_run_comes_from() -> None:
-    options = SimpleNamespace(method="rk4", step=0.01, tolerance=None, duration=3.0)
-    run: dict[str, Any] = {
-        "choice": None,
-        "scene": SimpleNamespace(simulation=options),
-        "steps": 40,
-        "unsolved_steps": (3, 0.5),
-        "circling_steps": 5,
-        "paradox_steps": 6,
-        "slipping_steps": 6.5,
-        "restruck_energy": 7.0,
-        "made_energy": 7.5,
-        "astray": (8.0, 0.1, "floor"),
-        "local_error": LocalError(share=0.2),
-        "left_open": None,
-        "ahead": None,
-    }
-    told = effort_of(SimpleNamespace(**run))
-    assert told[:4] == ("rk4", 0.01, None, 40)
-    assert told[4:12] == (3, 0.5, 5, 6, 6.5, 7.0, 7.5, (8.0, 0.1, "floor"))
-    assert told.local.share == 0.2
-    assert told.asked is None and told.kept_to == 0.0
-    chosen = SimpleNamespace(
-        method="dopri853", step=None, tolerance=1e-9, target=1e-10, reached=False
-    )
-    run["choice"] = chosen
-    told = effort_of(SimpleNamespace(**run))
-    assert told[:3] == ("dopri853", None, 1e-9)
-    assert told.asked == 1e-10 and told.kept_to == 0.0
-    chosen.reached = True
-    told = effort_of(SimpleNamespace(**run))
-    assert told.kept_to == 3.0
-
-
-@pytest.mark.parametrize(
-    ("step", "rounded", "half"),
-    [
-        (0.01, 0.01, 0.005),
-        (0.0099, 0.005, 0.002),
-        (0.0051, 0.005, 0.002),
-        (0.0049, 0.002, 0.002),
-        (2.0, 2.0, 1.0),
-        (1.99, 1.0, 0.5),
-        (1e-3, 1e-3, 5e-4),
-        (float(np.nextafter(1e-3, 0.0)), 5e-4, 2e-4),  # its logarithm is that of 1e-3
-    ],
-)
-def test_steps_that_are_named(step: float, rounded: float, half: float) -> None:
-    assert round_down(step) == rounded
-    assert below(step) == half
-
-
 @pytest.mark.parametrize(
     ("figure", "order", "step"),
     [
@@ -117,13 +61,3 @@ def test_steps_that_are_named(step: float, rounded: float, half: float) -> None:
 def test_a_finer_step_by_the_order(figure: float, order: int, step: float) -> None:
     """A step of 0.1 s and a bound of 0.1: a figure of one asks for 1/20, or 1/4.5 of order two."""
     assert finer_step(0.1, figure, 0.1, order) == step
-
-
-def test_samples_taken_closer_are_of_the_length_of_a_usual_interval() -> None:
-    asked = []
-    effort = adaptive(1e-10, 1)._replace(ahead=lambda *span: asked.append(span))
-    for t in ([4.0, 4.5], [4.0, 4.1, 4.7, 5.5]):
-        closer_samples(Block(t), effort)
-    assert asked == [(INTERVALS * 0.5, INTERVALS * CLOSER)] * 2
-    assert closer_samples(Block([4.0]), effort) is None and len(asked) == 2
-    assert closer_samples(Block([4.0, 4.5]), effort._replace(ahead=None)) is None

@@ -124,7 +124,7 @@ def test_samples_that_are_not_finite_are_told() -> None:
     assert "energy" in told
 
 
-def test_a_dead_point_late_in_a_run_is_told() -> None:
+def test_a_singular_configuration_late_in_a_run_is_told() -> None:
     """Its drive becomes impossible at 1.6 s; 20,000 samples at rest come before that."""
     mapping = driven_to_the_end()
     mapping["simulation"] |= {"rate": 1000.0}

@@ -21,10 +21,7 @@ from rb_sim.checks.singular_configuration import (
     Conditioning,
     Follower,
     Vanishing,
-    between,
     has_loops,
-    suspects,
-    zero_of,
 )
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.scene.load import scene_from_mapping
@@ -81,7 +78,9 @@ def driven_to_the_end() -> dict[str, Any]:
     return {"bodies": {"b": body}, "constraints": joints, "simulation": options}
 
 
-def followed(mapping: dict[str, Any], pieces: int = 1) -> singular_configuration.DeadPoint | None:
+def followed(
+    mapping: dict[str, Any], pieces: int = 1
+) -> singular_configuration.SingularConfiguration | None:
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
@@ -147,7 +146,7 @@ def test_a_drive_that_becomes_impossible_is_told_when_it_does():
 
 
 @pytest.mark.parametrize("joint", ["fixed_axis", "fixed_point"])
-def test_a_driven_slider_crank_has_no_dead_point(joint):
+def test_a_driven_slider_crank_has_no_singular_configuration(joint):
     """It passes both stretched positions; a crank of 1 m is driven at SPEED, the rod has 1.5 m.
 
     Two of its hinges hold the plane of motion twice, and which lines are needed changes on the way.
@@ -238,7 +237,7 @@ def spatial_loop() -> dict[str, Any]:
     return {"bodies": bodies, "constraints": joints, "simulation": options}
 
 
-def test_a_linkage_that_holds_too_much_has_no_dead_point():
+def test_a_linkage_that_holds_too_much_has_no_singular_configuration():
     """Its lines are chosen anew on the way, and together they keep their rank."""
     assert followed(spatial_loop()) is None
 
@@ -293,7 +292,7 @@ def parallelograms(count: int = 2) -> dict[str, Any]:
 def test_steps_near_a_singular_configuration_are_not_moved_by_round_off() -> None:
     """Tight tolerances make short steps there: what rounds off of the joints was put right by jumps
     of 1e-3 of the energy."""
-    for tolerance in (1e-9, 1e-10, 3e-11, 1e-11):
+    for tolerance in (1e-9, 1e-11):
         links = parallelograms()
         links["simulation"]["tolerance"] = tolerance
         run = Simulation(scene_from_mapping(links)).run(check=False)
@@ -383,14 +382,6 @@ def test_a_step_that_is_too_large_for_a_loop_is_blamed_all_the_same() -> None:
     assert "singular configuration" not in str(told)
 
 
-@pytest.mark.parametrize("power", [1.0, 0.5])
-def test_where_s_comes_to_zero(power: float) -> None:
-    t = np.array([0.0, 0.2, 0.3, 0.35])
-    assert zero_of(t, 2.0 * (0.4 - t) ** power, 0.36) == pytest.approx(0.4, rel=1e-9)
-    assert zero_of(t, 2.0 * (2.0 - t) ** power, 0.36) is None
-    assert zero_of(t, 2.0 * (0.4 + t) ** power, 0.36) is None
-
-
 # Where a figure passes through zero as |x| does, of motions and figures in closed form.
 
 
@@ -471,71 +462,6 @@ def test_a_figure_that_passes_through_zero_is_found(turn: float, pieces: int, ki
 def test_one_that_comes_near_zero_is_not(turn: float, least: float, pieces: int, kind: str) -> None:
     t = np.arange(0.0, 4.0, turn) / SPIN
     assert follow(t, kind, least, pieces=pieces) is None
-
-
-def test_a_place_at_which_it_is_zero_is_found_as_it_is() -> None:
-    t = np.arange(0.0, 4.0, 0.25) / SPIN
-    found = follow(t, "turns", 0.0)
-    assert found is not None and found.at == t[8] and found.s < 1e-12
-    assert follow(t[:3], "turns", 0.0, at=0.25 * 3.0) is None
-    assert follow(t[:4], "turns", 0.0, at=0.25 * 3.0) is not None
-
-
-def test_the_first_of_several_is_told() -> None:
-    t = np.arange(0.0, 20.0, 0.37) / SPIN
-    found = follow(t, "turns", 0.0, at=1.0)
-    assert found is not None and found.at == pytest.approx(1.0 / SPIN, abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("s", "found"),
-    [
-        ([3.0, 2.0, 1.0, 0.0, 1.0], [2, 3]),  # at it, and after the one before
-        ([2.5, 1.5, 0.5, 0.5, 1.5], [2]),  # two lowest that add up to a step of the sides
-        ([2.64, 1.64, 0.64, 0.64, 1.64, 2.64], [2]),
-        ([2.66, 1.66, 0.66, 0.66, 1.66, 2.66], []),
-        ([4.0, 1.0, 0.9, 1.4, 2.0], [1]),  # of the steeper side
-        ([2.0, 1.4, 0.9, 1.0, 4.0], [2]),
-        ([2.0, 1.0, 1.0, 1.0, 2.0], []),  # a smooth one
-        ([3.0, 2.0, 1.0, 0.5], []),
-        ([0.5, 1.0, 2.0, 3.0], []),
-        ([1e-5, 1.0], [0]),
-        ([2e-5, 1.0], []),
-    ],
-)
-def test_places_that_are_suspect(s: list[float], found: list[int]) -> None:
-    assert suspects(np.array(s)) == found
-
-
-def test_states_between_two_of_a_motion_that_a_cubic_tells() -> None:
-    """Of another body as far as four digits of its turn, whose quaternions may change sign."""
-    t = np.array([1.0, 1.5, 2.5])
-    jerk, push, start = np.array([[0.2, -0.1, 0.3], [1.0, 2.0, -1.5], [3.0, 0.1, 0.2]])
-    axis = np.array([2.0, -1.0, 2.0]) / 3.0
-
-    def motion(t: np.ndarray) -> np.ndarray:
-        x = t[:, None]
-        y = np.zeros((len(t), 2, 13))
-        y[:, 0, :3] = jerk * x**3 + push * x**2 + start * x
-        y[:, 0, 7:10] = 3.0 * jerk * x**2 + 2.0 * push * x + start
-        y[:, :, 6] = 1.0
-        y[:, 1, 3:7] = Rotation.from_rotvec(0.4 * x * axis).as_quat()
-        y[:, 1, 10:13] = 0.4 * axis
-        return y
-
-    y = motion(t)
-    y[1, 1, 3:7] *= -1.0
-    k, share = np.array([0, 0, 1, 1]), np.array([0.0, 0.3, 0.5, 0.9])
-    times, states = between(t, y.reshape(3, -1), k, share)
-    assert_allclose(times, [1.0, 1.15, 2.0, 2.4], rtol=1e-15)
-    found, wanted = states.reshape(4, 2, 13), motion(times)
-    assert_allclose(found[:, 0, :3], wanted[:, 0, :3], rtol=1e-13)
-    straight = y[k, 0, 7:10] + share[:, None] * (y[k + 1, 0, 7:10] - y[k, 0, 7:10])
-    assert_allclose(found[:, 0, 7:10], straight, rtol=1e-14)
-    turns = Rotation.from_quat(found[:, 1, 3:7]) * Rotation.from_quat(wanted[:, 1, 3:7]).inv()
-    assert turns.magnitude().max() < 2e-5
-    assert_allclose(np.linalg.norm(found[:, 1, 3:7], axis=1), 1.0, rtol=1e-15)
-    assert_allclose(found[:, 1, 10:13], wanted[:, 1, 10:13], rtol=1e-14)
 
 
 def seen_often(tolerance: float) -> Simulation:

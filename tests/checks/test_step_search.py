@@ -134,26 +134,6 @@ def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Findin
     return simulation, watches.findings
 
 
-@pytest.mark.parametrize(
-    ("good", "expected"),
-    [
-        (lambda step: step <= 1e-3, "use step 0.001 s, which passes all checks"),
-        (lambda step: False, "s do not help; use method dopri853 with a tolerance"),
-    ],
-)
-def test_smaller_is_not_said_where_it_does_not_help(
-    monkeypatch: pytest.MonkeyPatch, good: Any, expected: str
-) -> None:
-    simulation, findings = watched(OSCILLATOR, method="gauss6", step=0.004)
-
-    def quiet(self: Any, step: float) -> bool:
-        self.loud += [] if good(step) else [step]
-        return good(step)
-
-    monkeypatch.setattr(search._Trials, "quiet", quiet)
-    assert expected in search.quiet_step(simulation, findings)
-
-
 def test_a_step_that_could_not_be_tried_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation, findings = watched(OSCILLATOR, method="gauss6", step=0.004)
     said = search.quiet_step(simulation, findings, lambda: False)
@@ -195,28 +175,6 @@ def test_a_failed_run_names_a_step_that_keeps_the_energy() -> None:
     assert 40.0 / step * (omega * step) ** 6 / 72.0 < 1e-3  # the share of the energy that is lost
     simulation, findings = watched(STIFF, step=step)
     assert simulation.time == 40.0 and findings == ()
-
-
-@pytest.mark.parametrize(
-    ("good", "loud", "expected"),
-    [
-        (lambda step: step <= 0.3, False, "use step 0.2 s, which runs to the end"),
-        (lambda step: False, False, "steps down to 2e-06 s fail as well; use method dopri853"),
-        (lambda step: False, True, "step 2e-06 s runs to the end, but with a warning"),
-    ],
-)
-def test_smaller_is_not_said_where_it_is_worse(
-    monkeypatch: pytest.MonkeyPatch, good: Any, loud: bool, expected: str
-) -> None:
-    def quiet(self: Any, step: float) -> bool:
-        if not good(step):
-            (self.loud if loud else self.failed).append(step)
-            return False
-        return True
-
-    monkeypatch.setattr(search._Trials, "quiet", quiet)
-    short = {**STIFF, "simulation": {**STIFF["simulation"], "duration": 10.0}}
-    assert search.step_that_runs(Simulation(load_scene(short)), 1.0, 10.0).startswith(expected)
 
 
 def test_of_a_long_run_its_beginning_is_tried() -> None:

@@ -27,24 +27,6 @@ def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float)
     assert finding.finer_step is not None and 0.0 < finding.finer_step < 0.002
 
 
-@pytest.mark.parametrize(("duration", "tolerance"), [(1000.0, 1e-4), (300.0, 1e-4), (1000.0, 1e-6)])
-def test_errors_that_add_up_to_the_phase_are_told(duration: float, tolerance: float) -> None:
-    """x = cos(20 t): no more than 0.02 rad of the phase are lost without a word, and what is told
-    is lost by the closed form.  A rod in contact that turned 2e4 times at a tolerance of 1e-4 was
-    wrong by 1.4 % of its way, and nothing told it."""
-    ball = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [1.0, 0.0, 0.0]}
-    spring = {"type": "spring", "body": "ball", "stiffness": 400.0, "rest_length": 0.0}
-    setting = {"method": "taylor", "tolerance": tolerance, "duration": duration, "rate": 10.0}
-    mapping = {"bodies": {"ball": ball}, "effects": {"spring": spring}, "simulation": setting}
-    simulation = Simulation(load_scene(mapping))
-    run = simulation.run(check=True)
-    wrong = float(np.abs(run.block.position[:, 0, 0] - np.cos(20.0 * run.t)).max())
-    told = [finding for finding in run.findings if finding.watch == "global error"]
-    assert bool(told) == (wrong > 0.02)
-    if told:
-        assert told[0].figure == pytest.approx(0.5 * wrong, rel=0.25)
-
-
 TOP = {"mass": 0.22, "inertia": [0.0026, 0.0022, 0.00335], "angular_velocity": [10.0, 6.0, -4.0]}
 
 
@@ -76,17 +58,6 @@ def told(
 
 STEPPED = Effort("time_stepping", 0.02, None, 50)
 ADAPTIVE = Effort("dopri853", None, 1e-6, 50)
-
-
-def test_a_time_that_does_not_tell_steps_apart_is_told() -> None:
-    """16 units of 2^-52 in the last place of 1e8 s are 3.6e-7 s: above steps of 2.5e-7 s, and
-    above samples 3.3e-7 s apart, but not above steps and samples of 0.5e-6 s."""
-    far = (1.0, 2.0, 1e8)
-    assert told(ADAPTIVE._replace(steps=2 * 10**14), far, rate=2e6) == {}
-    found = told(ADAPTIVE._replace(steps=4 * 10**14), far, rate=2e6)["time"]
-    assert found.figure == pytest.approx(2.0**-52 * 4e14) and found.bound == 1.0 / 16.0
-    assert told(ADAPTIVE._replace(steps=2 * 10**14), far, rate=3e6)["time"].t == 1e8
-    assert told(ADAPTIVE._replace(steps=0), (0.0,), rate=3e6) == {}
 
 
 def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
@@ -151,21 +122,3 @@ def test_motions_that_laws_leave_open_are_told(effort: Effort) -> None:
     found = told(effort._replace(left_open=chosen._replace(figure=2.0 * bound)))["ambiguous"]
     assert (found.t, found.where, found.bound, found.finer_step) == (0.3, "floor", bound, None)
     assert found.advice == chosen.advice
-
-
-def test_turns_in_a_step_are_told_where_they_begin() -> None:
-    """0.4 s at 7, 8.2 and 9 rad/s: half a turn is 7.85 rad/s. Of 7 steps up to 2 s, of which
-    the last goes beyond, each takes a third of a second."""
-    spins = np.zeros((4, 2, 3))
-    spins[:, 1, 2], spins[1, 1, 0] = (7.0, 8.0, 9.0, 0.0), 1.8
-    block: Any = Block([0.0, 0.5, 1.0, 2.0], angular_velocity=spins)
-    effort = Effort("rk4", 0.4, None, 1)
-    (found,) = turned(block, effort, ("a", "b"))
-    assert (found.t, found.where) == (0.5, "b")
-    assert found.figure == pytest.approx(0.4 * np.hypot(8.0, 1.8))
-    assert found.finer_step == 0.05 and found.bound == np.pi
-    assert not list(turned(block, effort._replace(steps=11), ("a", "b")))
-    assert not list(turned(block, effort._replace(steps=7), ("a", "b")))
-    assert list(turned(block, effort._replace(steps=6), ("a", "b")))
-    adaptive = effort._replace(tolerance=1e-6)
-    assert not list(turned(block, adaptive, ("a", "b")))

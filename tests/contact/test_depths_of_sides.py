@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.catalogue.contacts.touching import edges_of_box
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
-from rb_sim.contact import tunnelling as looks
-from rb_sim.contact.tunnelling import deepest_of_edges, depth_in, entering, least_along, poses
+from rb_sim.contact.tunnelling import deepest_of_edges, depth_in, entering, least_along
 
 BOX = Box((1.0, 2.0, 3.0), (0.5, 0.3, 0.2))
 DRUM = Cylinder((1.0, 2.0, 3.0), 0.4, 0.25, (0.0, 0.6, 0.8))
@@ -88,24 +87,3 @@ def test_rims_and_edges_of_the_support_that_enter_the_body() -> None:
     for k, found in enumerate(entering(sides(small), turn.as_quat(), shift)):
         assert_allclose(found, depth_in(BOX, at + shift[k]).min(), atol=2e-3)
     assert np.isinf(entering(sides(LOG), turn.as_quat(), shift)).all()
-
-
-@pytest.mark.parametrize("parent", [-1, 1])
-def test_poses_beside_a_support_that_moves(monkeypatch: pytest.MonkeyPatch, parent: int) -> None:
-    """A point of the body, in coordinates of its support: a body, or what moves as prescribed."""
-    rng = np.random.default_rng(6)
-    turns = Rotation.random(6, random_state=7)
-    y = rng.normal(size=(3, 26))
-    y[:, 3:7], y[:, 16:20] = turns[:3].as_quat(), turns[3:].as_quat()
-
-    def carried(motion: str, t: float, world: Any) -> Any:
-        k = int(t)
-        return (SimpleNamespace(q_WB=y[k, 16:20], p_WC=y[k, 13:16]), None)
-
-    monkeypatch.setattr(looks, "carrier", carried)
-    times = np.arange(3.0)
-    turn, shift = poses(SimpleNamespace(body=0, parent=parent, motion="turns"), times, y)  # type: ignore[arg-type]
-    point = np.array([0.3, -0.2, 0.5])
-    for k in range(3):
-        wanted = turns[3 + k].inv().apply(turns[k].apply(point) + y[k, :3] - y[k, 13:16])
-        assert_allclose(Rotation.from_quat(turn[k]).apply(point) + shift[k], wanted, atol=1e-14)

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, RATE
-from rb_sim.catalogue.contacts.friction import straight_on
 from rb_sim.mechanics.contact.constraint_tables import write_contacts
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
@@ -218,12 +217,3 @@ def test_sliding_pushes_along_the_traction(support: str, seed: int) -> None:
         assert_allclose(columns, np.concatenate([sign * push, torque]), atol=1e-13)
     assert_allclose(system.rows[0, :3], n, atol=1e-15)
     assert (system.rows[1:, :12] == 0.0).all()
-
-
-def test_slip_that_turns_round_within_a_step_is_continued() -> None:
-    """The direction stays that of the start of the step until the event has been located."""
-    ahead = (0.6, 0.8, 0.0)
-    assert_allclose(straight_on((6.0, 8.0, 0.0), ahead, 1e-12), ahead)
-    assert_allclose(straight_on((-6.0, -8.0, 0.0), ahead, 1e-12), ahead)
-    assert straight_on((0.0, 0.0, 0.0), ahead, 1e-12) == ahead
-    assert straight_on((1e-13, 0.0, 0.0), ahead, 1e-12) == ahead

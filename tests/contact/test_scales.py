@@ -10,11 +10,9 @@ import pytest
 
 from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
-from rb_sim.catalogue.geometry.solids import Box, Cylinder
-from rb_sim.contact.tunnelling import thickness
 from rb_sim.mechanics.contact.contact_bodies import GAP, LEAN_SIGN, SLIP, TOUCH_WIDTH
 from rb_sim.scene import compile_contacts
-from rb_sim.scene.compile_contacts import contact_scales, overlaps, placed_part
+from rb_sim.scene.compile_contacts import contact_scales, overlaps
 
 
 def scales(
@@ -59,15 +57,6 @@ def test_the_speed_is_that_of_bodies_with_their_spin(monkeypatch: pytest.MonkeyP
         with pytest.raises(SceneError, match="squares overflow"):
             scales(monkeypatch, joints=length, speeds=((speed, 0.0, 0.0), (0.0,) * 3))
     assert scales(monkeypatch, joints=1e150, speeds=((1e150, 0.0, 0.0), (0.0,) * 3))[0] == 1e150
-
-
-def test_a_part_is_placed_on_its_body_and_parent() -> None:
-    part: Any = SimpleNamespace(row="row")
-    index = {"a": 3, "b": 5}
-    alone = placed_part(SimpleNamespace(body="a", parent=None), part, index)
-    assert (alone.row, alone.body, alone.parent) == ("row", 3, -1)
-    both = placed_part(SimpleNamespace(body="a", parent="b"), part, index)
-    assert (both.body, both.parent) == (3, 5)
 
 
 START: dict[str, Any] = {"gap": 0.0, "slip": 0.0, "soft": False, "both": False, "rough": False}
@@ -117,19 +106,3 @@ def test_overlaps_are_of_rigid_contacts_that_can_touch() -> None:
     touch[:, GAP], touch[:, LEAN_SIGN] = (-0.1, -0.2, -0.3), (1.0, 1.0, ABSENT)
     laws: Any = [SimpleNamespace(compliant=soft) for soft in (False, True, False)]
     assert overlaps(SimpleNamespace(touch=touch), laws).tolist() == [-0.1, 0.0, 0.0]  # type: ignore[arg-type]
-
-
-def test_what_a_side_has_to_cross() -> None:
-    """The least way through the support, or the side itself."""
-    at = (0.0, 0.0, 0.0)
-    supports: list[tuple[Any, float]] = [
-        (Box(at, (0.5, 0.2, 0.4)), 0.4),
-        (Cylinder(at, 0.3, 0.6, (0, 0, 1)), 0.6),
-        (Cylinder(at, 0.3, 0.1, (0, 0, 1)), 0.2),
-        (SimpleNamespace(curved=0.35), 0.7),
-    ]
-    edges = np.array([[[0.0, 0, 0], [0.3, 0, 0]], [[1.0, 1.0, 1.0], [1.0, 1.6, 1.8]]])
-    for support, through in supports:
-        assert thickness(SimpleNamespace(support=support, edges=edges)) == pytest.approx(through)  # type: ignore[arg-type]
-        short = SimpleNamespace(support=support, edges=0.1 * edges)
-        assert thickness(short) == pytest.approx(0.1)  # type: ignore[arg-type]

@@ -279,3 +279,39 @@ def test_work_of_a_moving_support_is_told() -> None:
         assert run.balance() <= 1e-12
         errors.append(abs(run.trajectory.contact_work[-1] - exact))
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1] < 0.05 * exact
+
+
+OF_EACH, PER_NORMAL = {"coefficient": 0.5}, {"coefficient": 2.0 / G, "per_normal": True}
+
+
+@pytest.mark.parametrize("law", [OF_EACH, PER_NORMAL])
+def test_drag_slows_a_slide_down_exponentially(law: dict[str, Any]) -> None:
+    """v' = -2/s v on four corners that bear the weight."""
+    plate = box([1.0, 1.0, 0.1], [0.0, 0.0, 0.05], linear_velocity=[1.0, 0.0, 0.0])
+    mapping = scene(plate, touch(friction={"type": "viscous"} | law))
+    found = stepped(mapping, 1e-3, [0.25, 0.5]).trajectory
+    expected = np.exp([-0.5, -1.0])
+    assert found.linear_velocity["body"][:, 0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_contact_that_holds_both_ways_pulls() -> None:
+    """A ball below a plane on which it slides: its weight is held, and what pushes it up."""
+    below = {"surface": {"type": "plane", "normal": [0, 0, -1]}, "mode": "bilateral"}
+    hangs = ball([0.0, 0.0, -0.1], linear_velocity=[0.3, 0.0, 0.0])
+    for up in (0.0, 15.0):
+        lift = {"type": "wrench", "body": "body", "force": [0.0, 0.0, up]}
+        found = stepped(scene(hangs, touch(**below), lift=lift), 0.01, [0.05, 0.5]).trajectory
+        assert_allclose(found.position["body"][:, 2], -0.1, atol=1e-9)
+        assert_allclose(found.reaction["floor"].force[:, 2], G - up, atol=1e-9)
+
+
+@pytest.mark.parametrize("setting", [{"method": "time_stepping", "step": 0.1}, {"tolerance": 1e-9}])
+def test_a_load_that_jumps_within_a_step_acts_from_then_on(setting: dict[str, Any]) -> None:
+    """Held values of a table, to its last instant, on what flies: v is their sum over time."""
+    push = {"type": "wrench_table", "body": "body", "interpolation": "hold"}
+    push |= {"times": [0.0, 0.153, 0.31], "forces": [[1, 0, 0], [-20, 0, 0], [0, 0, 0]]}
+    mapping = scene(ball([0.0, 0.0, 9.0]), touch(), push=push)
+    mapping["simulation"] = {"duration": 0.5} | setting
+    found = contact_run(mapping, [0.25, 0.5]).trajectory
+    expected = [0.153 - 20.0 * 0.097, 0.153 - 20.0 * 0.157]
+    assert_allclose(found.linear_velocity["body"][:, 0], expected, rtol=1e-12)

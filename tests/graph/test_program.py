@@ -1,4 +1,5 @@
-"""Programs over tables: instances in turn, fields of every array, room that fits on the stack."""
+"""Programs over tables: instances in turn, fields of every array, workspace that fits on the
+stack."""
 
 from __future__ import annotations
 

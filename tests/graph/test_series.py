@@ -83,7 +83,7 @@ def laws_of(outputs: list[Any], monkeypatch: pytest.MonkeyPatch, how: str) -> Se
     return SeriesLaws(outputs)
 
 
-def room_of(laws: SeriesLaws, order: int, t: float, y: list[float]) -> np.ndarray:
+def workspace_of(laws: SeriesLaws, order: int, t: float, y: list[float]) -> np.ndarray:
     """The series from (t, y) on, with its parameter."""
     workspace = np.zeros(laws.size(order))
     workspace[0] = order
@@ -103,7 +103,7 @@ def test_each_recurrence(name: str, how: str, monkeypatch: pytest.MonkeyPatch) -
     graph = Graph()
     outputs = [law(graph.input("t"), graph.input("p")), graph.input("y", 0)]
     laws = laws_of(outputs, monkeypatch, how)
-    found = rows(laws, room_of(laws, ORDER, START, [0.25, -1.0]), ORDER)
+    found = rows(laws, workspace_of(laws, ORDER, START, [0.25, -1.0]), ORDER)
     circle = np.exp(2j * np.pi * np.arange(POINTS) / POINTS)
     values = exact(START + RADIUS * circle, PARAMETER) + 0.0 * circle
     terms = (np.fft.fft(values) / POINTS).real
@@ -119,7 +119,7 @@ def test_each_recurrence(name: str, how: str, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("order", [2, 3, 4, 5, 6, 7, 40])
 def test_every_order(order: int, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """y' = y, x' = x y with y(0) = x(0) = 1: y = e^t, x = e^(e^t - 1), whose series has the Bell
-    numbers; and the room may hold another series."""
+    numbers; and the workspace may hold another series."""
     graph = Graph()
     y, x = graph.vector("y", 2)
     laws = laws_of([y, x * y], monkeypatch, how)
@@ -142,7 +142,7 @@ def test_sum_of_series_and_slope(n: int, how: str, monkeypatch: pytest.MonkeyPat
     graph = Graph()
     outputs = [-float(i + 1) * y for i, y in enumerate(graph.vector("y", n))]
     laws = laws_of(outputs, monkeypatch, how)
-    workspace = room_of(laws, 30, 0.0, [1.0] * n)
+    workspace = workspace_of(laws, 30, 0.0, [1.0] * n)
     out, h, rates = np.full(2 * n + 1, 7.0), 0.1, -np.arange(1.0, n + 1.0)
     evaluate(laws.add, h, workspace[laws.first :], workspace, out)
     assert_allclose(out[:n], np.expm1(rates * h), rtol=1e-14)
@@ -154,7 +154,7 @@ def test_events_have_series_of_their_own() -> None:
     graph = Graph()
     t = graph.input("t")
     laws = SeriesLaws([where(t * t < 1.0, t, 1.0) + abs(t - 3.0)])
-    workspace = room_of(laws, 4, START, [0.0])
+    workspace = workspace_of(laws, 4, START, [0.0])
     at, events = laws.events_at, sorted([START**2 - 1.0, START - 3.0])
     assert laws.events == 2
     assert_allclose(sorted(workspace[at : at + 2]), events)
@@ -168,7 +168,7 @@ def test_what_only_jumps_is_constant(monkeypatch: pytest.MonkeyPatch) -> None:
     graph = Graph()
     t = graph.input("t")
     laws = laws_of([functions.call(JUMPS, t)[0] * t], monkeypatch, "plain")
-    found = rows(laws, room_of(laws, 3, START, [0.0]), 3)
+    found = rows(laws, workspace_of(laws, 3, START, [0.0]), 3)
     assert_allclose(found[:, 0], [2.0 * START * START, START, 0.0], rtol=1e-15)
 
 

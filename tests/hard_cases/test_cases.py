@@ -47,7 +47,7 @@ def test_a_quick_case_holds(name: str) -> None:
 def test_every_bound_of_a_figure_is_explained() -> None:
     for case in CASES.values():
         for check in case.checks:
-            assert check.because or check.figure in ("told", "refused"), case.name
+            assert check.because or check.figure in ("warned", "refused"), case.name
 
 
 def run_folder(folder: str, out: str) -> int:
@@ -112,7 +112,7 @@ def test_the_picture_groups_by_theme_and_marks_a_narrow_margin(tmp_path: Path, m
 
     cases = [case("wide", "tops"), case("close", "tops"), case("warns", "tops"), case("b", "heaps")]
     rows = [row("wide", "energy", 1e-6), row("close", "energy", 1e-3), row("close", "formula", 0.2),
-            row("warns", "told", 0.0), row("b", "energy", 1e-2)]  # fmt: skip
+            row("warns", "warned", 0.0), row("b", "energy", 1e-2)]  # fmt: skip
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self))
     report.picture(cases, rows, tmp_path / "x.png")

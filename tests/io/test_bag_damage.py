@@ -182,7 +182,7 @@ def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
     rng = random.Random(7)
     told = 0
     names = ("position", "orientation", "reaction_force", "command")
-    for _ in range(120):
+    for _ in range(60):
         changed = bytearray(data)
         at = rng.randrange(len(data))
         changed[at] ^= 1 << rng.randrange(8)
@@ -201,7 +201,7 @@ def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
             np.testing.assert_allclose(values, getattr(expected, name)[k], atol=1e-13)
         assert len(k) == 300 or reader.damage, at
         told += bool(reader.damage)
-    assert told > 60
+    assert told > 30
 
 
 def test_a_reader_that_never_ends_is_no_reader(tmp_path):

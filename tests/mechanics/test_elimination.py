@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.mechanics.systems.elimination import Factors, Matrix, elimination_order, lines_in_order
+from rb_sim.mechanics.systems.elimination import Factors, Matrix
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
 
@@ -79,25 +79,3 @@ def test_unknowns_that_are_no_lines_keep_their_pivots_whatever_their_sign() -> N
     expected = np.linalg.solve(whole, [1.0, -2.0, 0.0, 0.0])
     assert_allclose([solved[k] for k in range(4)], expected, rtol=1e-12)
     assert found.rank == 2.0 and set(found.kept) == {0, 1}
-
-
-def test_the_node_with_the_fewest_neighbours_goes_first() -> None:
-    """A star from its ends; a chain from one of its; ranks before that."""
-    star = [{1, 2, 3}, {0}, {0}, {0}]
-    assert elimination_order(star) == [1, 2, 0, 3]
-    assert elimination_order(star, [0, 1, 1, 1]) == [0, 1, 2, 3]
-    chain = [{1}, {0, 2}, {1, 3}, {2}]
-    assert elimination_order(chain) == [0, 1, 2, 3]
-    square = [{1, 3}, {0, 2}, {1, 3}, {0, 2}, {0, 1, 2, 3}]
-    square = [near | ({4} if i < 4 else set()) for i, near in enumerate(square)]
-    assert elimination_order(square)[0] in range(4)
-
-
-def test_lines_of_parts_that_share_a_body_are_neighbours() -> None:
-    """Parts as they hang on each other: ends of a chain first, each with all of its lines."""
-    parts = [range(3, 6), range(0, 2), range(2, 3), range(6, 7)]
-    bodies = [{0, 1}, {1, 2}, {0}, set()]
-    order = lines_in_order(parts, bodies)
-    assert sorted(order) == list(range(7))
-    assert order[0] == 6  # on nothing that others are on
-    assert order[1:] == [0, 1, 3, 4, 5, 2]

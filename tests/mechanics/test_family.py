@@ -106,3 +106,5 @@ def test_what_fits_a_pattern_differs_from_it_in_free_numbers_only(other: Any, is
     pattern = with_numbers(first, {(0,): FREE, (2, 1): FREE})
     assert fits(first, pattern)
     assert fits(other, pattern) is is_one
+    whole_table = with_numbers(first, {(0,): FREE})
+    assert fits(first._replace(stiffness=9.0), whole_table) and not fits(other, whole_table)

@@ -10,71 +10,14 @@ import pytest
 from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
 
-from rb_sim import load_scene
-from rb_sim.catalogue.curves import HEAD, LEAST_POINTS, SHARE, Pieces
+from rb_sim.catalogue.curves import SHARE, Pieces
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import evaluate
-from rb_sim.mechanics.systems.translation import on_guides, share_law, splines_of, ways
-from rb_sim.scene.compile import compile_scene
-from tests.interpreted import interpreted
-from tests.mechanics.test_guides import LOOP, VALLEY, Straight, parabola, pieces, sliding
+from rb_sim.mechanics.systems.translation import share_law
+from tests.mechanics.test_guides import LOOP, VALLEY, Straight, parabola, pieces
 from tests.moving import difference
 
-Mapping = dict[str, Any]
 FIRST, SECOND = parabola(31), VALLEY
-
-
-def two_on_guides(s: float, other: float) -> Mapping:
-    """A body at s on one curve, a body at `other` on the next, one on a line and one that is free,
-    each with an origin beside its centre of mass and its guided point."""
-    whole = sliding(FIRST, s, 2.0)
-    one = whole["bodies"]["b"] | {"center_of_mass": [0.1, -0.2, 0.3]}
-    second = sliding(SECOND, other, -1.5)
-    two = second["bodies"]["b"] | {"center_of_mass": [-0.3, 0.1, 0.2]}
-    free = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "linear_velocity": [1.0, 0.0, 0.0]}
-    line = {"type": "line", "direction": [1.0, 0.0, 0.0]}
-    return whole | {
-        "bodies": {"free": free, "one": one, "sled": free, "two": two},
-        "constraints": {
-            "first": whole["constraints"]["guide"] | {"body": "one"},
-            "rail": {"type": "translation", "body": "sled", "guide": line},
-            "second": second["constraints"]["guide"] | {"body": "two"},
-        },
-    }
-
-
-def told(mapping: Mapping) -> tuple[list[float], bool, int]:
-    compiled = compile_scene(load_scene(mapping))
-    found = [float(x) for x in ways(compiled.system, compiled.y)]
-    within = on_guides(compiled.system, compiled.y) if not compiled.reduced else True
-    return found, bool(within), len(splines_of(compiled.system))
-
-
-def test_parameters_and_rates_of_bodies_on_curves() -> None:
-    found, within, count = interpreted(told, two_on_guides(0.7, 2.5))
-    assert_allclose(found, [0.7, 2.0, 2.5, -1.5], atol=1e-12)
-    assert within and count == 2
-
-
-ENDS = [float(pieces(points).breaks[-1]) for points in (FIRST, SECOND)]
-
-
-@pytest.mark.parametrize(
-    ("s", "other"), [(0.7, ENDS[1] + 0.1), (0.7, -0.1), (ENDS[0] + 0.1, 2.5), (-0.1, 2.5)]
-)
-def test_one_that_has_left_its_curve_is_enough(s: float, other: float) -> None:
-    found, within, _ = interpreted(told, two_on_guides(s, other))
-    assert_allclose(found[::2], [s, other], atol=1e-9)
-    assert not within
-
-
-def test_reduced_coordinates_are_parameter_and_rate() -> None:
-    found, _, count = interpreted(told, sliding(FIRST, 0.7, 2.0))
-    assert_allclose(found, [0.7, 2.0], atol=1e-12)
-    assert count == 1
-    straight = sliding(FIRST, 0.7, 2.0)
-    straight["constraints"]["guide"]["guide"] = {"type": "line", "direction": [1.0, 0.0, 0.0]}
-    assert interpreted(told, straight)[2] == 0
 
 
 def share(curves: list[Any], steps: list[tuple[float, ...]], h: float, tolerance: float) -> float:
@@ -192,31 +135,3 @@ def test_the_nearest_point_is_looked_for_in_all_directions(axes: tuple[int, ...]
         c, slope, bend = (np.array(x) for x in curve.point(at))
         aside = np.cross(slope, bend) / np.linalg.norm(np.cross(slope, bend))
         assert call(curve.nearest, *(c + 0.02 * aside))[0] == pytest.approx(at, abs=1e-12)
-
-
-def test_the_table_of_a_spline() -> None:
-    """Its breaks, how far the highest derivative jumps at each, and points along it."""
-    for curve, closed in ((Straight.pieces, False), (pieces(LOOP, True), True)):
-        table, m = curve.table, len(curve.breaks) - 1
-        k = curve.coefficients.shape[2] - 1
-        assert table[:3].tolist() == [m, k, curve.period]
-        assert_allclose(table[HEAD : HEAD + m + 1], curve.breaks)
-        jumps, h = [], 1e-7
-        for i in range(m + 1):
-            here = curve.breaks[i]
-            before, after = (np.array(curve.point(here + d)) for d in (-h, h))
-            far = np.array(curve.point(here - 2.0 * h)), np.array(curve.point(here + 2.0 * h))
-            third = (far[1][2] - after[2]) / h - (before[2] - far[0][2]) / h
-            jumps.append(float(np.linalg.norm(third)) / float(np.linalg.norm(after[1])))
-        if not closed:
-            jumps[0] = jumps[-1] = 0.0
-        assert k == 3  # c'' changes its slope by that
-        assert_allclose(table[HEAD + m + 1 : HEAD + 2 * (m + 1)], jumps, rtol=1e-6, atol=1e-6)
-        points = table[-4 * int(table[3]) :].reshape(-1, 4)
-        assert len(points) == 1 + m * math.ceil(LEAST_POINTS / m)
-        assert points[0, 0] == curve.breaks[0] and points[-1, 0] == curve.breaks[-1]
-        assert set(curve.breaks) <= set(points[:, 0])
-        assert_allclose(np.diff(points[:, 0]).max(), np.diff(curve.breaks).max() * m / 64.0)
-        for s, *place in points[:-1]:
-            assert_allclose(place, curve.point(s)[0], atol=1e-14)
-        assert_allclose(points[-1, 1:], curve.point(curve.breaks[-1] - 1e-13)[0], atol=1e-12)

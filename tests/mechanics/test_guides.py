@@ -20,8 +20,6 @@ from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import PlainLaw, compile_law, evaluate
 from rb_sim.graph.symbols import Graph
-from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.scene.compile import compile_scene
 from tests.interpreted import trajectory
 
 pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
@@ -209,15 +207,6 @@ def test_a_guide_beside_a_contact_runs() -> None:
     assert_allclose(block.position[:, 0], alone.position[:, 0], rtol=0.0, atol=1e-9)
 
 
-def test_twelve_guided_bodies_take_no_kernels_over_tables() -> None:
-    """Kernels in loops call no functions by address, so the whole elimination is traced."""
-    scene = sliding(LOOP, 0.3, 3.0, closed=True)
-    for i in range(11):
-        scene["bodies"][f"b{i}"] = scene["bodies"]["b"]
-        scene["constraints"][f"guide{i}"] = scene["constraints"]["guide"] | {"body": f"b{i}"}
-    assert type(compile_scene(load_scene(scene)).laws) is MultiBodyLaws
-
-
 class Straight:
     """Steps along the axis of pieces of length 1 with kinks of size 1 at 1, 2 and 3."""
 
@@ -252,14 +241,6 @@ def test_the_share_of_a_step_before_the_first_break(
     step: tuple[float, ...], expected: float
 ) -> None:
     assert Straight.share(*step) == pytest.approx(expected, abs=1e-12)
-
-
-def test_a_closed_curve_is_crossed_where_it_closes() -> None:
-    table = pieces(LOOP, True).table
-    period = float(table[2])
-    share = share_of_step(table, period - 0.1, 0.3, 0.2, 0.3, 1.0, 1e-9)
-    assert share == pytest.approx(1.0 / 3.0)
-    assert share_of_step(table, 0.2, -0.3, -0.1, -0.3, 1.0, 1e-9) == pytest.approx(2.0 / 3.0)
 
 
 def test_the_slope_of_the_nearest_parameter() -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.many_body_scenes import chain
-from rb_sim.scene import compiled
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
@@ -33,29 +32,6 @@ def test_the_same_scene_has_the_same_laws_whatever_its_method(links):
     other["simulation"] = {"duration": 1.0, "rate": 7.0, "method": "taylor", "tolerance": 1e-9}
     assert laws_of(other) is first
     assert laws_of(heavier(chain(links))) is not first
-
-
-def test_interpreted_laws_are_others(monkeypatch):
-    first = compiled.recent_laws((1.0,), (), lambda system: [system])
-    monkeypatch.setenv("RB_SIM_INTERPRETED", "1")
-    assert compiled.recent_laws((1.0,), (), lambda system: [system]) is not first
-
-
-def test_laws_of_a_class_without_a_name_are_made_anew():
-    class Local(NamedTuple):
-        length: float = 1.0
-
-    made = [compiled.recent_laws(Local(), (), lambda system: [system]) for _ in range(2)]
-    assert made[0] is not made[1]
-
-
-def test_no_more_are_kept_than_said(monkeypatch):
-    monkeypatch.setattr(compiled, "KEPT", 2)
-    made = [
-        compiled.recent_laws((float(i),), (), lambda system: [system]) for i in (1, 2, 1, 3, 1, 2)
-    ]
-    assert made[0] is made[2] is made[4]
-    assert made[5] is not made[1]
 
 
 def test_commands_of_one_run_do_not_reach_another_of_the_same_scene():

@@ -8,10 +8,8 @@ import pytest
 
 from benchmarks.many_body_scenes import chain
 from rb_sim import load_scene
-from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853, Dopri853, dopri853
-from rb_sim.integrate.methods.radau5 import AdaptiveRadau5, Radau5, radau5
-from rb_sim.integrate.methods.taylor import AdaptiveTaylor, taylor
-from rb_sim.mechanics.methods import METHODS, TimeStepping, build, loop_of, name_of, tried
+from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853, Dopri853
+from rb_sim.mechanics.methods import METHODS, TimeStepping, build, tried
 from rb_sim.scene.compile import compile_scene
 from tests.mechanics.test_guides import VALLEY, sliding
 from tests.one_body_scenes import JOINTS
@@ -71,22 +69,3 @@ def test_a_method_is_asked_for_by_step_or_tolerance() -> None:
         build("rk4", step=None, tolerance=1e-9, largest_step=1.0)
     with pytest.raises(ValueError, match="method taylor takes no fixed step"):
         build("taylor", step=0.1, tolerance=None, largest_step=1.0)
-
-
-def test_the_step_of_a_method_and_the_order_of_its_estimate() -> None:
-    for kind, expected in (
-        (Dopri853, (dopri853, 8.0)),
-        (AdaptiveDopri853, (dopri853, 8.0)),
-        (Radau5, (radau5, 4.0)),
-        (AdaptiveRadau5, (radau5, 4.0)),
-        (AdaptiveTaylor, (taylor, 20.0)),
-        (TimeStepping, None),
-        (type(None), None),
-    ):
-        assert loop_of(kind) == expected
-
-
-def test_the_name_of_a_method_by_its_class() -> None:
-    names = {Dopri853: "dopri853", AdaptiveRadau5: "radau5", TimeStepping: "time_stepping"}
-    assert {kind: name_of(kind) for kind in names} == names
-    assert name_of(type(None)) == ""

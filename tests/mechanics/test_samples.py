@@ -6,82 +6,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from rb_sim.mechanics.samples import (
-    ARRAYS,
     ContactEvent,
     Input,
     SampleLayout,
     SampleRow,
-    block_of,
     block_of_rows,
     concatenate,
-    empty_block,
     in_order,
     row_width,
 )
 
 PLAIN = SampleLayout(("a", "b"), ("pin", "pin/A", "rod"), ("a", "a", "b"), ("b",))
-TOUCHING = PLAIN._replace(contacts=("floor/1", "floor/2"))
-
-
-def columns(layout: SampleLayout) -> dict[str, list[list[int]]]:
-    """The columns of every field, body by body and reaction by reaction, in their order."""
-    at, found = 0, {}
-
-    def take(name: str, *widths: int) -> None:
-        nonlocal at
-        found.setdefault(name, [])
-        for width in widths:
-            found[name].append(list(range(at, at + width)))
-            at += width
-
-    for _ in layout.bodies:
-        for name, width in (
-            ("position", 3),
-            ("orientation", 4),
-            ("linear_velocity", 3),
-            ("angular_velocity", 3),
-        ):
-            take(name, width)
-    for _ in layout.reactions:
-        for name in ("reaction_force", "reaction_torque", "anchor"):
-            take(name, 3)
-    for name, width in (
-        ("kinetic_energy", 1),
-        ("potential_energy", 1),
-        ("power", 1),
-        ("momentum", 3),
-        ("angular_momentum", 3),
-        ("residual", 1),
-    ):
-        take(name, width)
-    if layout.contacts:
-        take("contact_work", 1)
-        take("contact_state", len(layout.contacts))
-    return found
-
-
-@pytest.mark.parametrize("layout", [PLAIN, TOUCHING], ids=["plain", "touching"])
-def test_what_lies_in_which_column(layout: SampleLayout) -> None:
-    width, t = row_width(layout), np.array([0.5, 1.5])
-    rows = np.arange(2.0 * width).reshape(2, width)
-    command = np.arange(12.0).reshape(2, 1, 6)
-    block, empty = block_of(t, rows, layout, command), empty_block(2, layout)
-    found = columns(layout)
-    assert sum(len(part) for parts in found.values() for part in parts) == width
-    for name in ARRAYS:
-        assert getattr(block, name).shape == getattr(empty, name).shape
-        assert not getattr(empty, name).any()
-        if name in found:
-            wanted = rows[:, np.ravel(found[name])]
-            np.testing.assert_array_equal(getattr(block, name).reshape(2, -1), wanted)
-    np.testing.assert_array_equal(block.command, command)
-    np.testing.assert_array_equal(block.energy, block.kinetic_energy + block.potential_energy)
-    assert len(block) == 2 and (block.t == t).all()
-    if not layout.contacts:
-        assert not block.contact_work.any() and block.contact_state.shape == (2, 0)
 
 
 def row(t: float, *events: Any, inputs: tuple[Input, ...] = ()) -> SampleRow:

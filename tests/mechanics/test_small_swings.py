@@ -10,6 +10,7 @@ import pytest
 from rb_sim import Simulation, load_scene
 
 G = 9.81
+STIFF, SERIES = {"method": "radau5", "tolerance": 1e-8}, {"method": "taylor"}
 
 Array = Any
 
@@ -51,10 +52,17 @@ def linear(count: int, length: float, t: Array) -> Array:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("length", "amplitude"), [(1.0, 1e-6), (1e-3, 1e-9)])
-@pytest.mark.parametrize("joint", ["fixed_axis", "fixed_point"])
-@pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize(
-    "options", [{}, {"method": "radau5", "tolerance": 1e-8}, {"method": "taylor"}], ids=str
+    ("count", "joint", "options"),
+    [
+        (1, "fixed_axis", {}),
+        (1, "fixed_point", STIFF),
+        (1, "fixed_axis", SERIES),
+        (2, "fixed_point", {}),
+        (2, "fixed_axis", SERIES),
+        (3, "fixed_axis", STIFF),
+        (3, "fixed_point", {}),
+    ],
 )
 def test_a_swing_keeps_its_digits(
     count: int, joint: str, length: float, amplitude: float, options: dict[str, Any]

@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose
 
 from benchmarks.many_body_scenes import chain, lattice, rods, star
 from rb_sim.graph import machine
+from rb_sim.graph.symbols import operations
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.mechanics.tables.blocks import Node, hubs_of, planned
+from rb_sim.mechanics.tables.blocks import Node, planned
 from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -111,14 +112,6 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_laws_over_tables_are_the_traced_laws(name):
-    for law, expected, found in compared(CASES[name]()):
-        size = max(10.0 if name == "redundant loop" else 1.0, float(abs(expected).max()))
-        assert abs(expected).max() > 0.0, law
-        assert_allclose(found, expected, atol=2e-13 * size, rtol=0.0, err_msg=law)
-
-
 def test_interpreted_laws_over_tables_are_the_compiled_ones():
     for (law, _, compiled), (_, _, plain) in zip(
         compared(CASES["star on a hub"]()),
@@ -128,23 +121,18 @@ def test_interpreted_laws_over_tables_are_the_compiled_ones():
         assert_allclose(plain, compiled, atol=1e-12, err_msg=law)
 
 
-def test_hubs_are_bodies_whose_arms_hold_nothing_else():
-    arms = [Node(i, 0, (i,), 3) for i in range(1, 7)]
-    assert hubs_of(arms) == {0}
-    assert hubs_of([*arms, Node(1, 2, (7,), 1)]) == set(), "two arms make a loop through the hub"
-    assert hubs_of([*arms, Node(1, -1, (7,), 1)]) == set(), "an arm ends at the world"
-    assert hubs_of([*arms, Node(0, -1, (7,), 5)]) == {0}, "the hub itself may be held"
+def test_the_laws_of_a_star_grow_with_its_arms():
+    sizes = []
+    for arms in (8, 16):
+        compiled = compile_scene(scene_from_mapping(star(arms)))
+        laws = MultiBodyLaws(compiled.system, 0, compiled.redundant, (), compiled.dependent)
+        sizes.append(operations(laws.outputs(laws.slopes)))
+    assert sizes[1] < 2.2 * sizes[0]
 
 
 def test_the_elimination_of_a_chain_meets_one_neighbour_a_link():
     plan = planned([Node(i, i - 1, (i,), 3) for i in range(50)], frozenset())
     assert max(map(len, plan.later)) == 1
-
-
-def test_the_hub_of_a_star_goes_after_its_arms_which_are_no_neighbours():
-    plan = planned([Node(i, 0, (i,), 3) for i in range(1, 9)], frozenset({0}))
-    assert plan.nodes[-1] == Node(0, 0, (), 6)
-    assert all(later == (8,) for later in plan.later[:-1])
 
 
 def test_a_star_swings_as_its_arms_alone_would_on_a_heavy_hub():

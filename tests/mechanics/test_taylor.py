@@ -260,6 +260,24 @@ def commanded() -> tuple[list[float], list[float]]:
     return ends[0], ends[1]
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-8])
+def test_a_spring_that_turns_round_at_its_anchor_is_not_leapt_over(tolerance: float) -> None:
+    """A body on a line through the anchor: its spring pulls back towards a length of 0.3 m on
+    either side, |x| = 0.3 + 0.7 cos w t while x keeps its sign.  The series of |x| is that of x or
+    of -x."""
+    w, turned = math.sqrt(30.0), math.acos(-3.0 / 7.0)  # where |x| = 0, w t
+    spring = {"type": "spring", "body": "b", "stiffness": w * w, "rest_length": 0.3}
+    scene = {
+        "bodies": {"b": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [1.0, 0.0, 0.0]}},
+        "effects": {"s": spring},
+        "simulation": {"duration": 5.0, "rate": 50.0, "method": "taylor", "tolerance": tolerance},
+    }
+    run = Simulation(scene).run(check=False, watched=False)
+    passed, rest = np.divmod(w * run.t + turned, 2.0 * turned)
+    exact = (-1.0) ** passed * (0.3 + 0.7 * np.cos(rest - turned))
+    assert np.abs(run.position["b"][:, 0] - exact).max() < 200.0 * tolerance
+
+
 def test_commands_begin_a_new_series() -> None:
     ours, other = interpreted(commanded)
     assert_allclose(ours, other, rtol=0.0, atol=1e-13)

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.mechanics.methods import loop_of
-from rb_sim.motion.traced import TracedStepper, settings_of
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.mechanics.bennett import Bennett
@@ -76,33 +74,3 @@ def test_a_motion_that_starts_again_is_a_new_one(method: str) -> None:
     motion.run_to(np.array([0.5]), out[1])
     assert out[0].tobytes() == out[1].tobytes()
     assert (motion.steps, motion.rejected_steps, motion.frontier) == steps
-
-
-def test_another_start_is_that_of_its_own_time() -> None:
-    """A step to try first may be given; what has been reached is where it stands."""
-    motion = swinging("dopri853")
-    stepper: TracedStepper = motion._stepper
-    stepper.start(2.0, np.array([0.3, 0.1]), motion.system, 0.125)
-    assert stepper.last_step == (2.0, 2.0) and stepper.next_length == 0.125
-    assert (stepper.steps, stepper.rejected, stepper.cut) == (0, 0, 0)
-    assert stepper.y.tolist() == [0.3, 0.1]
-    stepper.start(1.0, np.array([0.3, 0.1]), motion.system)
-    assert stepper.next_length == 0.0
-
-
-def test_what_loops_are_told_of_a_method() -> None:
-    """Step, tolerance, largest step, and the order of the error or of the series."""
-    for name, way in WAYS.items():
-        mapping = {"bodies": {"b": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}}}
-        mapping |= {"simulation": {"duration": 7.0, "method": name} | way}  # type: ignore[dict-item]
-        method = compile_method(scene_from_mapping(mapping).simulation, 7.0)
-        step, setting = settings_of(method)
-        known = loop_of(type(method))
-        assert known is not None and step is known[0]
-        if "step" in way:
-            assert setting == (way["step"], 0.0, 0.0, 1.0)
-        else:
-            order = known[1] if step.series is None else step.series(way["tolerance"])
-            assert setting == (0.0, way["tolerance"], 7.0, float(order))
-    with pytest.raises(TypeError, match="dict has no step"):
-        settings_of({})

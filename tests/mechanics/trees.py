@@ -7,10 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from tests.mechanics.test_hubs import driven, held
+from benchmarks.many_body_scenes import star
 from tests.mechanics.test_tables import driven as changing
 from tests.mechanics.test_tables import hinged
 from tests.one_body_scenes import INERTIA, Mapping
+
+
+def held(arms: int) -> dict[str, Any]:
+    """A star that hangs on the world by its hub, whose axes of inertia are not the body's."""
+    scene = star(arms)
+    scene["bodies"]["hub"]["inertia"] = [[0.5, 0.05, -0.02], [0.05, 0.6, 0.03], [-0.02, 0.03, 0.7]]
+    scene["constraints"]["ground"] = {"type": "fixed_point", "body": "hub", "point_B": [0, 0, 0.1]}
+    return scene
+
+
+def driven(arms: int) -> dict[str, Any]:
+    """A star whose hub has a blade, a line that is not holonomic."""
+    scene = star(arms)
+    blade = {"type": "velocity", "body": "hub", "linear": [0.0, 1.0, 0.0]}
+    scene["constraints"]["blade"] = blade
+    return scene
 
 
 def body(mass: float, **own: Any) -> Mapping:

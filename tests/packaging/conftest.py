@@ -54,13 +54,18 @@ def wheel(source: Path, environment, tmp_path_factory) -> Path:
     return made
 
 
-def made_with(folder: Path, environment: dict[str, str], *packages: str, pip: bool = False) -> Path:
-    """A new venv in this folder, with these packages. pip: whether it has pip itself."""
-    quick, python = UV.exists(), str(folder / "bin/python")
-    venv.create(folder, with_pip=pip or not quick, symlinks=True)
+def install(folder: Path, environment: dict[str, str], *packages: str) -> None:
+    """Install packages into the venv in this folder."""
+    python = str(folder / "bin/python")
     by_pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
     by_uv = [str(UV), "pip", "install", "--quiet", "--python", python]
-    command = [*(by_uv if quick else by_pip), *packages]
+    command = [*(by_uv if UV.exists() else by_pip), *packages]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def made_with(folder: Path, environment: dict[str, str], *packages: str) -> Path:
+    """A new venv in this folder, with these packages."""
+    venv.create(folder, with_pip=not UV.exists(), symlinks=True)
+    install(folder, environment, *packages)
     return folder

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.packaging.conftest import made_with
+from tests.packaging.conftest import install, made_with
 
 pytestmark = pytest.mark.slow
 
@@ -40,8 +40,8 @@ def pip(folder: Path, environment: dict[str, str], *arguments: str) -> None:
 def system(wheel: Path, environment, tmp_path_factory) -> Path:
     """The system's Python with apt's packages, and rb_sim as colcon puts it there."""
     packages = ("--requirement", str(ROOT / "requirements/apt.txt"))
-    folder = made_with(tmp_path_factory.mktemp("apt") / "system", environment, *packages, pip=True)
-    pip(folder, environment, "--no-deps", str(wheel))
+    folder = made_with(tmp_path_factory.mktemp("apt") / "system", environment, *packages)
+    install(folder, environment, "--no-deps", str(wheel))
     return folder
 
 

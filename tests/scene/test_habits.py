@@ -51,6 +51,21 @@ def test_an_angle_may_say_its_unit(text, radians):
     assert q == pytest.approx((0, 0, math.sin(half), math.cos(half)), abs=1e-15)
 
 
+TORSION = {"type": "torsion_spring", "body": "a", "axis_B": [0, 0, 1], "stiffness": 1.0}
+SINE = {"type": "wrench", "body": "a", "sine_force": [1, 0, 0], "angular_frequency": 1.0}
+
+
+@pytest.mark.parametrize(("law", "key"), [(TORSION, "rest_angle"), (SINE, "phase")])
+def test_the_angle_of_an_effect_gets_the_same_line_and_takes_the_same_units(law, key):
+    def effect(angle: Any) -> dict[str, Any]:
+        return scene([0, 0, 0, 1], effects={"e": law | {key: angle}})
+
+    (line,) = lines(effect(90))
+    assert f"effects.e.{key}: 90 is in radians" in line and "use 90 deg for degrees" in line
+    assert lines(effect(1.5)) == lines(effect("90 rad")) == []
+    assert getattr(load_scene(effect("90 deg")).effects["e"], key) == math.pi / 2
+
+
 @pytest.mark.parametrize("text", ["5", "5 grad", "deg", "1.2.3 deg", "1e999 deg", ""])
 def test_a_text_that_is_no_angle_is_refused(text):
     with pytest.raises(SceneError, match=r"angle: got .*must be a number in radians, or a text"):
@@ -84,6 +99,10 @@ def test_a_scene_in_which_nothing_moves():
     spinning = scene([0, 0, 0, 1], effects={})
     spinning["bodies"]["a"]["angular_velocity"] = [0.0, 1.0, 0.0]
     assert lines(spinning) == []
+    drag = {"type": "linear_drag", "body": "a", "coefficient": 1.0}
+    (line,) = lines(scene([0, 0, 0, 1], effects={"drag": drag}))
+    assert "nothing moves: the scene has no effects but drag" in line
+    assert lines(scene([0, 0, 0, 1], effects={"wind": drag | {"medium_velocity": [1, 0, 0]}})) == []
     drive = {"type": "velocity", "body": "a", "linear": [1, 0, 0], "rate": 0.1}
     assert not any(
         "nothing" in line for line in lines(scene([0, 0, 0, 1], constraints={"d": drive}))
@@ -160,6 +179,10 @@ def with_law(part: str, **keys: Any) -> dict[str, Any]:
         (with_law("constraints", type="ball_joint", body="a"), "must be fixed_point, or one of"),
         (with_law("constraints", type="contact", body="a", mu=0.3), "must be friction, or one of"),
         (with_law("effects", type="gravity", g=9.81), "must be acceleration, or one of bodies"),
+        # a body is named
+        (with_law("constraints", type="rolling"), "law.body: is missing; must be the name of a"),
+        (with_law("effects", type="spring"), "effects.law.body: is missing; must be the name of a"),
+        (with_law("constraints", type="weld", body="a", parent=3), "got 3; must be the name of a"),
         # a quaternion with names, in the order of no program in particular
         (ball(orientation={"w": 1, "x": 0, "y": 0, "z": 0}),
          "got {w: 1, x: 0, y: 0, z: 0}; must be a quaternion [x, y, z, w]"),

@@ -74,7 +74,7 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
 def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     tmp_path: Path, here: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Processes of their own, two, then one; what that one goes on with was cut off elsewhere."""
+    """Two processes of their own, and one thread that goes on with what was cut off."""
     module, workers = sys.modules["rb_sim.sweeps.sweep"], []
     run_batches = module.run_batches
 
@@ -87,7 +87,7 @@ def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
     two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
     cut = tmp_path / "cut"
     sweep({**description, "draws": 10}, cut, scheduler=here)
-    resumed = sweep(description, cut, workers=1, batch=11)
+    resumed = sweep(description, cut, scheduler=here, batch=11)
     assert resumed.reused == 10
     one = columns(resumed)
     for name in two:
@@ -265,7 +265,7 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
         ({"bodies": {}}, "is a scene; a plan names one"),
         ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "must be stone"),
-        ({"outputs": {"z": "max(energy.x)"}}, "'x' must be left out: it is a number"),
+        ({"outputs": {"z": "max(energy.x)"}}, "'x' must be omitted: it is a number"),
         ({"outputs": {"z": "max(position.stone[2])"}}, "components are .x, .y, .z"),
         ({"derived": {"bodies.stone.position[0]": "sped"}}, "must be speed"),
         ({"vary": {"m": {"path": "bodies.stone.mas", "list": [1.0]}}}, "must be mass"),

@@ -35,7 +35,7 @@ from rb_sim.scene.compiled import Compiled
 
 
 SEPARATRIX = 1e-15
-"""|1 - k^2| below which the motion is not told from the separatrix."""
+"""|1 - k^2| below which the motion cannot be distinguished from the separatrix."""
 
 
 def pendulum(compiled: Compiled) -> Exact | None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 #     (|a|^2 - 2 k a.b + k^2 |b|^2) / max(|a|^2, k^2 |b|^2)      summed over the readings
 #
 # Where what the frame of the twist says leaves much, and other axes or a known factor leave little,
-# that is told.
+# that is reported.
 
 
 AXES = {"world": "in the axes of the poses", "body": "in the body's axes"}
@@ -46,9 +46,9 @@ NAMES = ("linear velocity", "angular velocity")
 OFF = 0.1
 """RMS of what is left, of the larger of both, from which on another reading is looked for."""
 BETTER = 0.5
-"""Of that, below which another one is told."""
+"""Of that, below which another one is reported."""
 APART = 0.5
-"""RMS of what is left from which on that is told even where nothing else fits."""
+"""RMS of what is left from which on that is reported even where nothing else fits."""
 ABOVE_NOISE = 5.0
 """Times their noise that velocities from poses must have to say anything."""
 EARLY = 64

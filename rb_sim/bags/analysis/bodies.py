@@ -140,11 +140,11 @@ EVENT_COLUMNS = 3
 class Struck:
     """The instants of one body, in bounded memory.
 
-    told: events tell them; else they are looked for in the poses.
+    by_events: the bag has contact events; else impacts are looked for in the poses.
     """
 
-    def __init__(self, told: bool = False) -> None:
-        self.told = told
+    def __init__(self, by_events: bool = False) -> None:
+        self.by_events = by_events
         self.count = self.samples = self.of = 0
         """jumps; samples beside them; samples in all."""
         self.intervals: list[list[float]] = []
@@ -160,7 +160,7 @@ class Struck:
 
     def look(self, t: np.ndarray, pose: np.ndarray) -> None:
         """Find those in poses (n, 7); stretches overlap by LOOK samples at least."""
-        if self.told:
+        if self.by_events:
             return
         for part in pieces(t):
             if part.stop - part.start <= 2 * LOOK:
@@ -176,7 +176,7 @@ class Struck:
 
     def beside(self, t: np.ndarray, h: float) -> np.ndarray:
         """Which of the instants t, h apart, have one within the filter's window."""
-        reach = self._reach = (WINDOW // 2 + (0.0 if self.told else 1.0)) * h
+        reach = self._reach = (WINDOW // 2 + (0.0 if self.by_events else 1.0)) * h
         self._times = self._times[self._times >= t[0] - reach - WINDOW * h]
         k = np.searchsorted(self._times, t - reach)
         padded = np.append(self._times, np.inf)
@@ -200,7 +200,7 @@ class Struck:
         if not self.samples:
             return ""
         at = ", ".join(f"{t:.6g}" for t in self._first) + ", ..." * (self.count > len(self._first))
-        what = "has impacts" if self.told else "jumps, or moves too fast for the sample rate,"
+        what = "has impacts" if self.by_events else "jumps, or moves too fast for the sample rate,"
         times = "once" if self.count == 1 else f"{self.count} times"
         return (
             f"{what} {times} (t = {at} s): poses within {self._reach:.2g} s are not "
@@ -244,7 +244,7 @@ def jumps(rows: np.ndarray) -> np.ndarray:
 NEXT = ORDER + 2
 """Order of the polynomial beside which that of the filter is laid."""
 NOTABLE_ERROR = 0.01
-"""Of the largest acceleration: an error from which on it is told."""
+"""Of the largest acceleration: error above which it is reported."""
 SURE_PEAK = 5.0
 """Standard deviations of what noise makes of the difference, below which it tells nothing."""
 UNITS = ("m/s^2", "rad/s^2")
@@ -262,7 +262,8 @@ class Peaks:
     def __init__(self) -> None:
         self._size = [0.0, 0.0]
         self._off: list[float | None] = [None, None]
-        """None where it is not told from noise or rounding, or lies beside an end of the poses."""
+        """None where it cannot be distinguished from noise or rounding, or lies beside an end of
+        the poses."""
 
     def look(
         self, motion: Motion, squares: Sequence[np.ndarray], kept: np.ndarray, h: float
@@ -317,9 +318,9 @@ Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
 """Samples that are differentiated at once; stretches overlap by the filter's window."""
 COARSE = 0.01
-"""Relative error of accelerations from which on it is told."""
+"""Relative error of accelerations above which it is reported."""
 NOISY = 0.1
-"""Noise of accelerations, of their RMS, from which on it is told."""
+"""Noise of accelerations, of their RMS, above which it is reported."""
 UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
 """Where no mass is known: force is acceleration, and there is no torque."""
 WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
@@ -330,8 +331,8 @@ MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
 class BodyFigures:
     """Follows the poses of one body, and the total wrench that was recorded for it if any.
 
-    listener: gets the motion, stretch by stretch, and where the stamps went back before it.
-    struck: told when the body was struck; else that is looked for in its poses.
+    listener: gets the motion, stretch by stretch, and where the stamps went back before it. struck:
+    is given the instants at which the body was struck; else that is looked for in its poses.
     """
 
     def __init__(

@@ -39,7 +39,7 @@ this it is their derivative."""
 SURE = 3.0
 """Standard deviations of noise that may lie between both."""
 LOOKED_AT = 1024
-"""Samples of a stretch at most by whose scatter the noise is told."""
+"""Samples of a stretch at most from whose scatter the noise is estimated."""
 
 
 class Body(NamedTuple):

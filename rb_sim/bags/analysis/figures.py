@@ -33,7 +33,7 @@ def unit_of(source: str, column: str) -> str:
 #
 # Welch, The use of fast Fourier transform for the estimation of power spectra (1967): Hann window,
 # no overlap, mean removed. No piece reaches across a gap, a clock that was set, or a motion that
-# begins anew: the jump there would be told as a spectrum of its own.
+# begins anew: the jump there would be reported as a spectrum of its own.
 
 
 SEGMENT = 2048

@@ -158,12 +158,12 @@ def _balances(found: Analysis) -> str:
 
 def _constraints(found: Analysis) -> str:
     """Largest errors by constraint."""
-    told = found.constraints
-    if told is None:
+    shown = found.constraints
+    if shown is None:
         return ""
     rows = []
     for kind, unit in (("position", "m or rad"), ("velocity", "m/s or rad/s"), ("overlap", "m")):
-        for name, worst in told[kind].items():
+        for name, worst in shown[kind].items():
             when = "" if worst["at"] is None else f"{worst['at']:.6g}"
             rows.append(_row([name, f"{kind} [{unit}]", f"{worst['largest']:.3g}", when]))
     heads = ["constraint", "error of", "largest", "at [s]"]
@@ -393,13 +393,13 @@ def recorded_times(found: Analysis) -> str:
             )
         row += 1
     gaps = any(rate["gaps"] for rate in rates.values())
-    told = "blue: readings; red: gaps" if gaps else "blue: readings; no source has a gap"
+    shown = "blue: readings; red: gaps" if gaps else "blue: readings; no source has a gap"
     parts.append(
         f'<text x="{left}" y="{16 * row + 42}" fill="{FAINT}">{first:.6g} s</text>'
         f'<text x="{left + wide}" y="{16 * row + 42}" text-anchor="end" fill="{FAINT}">'
         f"{last:.6g} s</text>"
     )
-    return _drawing(told, left + wide + 20, 16 * row + 52, parts)
+    return _drawing(shown, left + wide + 20, 16 * row + 52, parts)
 
 
 def _drawing(title: str, width: float, height: float, parts: list[str]) -> str:

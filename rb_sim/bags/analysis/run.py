@@ -43,7 +43,7 @@ class RecordedRun:
         found.length = length_of(scene.bodies.values())
         found.title = f"{scene.name}: {scene.description}" if scene.description else scene.name
         for name, properties in bodies_of(scene).items():
-            found.bodies[name] = BodyFigures(properties, struck=Struck(told=True))
+            found.bodies[name] = BodyFigures(properties, struck=Struck(by_events=True))
 
     def readings(self) -> Iterator[Reading]:
         """All readings, in one pass over the bag."""
@@ -111,7 +111,7 @@ def coordinates(block: SampleBlock) -> np.ndarray:
 # The wrenches that a bag of ours tells for each body, as one about its centre of mass.
 
 
-TOLD = ("gravity", "commanded_wrench")
+FROM_SAMPLES = ("gravity", "commanded_wrench")
 """Effects whose force follows from the samples."""
 
 
@@ -125,20 +125,20 @@ class Loads:
         self._layout = layout
         self._offsets = centers_of_mass(scene.bodies, layout.bodies)
         self._weights = np.zeros((len(layout.bodies), 3))
-        untold = []
+        unknown = []
         for name, effect in scene.effects.items():
             kind = effect.type  # type: ignore[attr-defined]
             if kind == "gravity":
                 for body in effect.bodies or layout.bodies:  # type: ignore[attr-defined]
                     g = np.array(effect.acceleration)  # type: ignore[attr-defined]
                     self._weights[layout.bodies.index(body)] += scene.bodies[body].mass * g
-            elif kind not in TOLD:
-                untold.append(f"{name} ({kind})")
+            elif kind not in FROM_SAMPLES:
+                unknown.append(f"{name} ({kind})")
         self._parents = [self._parent(scene, name) for name in layout.reactions]
         # a bearing's share is in the total of its constraint, which has an entry of its own
         self._counted = ["/" not in name for name in layout.reactions]
-        text = "the samples do not contain the wrench of " + ", ".join(untold)
-        self.notes = [f"{text}; the recorded total does not include it"] if untold else []
+        text = "the samples do not contain the wrench of " + ", ".join(unknown)
+        self.notes = [f"{text}; the recorded total does not include it"] if unknown else []
 
     def _parent(self, scene: Scene, reaction: str) -> int | None:
         spec = scene.constraints.get(reaction.partition("/")[0])
@@ -171,7 +171,7 @@ class Loads:
 # The stretches between resets and states that were set, and their balances.
 
 
-MOST_TOLD = 3
+MOST_NAMED = 3
 FEW = 4
 """Samples between changes of commands, on average, below which balances are only a rough figure."""
 
@@ -220,7 +220,7 @@ class Balances:
             self._close()
             self._ledger = Ledger(self._scene, self._layout, part.since)
             self._count += 1
-            self._anew += part.block.t[: MOST_TOLD - len(self._anew)][:1].tolist()
+            self._anew += part.block.t[: MOST_NAMED - len(self._anew)][:1].tolist()
         self._samples += len(part.block)
         self._ledger.add(part.block, self._commands(part.block, part.anew))
         if len(part.block):  # else events alone, after the last sample

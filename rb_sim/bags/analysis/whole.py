@@ -123,7 +123,7 @@ class Whole:
         if lacks:
             found |= {"momentum": None, "momentum_lacks_reactions_of": lacks}
         acted = {"wrenches": sorted(self._acting), "effects": self._effects}
-        return {**found, **acted, "constraints": self.told}
+        return {**found, **acted, "constraints": self.reported}
 
     @property
     def samples(self) -> int:
@@ -131,7 +131,7 @@ class Whole:
         return self._balance.samples
 
     @property
-    def told(self) -> dict[str, Any] | None:
+    def reported(self) -> dict[str, Any] | None:
         """Errors of the constraints."""
         return self.constraints.as_dict() if self.samples else None
 
@@ -288,20 +288,20 @@ class _Balance:
         scale = np.maximum(self._scale, [np.linalg.norm(self._change[k]) for k in _PARTS])
         scale = np.maximum(scale, [np.linalg.norm(self._supply[k]) for k in _PARTS])
         noise = self._noise()
-        told = []
+        parts = []
         for part, size in zip(_PARTS, scale.tolist(), strict=True):
             apart = float(np.linalg.norm(error[part]))
             relative = apart / size if size > 0.0 else None
             doubt = float(np.linalg.norm(self._doubt[part]))
-            told.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt,
-                         "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
+            parts.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt,
+                          "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
         initial, final = self._ends.tolist()
-        told[0] |= {"error": float(error[0]), "initial": initial, "final": final,
-                    "change": float(self._change[0]), "work": float(self._supply[0])}  # fmt: skip
+        parts[0] |= {"error": float(error[0]), "initial": initial, "final": final,
+                     "change": float(self._change[0]), "work": float(self._supply[0])}  # fmt: skip
         return {
             "stretches": self.stretches,
-            "energy": told[0],
-            "momentum": {"linear": told[1], "angular": told[2]},
+            "energy": parts[0],
+            "momentum": {"linear": parts[1], "angular": parts[2]},
         }
 
     def _noise(self) -> Array:

@@ -44,9 +44,11 @@ class FixedAxis(Spec):
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """The total, and the force at each of the bearings A and B."""
         return ("", "A", "B")
 
     def parts(self, place: Place) -> list[Part]:
+        """A PointRow at each bearing; a SlotRow, free along the axis, at the floating one."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
         n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)

@@ -22,9 +22,11 @@ class Free(Spec):
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """None: no constraint, no reaction."""
         return ()
 
     def parts(self, place: Place) -> list[Part]:
+        """No parts: the body is not held."""
         return []
 
 
@@ -46,6 +48,7 @@ class FixedPoint(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One PointRow: 3 rows that keep the two points together."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
         return [Part(PointRow(r_B, r_A))]
@@ -61,11 +64,12 @@ class Weld(Spec):
     """the point about which the reaction is given, from the body origin, body axes [m]."""
 
     EQUATION: ClassVar[str] = """
-    p_B = p_A,  q_AB = q_AB(0)       the pose against the parent stays what it is at the start
+    p_B = p_A,  q_AB = q_AB(0)       the pose relative to the parent stays constant
     on the body: a force and a torque about point_B
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """A PointRow and a LockRow, which keeps the relative orientation of the start."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, None, self.body, self.point_B)
         return [

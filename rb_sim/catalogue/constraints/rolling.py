@@ -82,6 +82,10 @@ class Rolling(Spec):
             )
 
     def parts(self, place: Place) -> list[Part]:
+        """A RollingRow; of a cylinder, which touches along a line, also a ParallelRow.
+
+        Raises: an error of the scene if a rim lies flat on the plane at the start.
+        """
         surface = self.surface(place)
         if isinstance(surface, RimSurface):
             self._refuse_flat(place, surface.axis_B)
@@ -116,6 +120,11 @@ COUNT[RollingRow] = 3
 
 @fill.register(RollingRow)
 def fill_rolling(row, t, B, A, G, k):
+    """3 rows at the contact point: its velocity along the normal and two tangents is zero.
+
+    Only the normal row is holonomic; its error is the height of the contact point over the plane
+    [m].
+    """
     n = rotate(A.q_WB, row.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     gamma = unrotate(B.q_WB, n)
@@ -140,5 +149,6 @@ def fill_rolling(row, t, B, A, G, k):
 
 @anchor.register(RollingRow)
 def rolling_anchor(row, B, A):
+    """The contact point, world [m]."""
     gamma = unrotate(B.q_WB, rotate(A.q_WB, row.n_A))
     return add(B.p_WC, rotate(B.q_WB, support(row.surface, gamma)))

@@ -108,6 +108,7 @@ COUNT[PointRow] = 3
 
 @fill.register(PointRow)
 def fill_point(row, t, B, A, G, k):
+    """3 rows: the points coincide, along each of the world's axes."""
     p, v, c = material_point(B, row.r_B)
     p_A, v_A, c_A = material_point(A, row.r_A)
     gap, bias = sub(p, p_A), sub(c, c_A)
@@ -134,6 +135,7 @@ COUNT[SeatRow] = 3
 
 @fill.register(SeatRow)
 def fill_seat(row, t, B, A, G, k):
+    """3 rows: the points coincide, along each of the parent's axes."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     for i, e in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
@@ -155,6 +157,7 @@ COUNT[SlotRow] = 2
 
 @fill.register(SlotRow)
 def fill_slot(row, t, B, A, G, k):
+    """2 rows: the points coincide along the directions t1_A and t2_A of the parent."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     d = rotate(A.q_WB, row.t1_A)
@@ -176,6 +179,7 @@ COUNT[PlaneRow] = 1
 
 @fill.register(PlaneRow)
 def fill_plane(row, t, B, A, G, k):
+    """1 row: the distance of r_B from the parent's plane through r_A is zero."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     d = rotate(A.q_WB, row.n_A)
     gap = dot(d, sub(rho, rotate(A.q_WB, row.r_A)))
@@ -184,6 +188,7 @@ def fill_plane(row, t, B, A, G, k):
 
 @anchor.register(PointRow, SeatRow, SlotRow, PlaneRow)
 def point_anchor(row, B, A):
+    """The body's point r_B, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))
 
 
@@ -211,6 +216,7 @@ COUNT[ParallelRow] = 2
 
 @fill.register(ParallelRow)
 def fill_parallel(row, t, B, A, G, k):
+    """2 rows: a_B is normal to t1_A and to t2_A; the errors are sines of angles."""
     b = rotate(B.q_WB, row.a_B)
     put_normal(G, k, b, rotate(A.q_WB, row.t1_A), B, A)
     put_normal(G, k + 1, b, rotate(A.q_WB, row.t2_A), B, A)
@@ -231,6 +237,7 @@ ANGLES.update((ParallelRow, LockRow))
 
 @fill.register(LockRow)
 def fill_lock(row, t, B, A, G, k):
+    """3 rows: each body axis stays normal to one of the other axes that it started with."""
     e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for i in range(3):
         b = rotate(B.q_WB, e[(i + 1) % 3])
@@ -240,11 +247,13 @@ def fill_lock(row, t, B, A, G, k):
 
 @anchor.register(LockRow)
 def lock_anchor(row, B, A):
+    """The body's point r_B, about which the torque is reported, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))
 
 
 @anchor.register(ParallelRow)
 def com_anchor(row, B, A):
+    """The centre of mass of the body: a torque alone has no point of application, world [m]."""
     return B.p_WC
 
 
@@ -261,6 +270,10 @@ COUNT[DistanceRow] = 1
 
 @fill.register(DistanceRow)
 def fill_distance(row, t, B, A, G, k):
+    """1 row along the line of the points; its error is distance - length [m].
+
+    The points may not coincide: the row has no direction there.
+    """
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     length = norm(gap)
@@ -272,6 +285,7 @@ def fill_distance(row, t, B, A, G, k):
 
 @anchor.register(DistanceRow)
 def distance_anchor(row, B, A):
+    """The body's point r_B, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))
 
 
@@ -290,6 +304,7 @@ COUNT[VelocityRow] = 1
 
 @fill.register(VelocityRow)
 def fill_velocity(row, t, B, A, G, k):
+    """1 row on the velocity of r_B and the spin; not holonomic, and without a parent."""
     p, v, c = material_point(B, row.r_B)
     if row.in_body:
         force, turn = rotate(B.q_WB, row.linear), row.angular
@@ -305,6 +320,7 @@ def fill_velocity(row, t, B, A, G, k):
 
 @anchor.register(VelocityRow)
 def velocity_anchor(row, B, A):
+    """The body's point r_B, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))
 
 
@@ -323,6 +339,7 @@ COUNT[CurveRow] = 2
 
 @fill.register(CurveRow)
 def fill_curve(row, t, B, A, G, k):
+    """2 rows normal to the tangent at the nearest point of the curve; without a parent."""
     p, v, c = material_point(B, row.r_B)
     on, slope, bend = curve_point(row.curve, curve_nearest(row.curve, p))
     inverse = 1.0 / dot(slope, slope)
@@ -346,4 +363,5 @@ def fill_curve(row, t, B, A, G, k):
 
 @anchor.register(CurveRow)
 def curve_anchor(row, B, A):
+    """The body's point r_B, world [m]."""
     return add(B.p_WC, rotate(B.q_WB, row.r_B))

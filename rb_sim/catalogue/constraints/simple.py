@@ -35,6 +35,10 @@ class Distance(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One DistanceRow; a length that is not given is that at the start [m].
+
+        Raises ValueError if the points coincide at the start.
+        """
         r_B, r_A = (
             place.from_com(self.body, self.point_B),
             place.from_com(self.parent, self.point_A),
@@ -64,6 +68,7 @@ class Plane(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One PlaneRow."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
         return [Part(PlaneRow(r_B, r_A, self.normal_A))]
@@ -86,6 +91,7 @@ class Parallel(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One ParallelRow."""
         n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
         return [Part(ParallelRow(self.axis_B, *perpendicular(n_A)))]
 
@@ -116,6 +122,10 @@ class Velocity(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
+        """One VelocityRow.
+
+        Raises: an error of the scene if all coefficients are zero.
+        """
         if self.linear == ZERO and self.angular == ZERO:
             raise refuse("a velocity constraint with a coefficient that is not zero")
         r_B = place.from_com(self.body, self.point_B)

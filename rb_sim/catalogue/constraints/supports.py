@@ -132,9 +132,9 @@ class Hinge(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 | None = None
-    """from the body origin, body axes [m]; left out: where point_A is, or the body origin."""
+    """from the body origin, body axes [m]; default: the place of point_A, or the body origin."""
     point_A: Vector3 | None = None
-    """on the parent, from its origin, or in the world [m]; left out: where point_B is."""
+    """on the parent, from its origin, or in the world [m]; default: the place of point_B."""
     axis_B: UnitVector3 | None = None
     """free axis of a pin, body axes; none: a ball joint."""
     axis_A: UnitVector3 | None = None
@@ -152,6 +152,7 @@ class Hinge(Spec):
         return self
 
     def parts(self, place: Place) -> list[Part]:
+        """A PointRow; with an axis, given on the body or on the parent, also a ParallelRow."""
         if self.point_B is None and self.point_A is not None:
             r_A = place.from_com(self.parent, self.point_A)
             r_B = place.partner_point(self.body, None, self.parent, self.point_A)

@@ -26,7 +26,7 @@ class LineGuide(Spec):
     direction: UnitVector3
     """world."""
     point: Vector3 | None = None
-    """of the line, world [m]; left out: where point_B starts."""
+    """of the line, world [m]; default: the initial position of point_B."""
 
 
 class CircleGuide(Spec):
@@ -68,7 +68,7 @@ class CurveGuide(Spec):
 
 
 class Translation(Spec):
-    """Rotation locked to the world; `guide` left out: free translation."""
+    """The body keeps its attitude; with a `guide`, point_B stays on it."""
 
     type: Literal["translation"]
     body: Name
@@ -77,7 +77,7 @@ class Translation(Spec):
     guide: Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None = (
         None
     )
-    """a curve along which point_B goes; left out: anywhere."""
+    """curve along which point_B moves; default: none, point_B moves freely."""
 
     EQUATION: ClassVar[str] = """
     w = 0,  p_B = c(s)               c: the guide; without one only the attitude is held
@@ -99,6 +99,7 @@ class Translation(Spec):
         return spline_through(np.array(guide.points, dtype=float), guide.closed)
 
     def parts(self, place: Place) -> list[Part]:
+        """A LockRow to the world, after a CurveRow if there is a guide."""
         r_B = place.from_com(self.body, self.point_B)
         parts = [Part(LockRow(relative_turn(place, None, self.body), r_B))]
         curve = self.curve(place)

@@ -48,6 +48,7 @@ class SmoothLaw(Spec):
     type: Literal["smooth"] = "smooth"
 
     def law(self) -> friction.Friction:
+        """The law of no friction."""
         return friction.Smooth()
 
 
@@ -58,7 +59,7 @@ class CoulombLaw(Spec):
     static: NonNegative
     """coefficient of a contact that sticks or rolls."""
     kinetic: NonNegative | None = None
-    """coefficient of one that slips; left out: as static."""
+    """coefficient of a contact that slips; default: static."""
 
     @model_validator(mode="after")
     def _ordered(self) -> CoulombLaw:
@@ -68,6 +69,7 @@ class CoulombLaw(Spec):
         return self
 
     def law(self) -> friction.Friction:
+        """Coulomb's law; `kinetic` defaults to `static`, and static 0 is no friction at all."""
         kinetic = self.static if self.kinetic is None else self.kinetic
         return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
 
@@ -82,6 +84,7 @@ class ViscousLaw(Spec):
     """whether the traction grows with the push N."""
 
     def law(self) -> friction.Friction:
+        """The viscous law, per unit of normal force or not."""
         kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
         return kind(self.coefficient)
 
@@ -96,6 +99,7 @@ class RegularisedLaw(Spec):
     """v, of the slip at which 0.7 of mu N is reached [m/s]."""
 
     def law(self) -> friction.Friction:
+        """The regularised law."""
         return friction.Regularised(self.coefficient, self.speed)
 
 
@@ -105,6 +109,7 @@ class RoughLaw(Spec):
     type: Literal["rough"] = "rough"
 
     def law(self) -> friction.Friction:
+        """The law of a perfectly rough contact."""
         return friction.Rough()
 
 
@@ -129,6 +134,7 @@ class TurntableMotion(Spec):
     """of the axis, world [m]."""
 
     def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it."""
         return carriers.Turntable(self.point, scale(self.rate, self.axis))
 
 
@@ -146,6 +152,7 @@ class ShakenMotion(Spec):
     """[rad]."""
 
     def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it: with the angular frequency [rad/s]."""
         amplitude = scale(self.amplitude, self.direction)
         return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
 
@@ -168,15 +175,15 @@ def _group(value: Any) -> Any:
 class Contact(Touching):
     """The body's shape (or its `points`) against a support.
 
-    Outputs: NAME, the total, about the contact point (about C where there are several); with
-    several points also NAME/1, NAME/2 ..., each about its own point. Of a contact `between` bodies
-    NAME_BODY of each, about C: what all others exert on it.
+    Outputs: NAME, the total, about the contact point (about C if there are several points); with
+    several points also NAME/1, NAME/2 ..., each about its own point. A contact `between` bodies
+    has NAME_BODY for each, about C: the total wrench of the others on it.
     """
 
     type: Literal["contact"]
     body: Name
     """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
-    Left out where `between` is given."""
+    Omitted if `between` is given."""
     parent: Name | None = None
     between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
     """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
@@ -185,25 +192,25 @@ class Contact(Touching):
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),
     ] = PlaneSurface()
-    """in the parent's coordinates (from its origin), or in the world."""
+    """the support, in the parent's coordinates (from its origin), or in the world."""
     points: Points | None = None
-    """what touches instead of the shape, from the body origin [m]."""
+    """points that touch instead of the shape, from the body origin [m]."""
     lies_flat: bool | None = None
-    """of a disk or a cylinder on a plane: whether an end may lie on it, held by six points of its
-    rim; left out: a cylinder's may, a disk's may not."""
+    """whether the end of a disk or a cylinder may lie on a plane, held by six points of its rim;
+    default: true for a cylinder, false for a disk."""
     friction: Annotated[
         SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
         PlainValidator(lambda value: spec_of_type(LAWS, value)),
     ] = SmoothLaw()
-    """what acts along the support where the body slips or sticks on it."""
+    """friction law: the force along the support."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
-    """e: share of the speed of approach that comes back in an impact."""
+    """e: speed of rebound over speed of approach in an impact."""
     rolling_resistance: NonNegative = 0.0
     """arm [m]: torque of at most arm N against rolling."""
     spinning_resistance: NonNegative = 0.0
     """arm [m]: the same about the normal."""
     mode: Literal["unilateral", "bilateral"] = "unilateral"
-    """whether it only pushes and may open, or also pulls and stays closed."""
+    """unilateral: only pushes and may open; bilateral: also pulls and stays closed."""
     motion: (
         Annotated[
             TurntableMotion | ShakenMotion,
@@ -211,9 +218,9 @@ class Contact(Touching):
         ]
         | None
     ) = None
-    """of a support in the world; left out: it rests."""
+    """prescribed motion of a support in the world; default: it rests."""
     compliance: Compliance | None = None
-    """of a support that gives way; left out: rigid."""
+    """stiffness and damping of the support; default: rigid."""
 
     EQUATION: ClassVar[str] = """
     g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign
@@ -264,10 +271,12 @@ class Contact(Touching):
         return self.model_copy(update=pair)
 
     def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
+        """Those of every constraint, and the bodies listed in `between`."""
         listed = enumerate(() if self.between in (None, "all") else self.between)
         return (*super().body_references(), *((("between", i), name) for i, name in listed))
 
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """As of every constraint that touches; of a contact `between` bodies its total alone."""
         return ("",) if self.between is not None else super().contact_suffixes(place)
 
     @property
@@ -276,6 +285,7 @@ class Contact(Touching):
         return self.mode == "unilateral" and self.compliance is None
 
     def law(self) -> ContactLaw:
+        """Restitution, friction, resistance and compliance, the same at each of its points."""
         law, soft = self.friction.law(), self.compliance
         return ContactLaw(
             self.restitution,
@@ -290,6 +300,7 @@ class Contact(Touching):
         )
 
     def parts(self, place: Place) -> list[Part]:
+        """One ContactRow for each point that may touch; none if `between` is given."""
         if self.between is not None:
             return []  # its pairs are found as they come near, see contact.between
         touching = pairs_of(

@@ -105,27 +105,32 @@ def traction(law, s, ahead, least, gives):
 
 @traction.register(Smooth, Rough)
 def no_traction(law, s, ahead, least, gives):
+    """None: no friction, or a rough contact, which never slips."""
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 @traction.register(Coulomb)
 def coulomb_traction(law, s, ahead, least, gives):
+    """-kinetic s/|s| per unit of normal force; see `straight_or_rounded` for compliant contacts."""
     way = straight_or_rounded(s, ahead, least) if gives else straight_on(s, ahead, least)
     return scale(-law.kinetic, way), (0.0, 0.0, 0.0)
 
 
 @traction.register(Viscous)
 def viscous_traction(law, s, ahead, least, gives):
+    """-coefficient s, whatever the normal force."""
     return (0.0, 0.0, 0.0), scale(-law.coefficient, s)
 
 
 @traction.register(ViscousPerNormal)
 def viscous_per_normal_traction(law, s, ahead, least, gives):
+    """-coefficient s per unit of normal force."""
     return scale(-law.coefficient, s), (0.0, 0.0, 0.0)
 
 
 @traction.register(Regularised)
 def regularised_traction(law, s, ahead, least, gives):
+    """-mu s / sqrt(s^2 + v^2) per unit of normal force."""
     rounded = sqrt(dot(s, s) + law.speed * law.speed)
     return scale(-law.coefficient / rounded, s), (0.0, 0.0, 0.0)
 
@@ -177,11 +182,16 @@ def resisting(law, turn, normal, modes, ahead, spin_sign, least):
 
 @resisting.register(NoResistance)
 def no_resistance(law, turn, normal, modes, ahead, spin_sign, least):
+    """No torque."""
     return (0.0, 0.0, 0.0)
 
 
 @resisting.register(Resistance)
 def resistance_torque(law, turn, normal, modes, ahead, spin_sign, least):
+    """Torque against rolling (across the normal) and spinning (along it) that slide.
+
+    Its size per unit of normal force is the arm [m] of each.
+    """
     about = dot(turn, normal)
     d = straight_on(sub(turn, scale(about, normal)), ahead, least)
     rolls, spins = (modes[0] > 0.5) & (modes[0] < 1.5), (modes[1] > 0.5) & (modes[1] < 1.5)

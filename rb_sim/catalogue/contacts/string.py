@@ -41,7 +41,7 @@ class String(Touching):
     point_A: Vector3
     """the other end, on the parent from its origin, or in the world [m]."""
     length: Positive | None = None
-    """[m]; left out: the initial distance, where it is just taut."""
+    """largest distance of the points [m]; default: the initial distance, just taut."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
     """share of the speed of parting that comes back when it jerks taut."""
     compliance: Compliance | None = None
@@ -61,6 +61,7 @@ class String(Touching):
         return self
 
     def law(self) -> ContactLaw:
+        """A smooth contact with the string's restitution and compliance: taut is closed."""
         soft = self.compliance
         return ContactLaw(
             restitution=self.restitution,
@@ -76,6 +77,7 @@ class String(Touching):
         )
 
     def parts(self, place: Place) -> list[Part]:
+        """One ContactRow: point_B as a ball of radius 0 inside a sphere about point_A."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.from_com(self.parent, self.point_A)
         pair = BallOnSphere(r_B, 0.0, r_A, self._length(place, r_B, r_A), INSIDE)

@@ -146,5 +146,6 @@ class Touching(Spec):
         return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """The total, and the reaction at each point where there are several."""
         points = self.contact_suffixes(place)
         return points if len(points) == 1 else ("", *points)

@@ -24,6 +24,7 @@ class LinearDrag(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One LinearDragRow on the body."""
         return [(LinearDragRow(self.coefficient, self.medium_velocity), self.body, None)]
 
 
@@ -39,6 +40,7 @@ CENTRAL.add(LinearDragRow)
 
 @wrench.register(LinearDragRow)
 def linear_drag(row, t, body, B, A):
+    """-c (V - V_medium) at the centre of mass; no torque."""
     return scale(-row.coefficient, sub(B.v_WC, row.medium_W)), ZERO
 
 
@@ -57,6 +59,7 @@ class QuadraticDrag(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One QuadraticDragRow on the body."""
         return [(QuadraticDragRow(self.coefficient, self.medium_velocity), self.body, None)]
 
 
@@ -72,6 +75,7 @@ CENTRAL.add(QuadraticDragRow)
 
 @wrench.register(QuadraticDragRow)
 def quadratic_drag(row, t, body, B, A):
+    """-c |V - V_medium| (V - V_medium) at the centre of mass; no torque."""
     u = sub(B.v_WC, row.medium_W)
     return scale(-row.coefficient * norm(u), u), ZERO
 
@@ -90,6 +94,7 @@ class AngularDamping(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One AngularDampingRow between the body and its parent."""
         return [(AngularDampingRow(self.coefficient), self.body, self.parent)]
 
 
@@ -101,5 +106,6 @@ class AngularDampingRow(NamedTuple):
 
 @wrench.register(AngularDampingRow)
 def angular_damping(row, t, body, B, A):
+    """The torque -c (w_B - w_A), body axes; no force."""
     parent_spin_B = unrotate(B.q_WB, rotate(A.q_WB, A.w_WB_B))
     return ZERO, scale(-row.coefficient, sub(B.w_WB_B, parent_spin_B))

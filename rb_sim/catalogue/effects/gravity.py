@@ -32,6 +32,7 @@ class Gravity(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One GravityRow for each body named; for all bodies if none is."""
         return [
             (GravityRow(self.acceleration), name, None)
             for name in self.bodies or place.body_names()
@@ -49,9 +50,11 @@ CENTRAL.add(GravityRow)
 
 @wrench.register(GravityRow)
 def gravity(row, t, body, B, A):
+    """m g at the centre of mass; no torque."""
     return scale(body.mass, row.acceleration_W), ZERO
 
 
 @potential.register(GravityRow)
 def gravity_potential(row, t, body, B, A):
+    """-m g . p_WC: zero at the world's origin."""
     return -body.mass * dot(row.acceleration_W, B.p_WC)

@@ -43,6 +43,10 @@ class Spring(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """A row for the stiffness and one for the damping, each left out if zero.
+
+        Raises ValueError if the ends coincide at the start and the rest length is not zero.
+        """
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.from_com(self.parent, self.point_A)
         rows: list[NamedTuple] = []
@@ -110,6 +114,8 @@ def separation(row, B, A):
 
 @inline
 def separation_rate(row, B, A):
+    """Rate of `separation`: the difference of the two material points' velocities, world axes
+    [m/s]."""
     return sub(
         add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B))),
         add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A))),
@@ -133,6 +139,7 @@ def at_point(row, B, f):
 
 @wrench.register(SpringRow)
 def spring(row, t, body, B, A):
+    """-k (l - l0) along the line from the parent's point to the body's."""
     d = separation(row, B, A)
     length = norm(d)
     return at_point(row, B, scale(-row.stiffness * (length - row.rest_length) / length, d))
@@ -140,12 +147,14 @@ def spring(row, t, body, B, A):
 
 @potential.register(SpringRow)
 def spring_potential(row, t, body, B, A):
+    """k (l - l0)^2 / 2."""
     stretch = norm(separation(row, B, A)) - row.rest_length
     return 0.5 * row.stiffness * stretch * stretch
 
 
 @wrench.register(DamperRow)
 def damper(row, t, body, B, A):
+    """-c (u . d') u with d the separation and u = d/|d|: against stretching alone."""
     d = separation(row, B, A)
     rate = dot(d, separation_rate(row, B, A))
     return at_point(row, B, scale(-row.damping * rate / dot(d, d), d))
@@ -153,15 +162,18 @@ def damper(row, t, body, B, A):
 
 @wrench.register(BushingRow)
 def bushing(row, t, body, B, A):
+    """-k d with d the separation."""
     return at_point(row, B, scale(-row.stiffness, separation(row, B, A)))
 
 
 @potential.register(BushingRow)
 def bushing_potential(row, t, body, B, A):
+    """k |d|^2 / 2."""
     d = separation(row, B, A)
     return 0.5 * row.stiffness * dot(d, d)
 
 
 @wrench.register(BushingDamperRow)
 def bushing_damper(row, t, body, B, A):
+    """-c v with v the velocity of the body's point past the parent, see `velocity_past_parent`."""
     return at_point(row, B, scale(-row.damping, velocity_past_parent(row, B, A)))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal, NamedTuple
 
-from rb_sim.catalogue.spec import Finite, Name, NonNegative, Spec, UnitVector3
+from rb_sim.catalogue.spec import Angle, Name, NonNegative, Spec, UnitVector3
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Quaternion, Vec3, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
@@ -44,7 +44,7 @@ class TorsionSpring(Spec):
     """stiffness k [N m/rad]."""
     damping: NonNegative = 0.0
     """damping c of the relative rate about the axis [N m s/rad]."""
-    rest_angle: Finite = 0.0
+    rest_angle: Angle = 0.0
     """angle theta0 without torque, counted from the initial pose [rad]."""
 
     EQUATION: ClassVar[str] = """
@@ -55,6 +55,7 @@ class TorsionSpring(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """A row for the stiffness and one for the damping, each left out if zero."""
         rows: list[NamedTuple] = []
         if self.stiffness:
             reference = quaternion_product(
@@ -123,17 +124,20 @@ CHANGING[TorsionSpringRow] = Changing(
 
 @wrench.register(TorsionSpringRow)
 def torsion_spring(row, t, body, B, A):
+    """The torque -k (theta - theta0) grad theta, body axes; no force."""
     angle, _, gradient = twist(row, B, A)
     return ZERO, scale(-row.stiffness * (angle - row.rest_angle), gradient)
 
 
 @potential.register(TorsionSpringRow)
 def torsion_potential(row, t, body, B, A):
+    """k (theta - theta0)^2 / 2."""
     angle, *_ = twist(row, B, A)
     return 0.5 * row.stiffness * (angle - row.rest_angle) ** 2
 
 
 @wrench.register(TorsionDamperRow)
 def torsion_damper(row, t, body, B, A):
+    """The torque -c times the spin relative to the parent about axis_B, along it."""
     spin = sub(B.w_WB_B, unrotate(B.q_WB, rotate(A.q_WB, A.w_WB_B)))
     return ZERO, scale(-row.damping * dot(row.axis_B, spin), row.axis_B)

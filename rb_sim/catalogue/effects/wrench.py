@@ -11,7 +11,17 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import model_validator
 
-from rb_sim.catalogue.spec import Finite, Name, Numbers, Spec, Strength3, Strengths, Vector3, refuse
+from rb_sim.catalogue.spec import (
+    Angle,
+    Finite,
+    Name,
+    Numbers,
+    Spec,
+    Strength3,
+    Strengths,
+    Vector3,
+    refuse,
+)
 from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
 from rb_sim.numerics.vectors import ZERO, add, cross, rotate, scale, sin, unrotate
 
@@ -37,7 +47,7 @@ class Wrench(Spec):
     """amplitude of the harmonic torque [N m]."""
     angular_frequency: Finite = 0.0
     """angular frequency omega of the harmonic part [rad/s]."""
-    phase: Finite = 0.0
+    phase: Angle = 0.0
     """phase of the harmonic part at t = 0 [rad]."""
 
     EQUATION: ClassVar[str] = """
@@ -46,6 +56,7 @@ class Wrench(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """A row for the constant part and one for the harmonic part, each left out if zero."""
         r_B = place.from_com(self.body, self.point_B)
         rows: list[NamedTuple] = []
         steady = WorldWrenchRow if self.frame == "world" else BodyWrenchRow
@@ -94,6 +105,7 @@ class WrenchTable(Spec):
         return self
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One TableRow; forces or torques that are not given are zero."""
         n = len(self.times)
         values = np.zeros((n, 6))
         values[:, :3] = self.forces or np.zeros((n, 3))
@@ -124,6 +136,7 @@ class CommandedWrench(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
+        """One CommandRow, zero at the start, whose forces act at the body's origin."""
         r_CO = place.from_com(self.body, ZERO)
         return [(CommandRow(ZERO, ZERO, ZERO, ZERO, r_CO), self.body, None)]
 
@@ -189,17 +202,20 @@ class CommandRow(NamedTuple):
 
 @wrench.register(WorldWrenchRow)
 def world_wrench(row, t, body, B, A):
+    """A constant force at r_B and a constant torque, both fixed in the world."""
     force_B = unrotate(B.q_WB, row.force_W)
     return row.force_W, add(unrotate(B.q_WB, row.torque_W), cross(row.r_B, force_B))
 
 
 @wrench.register(BodyWrenchRow)
 def body_wrench(row, t, body, B, A):
+    """A constant force at r_B and a constant torque, both turning with the body."""
     return rotate(B.q_WB, row.force_B), add(row.torque_B, cross(row.r_B, row.force_B))
 
 
 @wrench.register(WorldHarmonicRow)
 def world_harmonic(row, t, body, B, A):
+    """Force and torque fixed in the world, times sin(omega t + phase)."""
     s = sin(row.angular_frequency * t + row.phase)
     force = scale(s, row.force_W)
     torque = unrotate(B.q_WB, scale(s, row.torque_W))
@@ -208,6 +224,7 @@ def world_harmonic(row, t, body, B, A):
 
 @wrench.register(BodyHarmonicRow)
 def body_harmonic(row, t, body, B, A):
+    """Force and torque that turn with the body, times sin(omega t + phase)."""
     s = sin(row.angular_frequency * t + row.phase)
     force = scale(s, row.force_B)
     return rotate(B.q_WB, force), add(scale(s, row.torque_B), cross(row.r_B, force))
@@ -215,6 +232,7 @@ def body_harmonic(row, t, body, B, A):
 
 @wrench.register(TableRow)
 def table_wrench(row, t, body, B, A):
+    """The table at t: linear between instants, or held from the one before; zero outside."""
     n = row.times.shape[0]
     if t < row.times[0] or t > row.times[n - 1]:
         return ZERO, ZERO
@@ -249,6 +267,7 @@ class SegmentRow(NamedTuple):
 
 @wrench.register(SegmentRow)
 def segment_wrench(row, t, body, B, A):
+    """The values at both ends of the segment, interpolated linearly at t."""
     begin, end = row.span
     s = (t - begin) / (end - begin)
     value = tuple(a + s * (b - a) for a, b in zip(*row.values, strict=True))
@@ -282,6 +301,7 @@ CHANGING[TableRow] = Changing(14, segment_at, segment_of)
 
 @wrench.register(CommandRow)
 def commanded(row, t, body, B, A):
+    """The sum of the wrenches commanded in world axes and in body axes, taken about C."""
     force_B = add(unrotate(B.q_WB, row.force_W), row.force_B)
     force_W = add(row.force_W, rotate(B.q_WB, row.force_B))
     torque_B = add(unrotate(B.q_WB, row.torque_W), row.torque_B)

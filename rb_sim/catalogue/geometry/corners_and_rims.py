@@ -148,6 +148,7 @@ def rim_touching(pair, B, A, before):
 
 @touching.register(RimOnPlane)
 def rim_on_plane(pair, B, A):
+    """The lowest point of the rim, for no history of how it leaned."""
     touch, _ = rim_touching(pair, B, A, UPRIGHT)
     return touch
 
@@ -193,6 +194,7 @@ class RimOnCylinder(NamedTuple):
 
 @inline
 def slope_of(p, q, w, a):
+    """Derivative by a of p cos a + q sin a + w cos^2 a."""
     return q * math.cos(a) - p * math.sin(a) - w * math.sin(2.0 * a)
 
 
@@ -385,11 +387,13 @@ def whole(x: Any) -> Any:
 
 @face_of.register(Box)
 def face_of_box(box, u):
+    """The normal itself if it is along an axis, zeros if not."""
     return (whole(u[0]), whole(u[1]), whole(u[2]))
 
 
 @off_face.register(Box)
 def off_face_of_box(box, face, x, x_dot):
+    """Distance from the plane of the face; beyond its edges, measured along the other two axes."""
     far, half = sub(x, box.centre), box.half
     across = [abs(face[i]) * half[i] for i in range(3)]
     beyond = [where(abs(face[i]) > 0.5, -half[i], abs(far[i]) - half[i]) for i in range(3)]
@@ -400,12 +404,14 @@ def off_face_of_box(box, face, x, x_dot):
 
 @face_of.register(Cylinder)
 def face_of_cylinder(cylinder, u):
+    """(+-1, 0, 0) on an end, (0, 1, 0) on the round side, zeros elsewhere."""
     along = dot(u, cylinder.axis)
     return (whole(along), where(abs(along) <= COMPUTED_ROUNDING, 1.0, 0.0), 0.0)
 
 
 @off_face.register(Cylinder)
 def off_face_of_cylinder(cylinder, face, x, x_dot):
+    """Distance from the end's plane or from the round side."""
     along, _, wide, out, out_dot = about_axis(cylinder, x, x_dot)
     beside, above = wide - cylinder.radius, abs(along) - cylinder.half
     on_end, size = abs(face[0]) > 0.5, maximum(cylinder.radius, cylinder.half)
@@ -433,4 +439,5 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
 
 @touching.register(PointOnSolid)
 def point_on_solid(pair, B, A):
+    """The nearest point of the solid, for no history of which face held the point."""
     return point_on_solid_touching(pair, B, A, UPRIGHT._replace(sense=IN_FLIGHT))[0]

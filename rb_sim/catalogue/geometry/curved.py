@@ -70,6 +70,7 @@ def moved(surface, q, n, turn):
 
 @inline
 def normalised(a):
+    """a/|a|; a may not be zero."""
     return scale(1.0 / norm(a), a)
 
 
@@ -89,6 +90,7 @@ def solved(m, x, y):
 
 @inline
 def limited(u, v):
+    """(u, v) shortened to a turn of LARGEST_TURN [rad] in one iteration."""
     size = (u * u + v * v) ** 0.5
     s = LARGEST_TURN / size if size > LARGEST_TURN else 1.0
     return s * u, s * v
@@ -128,16 +130,19 @@ def normal_on_cylinder(surface, side, p_WC, q, c, e):
 
 @inline
 def three(a, i):
+    """The three numbers of a routine's arguments from i on."""
     return (a[i], a[i + 1], a[i + 2])
 
 
 @inline
 def ellipsoid(a):
+    """The ellipsoid in a routine's arguments: centre and semi-axes from number 11 on."""
     return EllipsoidSurface(three(a, 11), three(a, 14))
 
 
 @inline
 def rim(a):
+    """The rim in a routine's arguments: centre, radius and axis from number 11 on."""
     return LyingRimSurface(three(a, 11), a[14], three(a, 15))
 
 
@@ -195,6 +200,7 @@ def sought(pair, B, c, axis):
 
 @touching.register(SurfaceOnSphere)
 def surface_on_sphere(pair, B, A):
+    """The surface's point of the normal n that solves t . (p(n) - c) = 0 for both tangents t."""
     c, c_dot = carried_point(A, pair.r_A)
     spin_B = rotate(B.q_WB, B.w_WB_B)
     n = sought(pair, B, c, ZERO)
@@ -214,6 +220,7 @@ def surface_on_sphere(pair, B, A):
 
 @touching.register(SurfaceOnCylinder)
 def surface_on_cylinder(pair, B, A):
+    """The surface's point of the sought normal n, which stays normal to the cylinder's axis."""
     c, c_dot = carried_point(A, pair.r_A)
     e, e_dot = carried_direction(A, pair.axis_A)
     spin_B = rotate(B.q_WB, B.w_WB_B)

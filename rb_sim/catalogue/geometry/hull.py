@@ -33,11 +33,13 @@ class Hull(NamedTuple):
 
 @inline
 def triple(table, i, at):
+    """The three numbers of line i of a table from column `at` on."""
     return (table[i, at], table[i, at + 1], table[i, at + 2])
 
 
 @inline
 def height(planes, i, x):
+    """Signed distance of x from the plane of face i, positive outside [m]."""
     return dot(triple(planes, i, 0), x) - planes[i, 3]
 
 
@@ -120,12 +122,14 @@ NEAREST = External(
 
 @nearest.register(PackedHull)
 def nearest_by_routine(hull, x, x_dot):
+    """The same as for a Hull, by one function for all traced laws."""
     found = call(NEAREST, hull.place, *x, *x_dot)
     return found[0], found[1:4], found[4:7]
 
 
 @nearest.register(Hull)
 def nearest_of_hull(hull, x, x_dot):
+    """The face whose plane x is highest above, if x is inside or over it; else the nearest edge."""
     above, face = highest_face(hull, x)
     if face >= 0 and (above < 0.0 or is_over(hull, face, x)):
         return above, triple(hull.faces, face, 0), ZERO

@@ -67,11 +67,13 @@ def carrier(motion, t, A):
 
 @carrier.register(Resting)
 def resting(motion, t, A):
+    """The parent's own state; what it does to the body is no work from outside."""
     return A, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
 
 
 @carrier.register(Turntable)
 def turntable(motion, t, A):
+    """The state at t of a support that turns about a fixed axis; it started unrotated."""
     rate = norm(motion.spin)
     half = 0.5 * rate * t
     s = sin(half) / rate if rate > 0.0 else 0.0
@@ -86,6 +88,7 @@ def turntable(motion, t, A):
 
 @carrier.register(Shaken)
 def shaken(motion, t, A):
+    """The state at t of a support that oscillates without turning."""
     w = motion.frequency
     s, c = sin(w * t + motion.phase), cos(w * t + motion.phase)
     state = BodyState(
@@ -143,6 +146,7 @@ class PointOnPlane(NamedTuple):
 
 @touching.register(PointOnPlane)
 def point_on_plane(pair, B, A):
+    """A fixed point of the body, and the normal of the parent's plane."""
     p, v = carried_point(B, pair.r_B)
     on, _ = carried_point(A, pair.r_A)
     n, n_dot = carried_direction(A, pair.n_A)
@@ -159,6 +163,7 @@ class SurfaceOnPlane(NamedTuple):
 
 @touching.register(SurfaceOnPlane)
 def surface_on_plane(pair, B, A):
+    """The lowest point of a smooth surface, which wanders over it as the body turns."""
     n, n_dot = carried_direction(A, pair.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     gamma = unrotate(B.q_WB, n)
@@ -199,6 +204,7 @@ class BallOnSphere(NamedTuple):
 
 @touching.register(BallOnSphere)
 def ball_on_sphere(pair, B, A):
+    """The ball's point on the line of the two centres."""
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
     away, away_dot = sub(c, c_A), sub(v, v_A)
@@ -219,6 +225,7 @@ class BallOnCylinder(NamedTuple):
 
 @touching.register(BallOnCylinder)
 def ball_on_cylinder(pair, B, A):
+    """The ball's point on the perpendicular from the cylinder's axis to its centre."""
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
     e, e_dot = carried_direction(A, pair.axis_A)
@@ -269,6 +276,7 @@ class BallOnSolid(NamedTuple):
 
 @touching.register(BallOnSolid)
 def ball_on_solid(pair, B, A):
+    """The ball's point nearest to the parent's solid."""
     c, v = carried_point(B, pair.r_B)
     distance, _, n, n_dot = off_solid(pair.surface, A, c, v)
     p, p_dot = sub(c, scale(pair.radius, n)), sub(v, scale(pair.radius, n_dot))
@@ -286,6 +294,7 @@ class SolidOnSphere(NamedTuple):
 
 @touching.register(SolidOnSphere)
 def solid_on_sphere(pair, B, A):
+    """The body's point nearest to the centre of the parent's sphere."""
     c, v = carried_point(A, pair.r_A)
     distance, rising, n, n_dot = off_solid(pair.surface, B, c, v)
     p = sub(c, scale(distance, n))

@@ -60,16 +60,23 @@ def support_rate(surface, gamma, gamma_dot):
 
 @support.register(SphereSurface)
 def sphere_support(surface, gamma):
+    """centre - radius gamma."""
     return sub(surface.centre_C, scale(surface.radius, gamma))
 
 
 @support_rate.register(SphereSurface)
 def sphere_support_rate(surface, gamma, gamma_dot):
+    """-radius gamma_dot."""
     return scale(-surface.radius, gamma_dot)
 
 
 @support.register(RimSurface)
 def rim_support(surface, gamma):
+    """The lowest point of the rim: the centre less radius times the unit vector of gamma across the
+    axis.
+
+    gamma may not be along the axis: use LyingRimSurface there.
+    """
     k = surface.axis_B
     u = sub(gamma, scale(dot(gamma, k), k))
     return sub(surface.centre_C, scale(surface.radius / sqrt(dot(u, u)), u))
@@ -77,6 +84,7 @@ def rim_support(surface, gamma):
 
 @support_rate.register(RimSurface)
 def rim_support_rate(surface, gamma, gamma_dot):
+    """Rate of `rim_support`, with gamma not along the axis."""
     k = surface.axis_B
     u = sub(gamma, scale(dot(gamma, k), k))
     u_dot = sub(gamma_dot, scale(dot(gamma_dot, k), k))
@@ -87,12 +95,14 @@ def rim_support_rate(surface, gamma, gamma_dot):
 
 @inline
 def lies_flat(surface, gamma):
+    """Whether gamma is along the rim's axis to within FLAT [rad]."""
     u = sub(gamma, scale(dot(gamma, surface.axis_B), surface.axis_B))
     return dot(u, u) < FLAT * FLAT
 
 
 @support.register(LyingRimSurface)
 def lying_rim_support(surface, gamma):
+    """As `rim_support`; flat, the point across an arbitrary fixed direction."""
     across, _ = perpendicular(surface.axis_B)
     some_point = sub(surface.centre_C, scale(surface.radius, across))
     flat = lies_flat(surface, gamma)
@@ -101,6 +111,7 @@ def lying_rim_support(surface, gamma):
 
 @support_rate.register(LyingRimSurface)
 def lying_rim_support_rate(surface, gamma, gamma_dot):
+    """As `rim_support_rate`; flat, zero."""
     across, _ = perpendicular(surface.axis_B)
     flat = lies_flat(surface, gamma)
     tilted = where(flat, across, gamma)  # any that a rim can have: what follows is not used then
@@ -109,6 +120,7 @@ def lying_rim_support_rate(surface, gamma, gamma_dot):
 
 @support.register(EllipsoidSurface)
 def ellipsoid_support(surface, gamma):
+    """centre - (a_i^2 gamma_i) / sqrt(sum a_i^2 gamma_i^2)."""
     a = surface.semi_axes
     e = (a[0] * a[0] * gamma[0], a[1] * a[1] * gamma[1], a[2] * a[2] * gamma[2])
     return sub(surface.centre_C, scale(1.0 / sqrt(dot(e, gamma)), e))
@@ -116,6 +128,7 @@ def ellipsoid_support(surface, gamma):
 
 @support_rate.register(EllipsoidSurface)
 def ellipsoid_support_rate(surface, gamma, gamma_dot):
+    """Rate of `ellipsoid_support`."""
     a = surface.semi_axes
     e = (a[0] * a[0] * gamma[0], a[1] * a[1] * gamma[1], a[2] * a[2] * gamma[2])
     e_dot = (a[0] * a[0] * gamma_dot[0], a[1] * a[1] * gamma_dot[1], a[2] * a[2] * gamma_dot[2])

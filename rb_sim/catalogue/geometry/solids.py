@@ -95,6 +95,7 @@ def nearest_face(x, half):
 
 @nearest.register(Box)
 def nearest_of_box(box, x, x_dot):
+    """Outside the nearest point of the box; inside the nearest face, at a negative distance."""
     far = sub(x, box.centre)
     qx, fx = clamped(far[0], box.half[0])
     qy, fy = clamped(far[1], box.half[1])
@@ -131,6 +132,7 @@ def about_axis(cylinder, x, x_dot):
 
 @nearest.register(Cylinder)
 def nearest_of_cylinder(cylinder, x, x_dot):
+    """The rim, an end or the round side, whichever is nearest; inside at a negative distance."""
     e = cylinder.axis
     along, along_dot, wide, out, out_dot = about_axis(cylinder, x, x_dot)
     beside, above = wide - cylinder.radius, abs(along) - cylinder.half
@@ -153,6 +155,7 @@ class Rod(NamedTuple):
 
 @nearest.register(Rod)
 def nearest_of_rod(rod, x, x_dot):
+    """The distance from the segment, which has no inside."""
     away, away_dot = off_segment(sub(x, rod.end), x_dot, rod.axis, rod.length)
     spare, _ = perpendicular(rod.axis)
     return direction(away, away_dot, spare)
@@ -174,6 +177,7 @@ nearly parallel edges lie in nearly the same place as the face, which has more p
 
 @inline
 def axes_of(q):
+    """The three body axes of the orientation q, world."""
     return (
         rotate(q, (1.0, 0.0, 0.0)),
         rotate(q, (0.0, 1.0, 0.0)),

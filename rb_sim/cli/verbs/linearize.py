@@ -104,9 +104,9 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
     console.print(f"outputs  {len(model.outputs)}: poses, twists, reactions", markup=False)
     print_matrices(model, console)
     table = Table(title="Modes", title_justify="left")
-    units = "real\n[1/s]", "imaginary\n[rad/s]", "frequency\n[Hz]", "damping", "mostly", ""
+    units = "real\n[1/s]", "imaginary\n[rad/s]", "frequency\n[Hz]", "damping", "mostly", "stability"
     for heading in units:
-        left = heading in ("mostly", "")
+        left = heading in ("mostly", "stability")
         table.add_column(heading, justify="left" if left else "right", no_wrap=True)
     fastest = model.fastest
     for mode in model.modes:

@@ -32,13 +32,13 @@ from rb_sim.contact.events.instant import (
     STRIKE,
     Instant,
     Tasks,
+    as_simulation_error,
     bring_back,
     impulses_of_jam,
     leap,
     least_lifted,
     not_finite,
     singular_values,
-    told,
 )
 from rb_sim.contact.events.limits import (
     TOOL,
@@ -135,7 +135,8 @@ from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_lines
 from rb_sim.scene.compiled import Compiled
 
-# Contacts that lift off at one instant: their pushes vanish together, and none may be told first.
+# Contacts that lift off at one instant: their pushes vanish together, and none may be reported
+# first.
 #
 # Where one of several points opens, as of a box that its floor leaves, the others bear nothing any
 # more.  To open one alone lets the others open and it close in turns, by rounding, without end.
@@ -334,7 +335,7 @@ class ContactMotion(GridMotion):
         self._lifted_off = LeftOpen()
         self._chatter = Chatter(self.system.length / self.system.speed)
         self._progress = Progress(self.system.length / self.system.speed)
-        with told(self._laws_now):
+        with as_simulation_error(self._laws_now):
             if y is None and not self._warm:
                 self._begin()
             else:  # a state that somebody tries, or a start again, maybe a thousand times: compiled
@@ -366,7 +367,7 @@ class ContactMotion(GridMotion):
         self.system, self.as_compiled = system._replace(**slow_slips(system, self.method)), False
         self._take_inputs()
         self._due = -1
-        with told(self._laws_now):
+        with as_simulation_error(self._laws_now):
             self._happen(None)
 
     def _laws_now(self) -> str:
@@ -388,7 +389,7 @@ class ContactMotion(GridMotion):
         return f"{text}: its iteration may fail at slow slips with friction ({names})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        with told(self._laws_now):
+        with as_simulation_error(self._laws_now):
             self._advance(times, stop, out)
 
     def run_to(self, times: Any, out: Array | None = None) -> int:

@@ -198,7 +198,7 @@ class Tasks:
         self._kept = packed, WORKSPACE_LAYOUT.pack(self.workspace._asdict())
         self._table = np.zeros(PLACES, np.int64)
         self._table[:STATE] = [address_of(a) for a in (*self._kept, self._numbers)]
-        self._told = memoryview(self._table.data).cast("B")[8 * STATE :]
+        self._arguments = memoryview(self._table.data).cast("B")[8 * STATE :]
         self._places = where(self._table)
 
     def __call__(
@@ -216,7 +216,7 @@ class Tasks:
             self._places[STATE:] = [y, c, len(y), task, *numbers]
             return do_task.function(self._places)
         at = address_of(y), address_of(c) if task == BEGIN else 0
-        CALL.pack_into(self._told, 0, *at, len(y), task, *numbers)
+        CALL.pack_into(self._arguments, 0, *at, len(y), task, *numbers)
         return do_task(self._places)
 
     def over(self, t: float, y: Array, duration: float) -> int:
@@ -247,7 +247,7 @@ def singular_values(A: Array, of: str) -> tuple[Array, Array, Array]:
     of: what A belongs to, for the SimulationError that is raised where there is none.
     """
     require_finite(of, A)
-    with told(lambda: of):
+    with as_simulation_error(lambda: of):
         u, s, vt = np.linalg.svd(A)
     return u, s, vt
 
@@ -255,7 +255,7 @@ def singular_values(A: Array, of: str) -> tuple[Array, Array, Array]:
 def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
     """Eigenvalues, ascending, and eigenvectors of the symmetric A; errors as `singular_values`."""
     require_finite(of, A)
-    with told(lambda: of):
+    with as_simulation_error(lambda: of):
         values, vectors = np.linalg.eigh(A)
     return values, vectors
 
@@ -263,7 +263,7 @@ def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
 def pseudo_inverse(A: Array, of: str) -> Array:
     """A^+ by the rank rule (see `rb_sim.numerics.rank`); errors as `singular_values`."""
     require_finite(of, A)
-    with told(lambda: of):
+    with as_simulation_error(lambda: of):
         inverse = np.linalg.pinv(A, rcond=LEAST_SINGULAR)
     return np.asarray(inverse, dtype=float)
 
@@ -286,7 +286,7 @@ def not_finite(of: str) -> SimulationError:
 
 
 @contextmanager
-def told(of: Callable[[], str]) -> Iterator[None]:
+def as_simulation_error(of: Callable[[], str]) -> Iterator[None]:
     """Raises what linear algebra could not do inside as SimulationError."""
     try:
         yield

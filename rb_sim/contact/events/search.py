@@ -565,7 +565,8 @@ LASTING = 10.0
 """Times the impulse that would end a slip by which friction has acted where the slip goes on."""
 LAGS, ERRORS = 0.1, 3.0
 """Speed of the energy that friction should have taken, over the body's as its slip became slow, and
-in slips that are lost in errors. It is told where it is above both; 0.1 is 0.01 of the energy."""
+in slips that are lost in errors. It is reported where it is above both; 0.1 is 0.01 of the
+energy."""
 
 
 PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, KEPT = range(8)

@@ -112,11 +112,11 @@ def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> No
 
 def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
     """The widest choice that impacts and shares left."""
-    told = []
+    found = []
     for first, what in ((1, IMPACT), (4, OPEN_SHARES)):
         figure, t, contact = workspace.undetermined[first : first + 3].tolist()
-        told.append(LeftOpen(figure, t, names[int(contact)], what))
-    return max(told)
+        found.append(LeftOpen(figure, t, names[int(contact)], what))
+    return max(found)
 
 
 def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:

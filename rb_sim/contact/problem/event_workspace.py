@@ -96,7 +96,7 @@ def turning(system, c):
 
 
 # Workspace between the calls of the loop, as compiled functions see it: the lines as
-# dense matrices, one problem between lines and laws, and what is told to whoever runs a scene.
+# dense matrices, one problem between lines and laws, and what is reported to whoever runs a scene.
 
 
 MODES_WIDTH = SLIP_DIRECTION + 3
@@ -328,8 +328,8 @@ class Journal:
 
     def note(self, t: float, c: int, kind: int) -> None:
         """One event of contact c without an impulse; kind: among KINDS."""
-        told = self._kinds[c][kind]
-        self._add(ContactEvent(float(t), self.names[c], told, (0.0, 0.0, 0.0)))
+        kind_name = self._kinds[c][kind]
+        self._add(ContactEvent(float(t), self.names[c], kind_name, (0.0, 0.0, 0.0)))
 
     def take(self, workspace: Workspace) -> None:
         """The events noted in the workspace, which is empty then."""

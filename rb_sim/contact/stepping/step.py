@@ -79,6 +79,7 @@ from rb_sim.contact.stepping.step_workspace import (
     OPEN_OF_NOW,
     POINT,
     QUIET,
+    REPORTED,
     RESIDUAL,
     ROLL,
     ROUGH_SLIPS,
@@ -95,7 +96,6 @@ from rb_sim.contact.stepping.step_workspace import (
     STUCK,
     SWEEPS,
     SWEPT,
-    TOLD,
     TURNED,
     TWIST,
     UNSOLVED,
@@ -601,7 +601,7 @@ def solve_step(tables, memory, workspace, y, h):
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)
-    notes[UNSOLVED] += 1.0 if rest > TOLD else 0.0
+    notes[UNSOLVED] += 1.0 if rest > REPORTED else 0.0
     notes[LENGTH], notes[FRESH] = h, 0.0
     keep_impulses(tables, memory, workspace, y, n, h)
     for i in range(u.shape[0]):

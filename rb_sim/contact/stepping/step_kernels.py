@@ -207,7 +207,7 @@ def book_lift(tables, memory, workspace, y):
     Bodies that contacts bear pay for it with their velocities instead, so that they come to rest,
     but where driven supports lift them; what they cannot pay counts as made by contacts.  What
     paying takes of momenta goes through the contacts that bear the bodies to the world, and is part
-    of the impulses of these: an impulse that is told is the change of a momentum.
+    of the impulses of these: an impulse that is reported is the change of a momentum.
     """
     n = tables.bodies.shape[0]
     before, carried = workspace.before, np.zeros(n)

@@ -29,14 +29,16 @@ FEW_SWEEPS = 5
 """Sweeps of a moving heap that are made in any case."""
 FINE = 1e-4
 """Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
-no Newton's method, and in it contacts need not grip firmer: what is left is told as GAVE alone."""
+no Newton's method, and in it contacts need not grip firmer: what is left is reported as GAVE
+alone."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
-TOLD = 1e-6
-"""The same change above which a step that has used all its sweeps is told as unconverged."""
+REPORTED = 1e-6
+"""The same change above which a step that has used all its sweeps is reported as unconverged."""
 TOO_FAR = 0.1
 """Turn [rad] of the arm from a body to its only point of contact, in half a step in which it bears,
-above which the step is told as too long: bearing here and then there, it is struck each time."""
+above which the step is reported as too long: bearing here and then there, it is struck each
+time."""
 QUIET = 1e-3
 """Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
 OFTEN, SELDOM = 0.02, 0.5

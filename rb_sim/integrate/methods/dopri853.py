@@ -205,6 +205,7 @@ def combination(weights, slopes):
 
 @dopri853.on_tuples
 def dopri853_traced(rate, t, y, h, velocities):
+    """The step on tuples, for laws in lanes: (change of y, error relative to max(1, |y|))."""
     slopes = [rate(t, y)]
     for i in range(1, STAGES):
         move = combination(A[i], slopes)

@@ -16,6 +16,10 @@ from rb_sim.numerics.kernels import call_law, part, step
 
 @step(2)
 def euler(law, jacobian, n, t, y, h, p, dy, work):
+    """Write the change of y over one step into dy; returns 0, for there is no error estimate.
+
+    law: address of (t, y, p, dy/dt); work: workspace of n numbers a row.
+    """
     first, at = part(work, SLOPES * n), part(work, AT * n)
     call_law(law, t, y, p, first)
     for i in range(n):
@@ -32,6 +36,7 @@ def euler(law, jacobian, n, t, y, h, p, dy, work):
 
 @euler.on_tuples
 def euler_traced(rate, t, y, h, velocities):
+    """The step on tuples, for laws in lanes: (change of y, 0)."""
     first = rate(t, y)
     at = tuple(a + h * k if v else a for a, k, v in zip(y, first, velocities, strict=True))
     last = rate(t, at)

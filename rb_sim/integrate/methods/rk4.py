@@ -12,6 +12,10 @@ from rb_sim.numerics.kernels import call_law, part, step
 
 @step(4)
 def rk4(law, jacobian, n, t, y, h, p, dy, work):
+    """Write the change of y over one step into dy; returns 0, for there is no error estimate.
+
+    law: address of (t, y, p, dy/dt); work: workspace of n numbers a row.
+    """
     at = part(work, AT * n)
     k1, k2 = part(work, SLOPES * n), part(work, (SLOPES + 1) * n)
     k3, k4 = part(work, (SLOPES + 2) * n), part(work, (SLOPES + 3) * n)
@@ -33,6 +37,7 @@ def rk4(law, jacobian, n, t, y, h, p, dy, work):
 
 @rk4.on_tuples
 def rk4_traced(rate, t, y, h, velocities):
+    """The step on tuples, for laws in lanes: (change of y, 0)."""
     half = 0.5 * h
     k1 = rate(t, y)
     k2 = rate(t + half, tuple(a + half * k for a, k in zip(y, k1, strict=True)))

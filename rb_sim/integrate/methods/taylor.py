@@ -27,15 +27,21 @@ from rb_sim.numerics.kernels import SeriesStep, call_law, helper, part
 # tell is looked at afterwards: the slope of the series at the end must be dy/dt there, and no event
 # may have changed its sign on the way.  A step that fails is shortened; its series stays.
 #
+# The root of a square is such an event: where a body turns round on a line its speed is |v|, and
+# the series of it is v, which is negative from there on.  A drag |v| v that is leapt over twice has
+# the right slope again.  A step may end a little beyond the zero, though, where the slope tells
+# whether it matters: nearer to it the series has nothing left but rounding.
+#
 # The series may be that of other variables z than the coordinates y: a law gives z at the start of
 # a step, and another the change of y from that of z.
 
 
-SERIES_SIZES = 7
-ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT, COUNT, VARIABLES_AT = range(SERIES_SIZES)
+SERIES_SIZES = 8
+ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT, COUNT, VARIABLES_AT, ROOTS = range(SERIES_SIZES)
 """Places in `sizes`: highest order; in the workspace of the series the first row, numbers of a row,
 events, where their values at order 0 are; how many variables have a series, and where they are if
-they are not the coordinates: y, then z, then the change of z."""
+they are not the coordinates: y, then z, then the change of z; how many of the events, the first of
+them, are roots."""
 
 LOOKS = 16
 """Parts of a step within which the change of sign of an event is found."""
@@ -150,7 +156,7 @@ def leaving(sizes, h, i, workspace):
 
 @helper
 def before_events(sizes, h, workspace):
-    """The part of h before which no event changes its sign.
+    """The part of h before which no event changes its sign, a root but in its last part.
 
     Over a part d of it an event function is off its chord by no more than (d/h)^2 bend / 8: where
     its ends are further from zero, on the same side, it has no zero between them.
@@ -167,6 +173,9 @@ def before_events(sizes, h, workspace):
             value = event(sizes, h * (at + d), i, workspace)
             changes = (value < 0.0 < before) or (before < 0.0 < value)
             surely = min(abs(value), abs(before)) > bound * d * d
+            if i < sizes[ROOTS] and d <= 1.0 / LOOKS and (changes or not surely):
+                free = min(free, h * (at + d))
+                break
             if changes and d <= 1.0 / LOOKS:
                 free = min(free, h * at)
                 break

@@ -281,7 +281,7 @@ class BagScan:
             yield from self._salvaged(*waiting)
 
     def _salvaged(self, frame: Frame) -> Iterator[Batch]:
-        """What is whole in a chunk with a broken record, the rest told.
+        """What is whole in a chunk with a broken record, the rest reported.
 
         Behind a wrong length nothing is certain in what was decompressed: what follows may be
         copies of what is broken; and where the checksum is right nothing broke after writing.

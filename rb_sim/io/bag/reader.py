@@ -296,7 +296,7 @@ class BagReader:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How the simulation was run: `by` and the settings of that program; {} if not told."""
+        """How the simulation was run: `by` and the settings of that program; {} if not recorded."""
         return json.loads(self.record.get("run", "{}"))
 
     @property

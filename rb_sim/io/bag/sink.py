@@ -389,7 +389,7 @@ class BagSink:
     def _finish_full(self) -> None:
         self.close(None)
         upto = self._last_stamp * 1e-9
-        raise SinkError(f"{self.directory}: disk full; the bag holds what was before t = {upto:g}")
+        raise SinkError(f"{self.directory}: disk full; the bag ends at t = {upto:g}")
 
     def _drop(self) -> None:
         file, self._file = self._file, None
@@ -406,8 +406,8 @@ class BagSink:
             return
         try:
             if summary is not None:
-                told = {key: value for key, value in summary.items() if key not in MEASURED}
-                text = json.dumps(told, sort_keys=True, default=_plain)
+                recorded = {key: value for key, value in summary.items() if key not in MEASURED}
+                text = json.dumps(recorded, sort_keys=True, default=_plain)
                 record = {"summary": text}
                 file.add_metadata(SUMMARY_RECORD, record | {"sha256": checksum(record)})
             file.finish()
@@ -431,7 +431,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-BROKEN_SUMMARY = "the record of the run's summary is broken; it is left out"
+BROKEN_SUMMARY = "the record of the run's summary is broken; it is not copied"
 
 
 def summary_in(record: Mapping[str, str] | None) -> dict[str, Any] | None:

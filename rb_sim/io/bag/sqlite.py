@@ -73,10 +73,10 @@ class SqliteScan:
         )
         dump = import_module("rosbags.rosbag2.metadata").dump_qos_v9
         profiles = yaml.safe_dump(dump(extension.offered_qos_profiles), sort_keys=False)
-        told = {"offered_qos_profiles": profiles, "topic_type_hash": connection.digest or ""}
+        recorded = {"offered_qos_profiles": profiles, "topic_type_hash": connection.digest or ""}
         self.channels[number] = Channel(
             id=number, topic=connection.topic, message_encoding=extension.serialization_format,
-            metadata=told, schema_id=number,
+            metadata=recorded, schema_id=number,
         )  # fmt: skip
 
     @property

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # and speed [m/s] along the guide's direction; the displacement is zero in the first sample.
 #
 # The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
-# first sample, too, and goes on beyond a full turn. How many turns lie between two samples is told
+# first sample, too, and goes on beyond a full turn. How many turns lie between two samples is known
 # by the mean of their rates: it may be wrong only where that is off by half a turn, as after an
 # impact.
 

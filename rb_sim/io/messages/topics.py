@@ -162,10 +162,10 @@ class TopicTable:
         events = list(block.events)
         for k, stamp in enumerate(stamps.tolist()):
             last = k == len(rows) - 1  # takes also what is announced for just after it
-            told: list[bytes] = []
+            event_messages: list[bytes] = []
             while events and (last or stamp_of(events[0].t) <= stamp):
-                told.append(event_message(events.pop(0)))
-            yield SampleMessages(stamp, rows[k], told)
+                event_messages.append(event_message(events.pop(0)))
+            yield SampleMessages(stamp, rows[k], event_messages)
 
     def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
         """Stamps [ns], shape (n,); bytes, shape (n, size); and where each topic's message is in a
@@ -178,8 +178,8 @@ class TopicTable:
         stamps = [stamp_of(one.t) for one in rows]
         numbers, commands = (np.array([one[i] for one in rows]) for i in (1, 2))
         packed = self._packer.pack_rows(numbers, commands, stamps)
-        told = ([event_message(event) for event in one.events] for one in rows)
-        return list(map(SampleMessages, stamps, packed, told))
+        event_messages = ([event_message(event) for event in one.events] for one in rows)
+        return list(map(SampleMessages, stamps, packed, event_messages))
 
 
 def stamps_of(block: SampleBlock) -> Any:
@@ -368,9 +368,9 @@ def latched_messages(
     """Those of a scene. initial: its first sample; namespace: name of the node; record: what the
     bag says of the run."""
     beside = namespace.rpartition("/")[0]
-    document, told = urdf(scene, layout, initial), description(scene, record)
+    document, text = urdf(scene, layout, initial), description(scene, record)
     return [
-        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(told)),
+        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(text)),
         Latched(f"{beside}/{ROBOT_DESCRIPTION}", types.STRING, cdr.string(document)),
         Latched(f"{namespace}/{MARKERS}", types.MARKER_ARRAY, marker_array(scene)),
     ]

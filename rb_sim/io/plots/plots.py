@@ -9,12 +9,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.errors import SinkError
+from rb_sim.base.errors import MissingExtraError, SinkError
 from rb_sim.base.palette import AXES, EVENT, FAINT, GRID, SLIPPING, STICKING
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.plots.panels import ANGLES, Accelerating, Panel, panels_of, scales
@@ -352,7 +353,8 @@ class PlotSink:
 
     path: of the first page; that of a body is beside it, NAME_BODY.png. accelerations: gives what
     gives those of a block of this scene and layout, which are drawn, too.
-    `open` and `close` raise SinkError where the pictures cannot be written.
+    `open` and `close` raise SinkError where the pictures cannot be written; MissingExtraError
+    without matplotlib, which is loaded in the end only.
     """
 
     def __init__(
@@ -360,6 +362,8 @@ class PlotSink:
         path: Path,
         accelerations: Callable[[Scene, SampleLayout], Accelerating] | None = None,
     ) -> None:
+        if find_spec("matplotlib") is None:
+            raise MissingExtraError("matplotlib", "", "a picture of the run")
         self.path = Path(path)
         self._accelerations = accelerations
         self._plots: Plots | None = None

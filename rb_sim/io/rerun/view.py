@@ -80,7 +80,7 @@ def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -
     return "\n".join(lines)
 
 
-def told(event: ContactEvent) -> str:
+def event_text(event: ContactEvent) -> str:
     """An event of a contact in one line."""
     strength = float(np.linalg.norm(event.impulse))
     struck = f", {strength:.4g} N s" if strength else ""
@@ -190,8 +190,8 @@ def blueprint(shown: Shown) -> Any:
     layout = shown.layout
     about = rrb.TextDocumentView(origin="/about", name="about")
     if layout.contacts:
-        told = rrb.TextLogView(origin="/events", name="contact events")
-        about = rrb.Horizontal(about, told)
+        log = rrb.TextLogView(origin="/events", name="contact events")
+        about = rrb.Horizontal(about, log)
     left = rrb.Vertical(_spatial_view(shown), about, row_shares=[5, 2])
     energy = shown.plots(panel for panel in shown.panels if panel.body is None)
     columns = _forces(shown)
@@ -433,7 +433,7 @@ class View:
         if block.events:
             times = np.array([event.t for event in block.events]) + self._timeline.offset
             index = rr.TimeColumn(TIMELINE, duration=np.rint(times * 1e9).astype("timedelta64[ns]"))
-            texts = [told(event) for event in block.events]
+            texts = [event_text(event) for event in block.events]
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
 
     def _send_strings(self, block: SampleBlock) -> None:

@@ -1,1 +1,1 @@
-"""Bodies with contacts as a system: its layout, equations and the levels of its events."""
+"""Bodies with contacts as a system: its layout, equations and event functions."""

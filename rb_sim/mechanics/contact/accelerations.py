@@ -297,6 +297,7 @@ def unconstrained(system, t, y):
 
 @unconstrained.register(ContactBodies)
 def unconstrained_here(system, t, y):
+    """Interpreted: computed at this place, with the rows of all contacts."""
     unconstrained_in(system, t, y, True)
 
 
@@ -336,6 +337,7 @@ def least_reactions(system, rank, holding):
 
 @unconstrained.register(PackedSystem)
 def unconstrained_by_address(system, t, y):
+    """Compiled: the function whose address the system holds."""
     call_law(system.free_by_address, t, pointer(y), address(system), pointer(system.workspace))
 
 
@@ -349,11 +351,13 @@ def contact_accelerations(system, t, y):
 
 @contact_accelerations.register(PackedSystem)
 def accelerations_by_address(system, t, y):
+    """Compiled: the function whose address the system holds, everywhere."""
     return moving_by_address(system, t, y, True)
 
 
 @contact_accelerations.register(ContactBodies)
 def accelerations_here(system, t, y):
+    """Interpreted: computed at this place, everywhere."""
     return accelerations_in(system, t, y, True)
 
 
@@ -365,6 +369,7 @@ def moving(system, t, y, everywhere):
 
 @moving.register(PackedSystem)
 def moving_by_address(system, t, y, everywhere):
+    """Compiled: the function whose address the system holds; its results are in the workspace."""
     found = pointer(system.workspace)
     found[0] = 1.0 if everywhere else 0.0
     call_law(system.accelerate_by_address, t, pointer(y), address(system), found)
@@ -373,6 +378,11 @@ def moving_by_address(system, t, y, everywhere):
 
 @moving.register(ContactBodies)
 def accelerations_in(system, t, y, everywhere):
+    """One solve of G M^-1 W^T x = -(bias + G M^-1 f) over the rows that hold (LL 38.2).
+
+    G: the rows; W: the directions of push, which differ from them in a slipping contact. Without
+    full rank the multipliers nearest to the SHARES.
+    """
     unconstrained_in(system, t, y, everywhere)
     n = system.lines.shape[0]
     holding = find_holding(system, NOWHERE if everywhere else AMONG_LINES)

@@ -235,6 +235,7 @@ def traction_over_push(system, c, slip):
 
 @traction_over_push.register(ContactBodies)
 def traction_over_push_plainly(system, c, slip):
+    """Interpreted: `kinetic` of a bounded law, else the size of its traction at this slip."""
     rows = [placed.row for group in system.contacts for placed in group]
     if isinstance(rows[c].friction, BOUNDED):
         return system.touch[c, KINETIC]
@@ -244,6 +245,7 @@ def traction_over_push_plainly(system, c, slip):
 
 @traction_over_push.register(PackedSystem)
 def traction_over_push_by_law(system, c, slip):
+    """Compiled: by the traced law of the contact's friction, where it has one."""
     law = system.contacts[c, TRACTION_LAW]
     if law == 0:
         return system.touch[c, KINETIC]
@@ -277,17 +279,20 @@ def write_joints(system, t, y):
 
 @write_joints.register(ContactBodies)
 def write_joints_plainly(system, t, y):
+    """Interpreted: each constraint's `fill` in turn."""
     fill_all(system.constraints, t, system, y, 0)
 
 
 @write_joints.register(PackedSystem)
 def write_joints_by_law(system, t, y):
+    """Compiled: the traced law of all joints, where there are joints."""
     if system.lines_law:
         call_law(system.lines_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
 
 
 @write_lines.register(ContactBodies)
 def write_lines_plainly(system, t, y, everywhere):
+    """Interpreted: the rows of joints and contacts, then their directions of push."""
     write_joints(system, t, y)
     write_contacts(system.contacts, t, system, y, 0, everywhere)
     push_joints_along(system)
@@ -295,6 +300,7 @@ def write_lines_plainly(system, t, y, everywhere):
 
 @write_lines.register(PackedSystem)
 def write_lines_by_law(system, t, y, everywhere):
+    """Compiled: the same by laws; a contact that is open is written only if `everywhere`."""
     write_joints(system, t, y)
     for c in range(system.touch.shape[0]):
         if everywhere or system.touch[c, CLOSED] == 1.0:
@@ -304,6 +310,7 @@ def write_lines_by_law(system, t, y, everywhere):
 
 @write_rows.register(ContactBodies, PackedSystem)
 def write_contact_rows(system, t, y):
+    """The rows of joints and of all contacts, open or closed."""
     write_lines(system, t, y, True)
 
 
@@ -322,11 +329,13 @@ def load_effects(system, t, y):
 
 @load_effects.register(ContactBodies)
 def load_effects_plainly(system, t, y):
+    """Interpreted: each effect's `wrench` in turn."""
     apply_effects(system.effects, t, system, y)
 
 
 @load_effects.register(PackedSystem)
 def load_effects_by_law(system, t, y):
+    """Compiled: the traced law of all effects gives 6 numbers for each body."""
     loads = part(pointer(system.workspace), WORKSPACE)
     call_law(system.loads_law, t, pointer(y), pointer(system.inputs), loads)
     for i in range(system.bodies.shape[0]):
@@ -341,11 +350,13 @@ def carry_inputs(system, t, y):
 
 @carry_inputs.register(ContactBodies)
 def carry_nothing(system, t, y):
+    """Interpreted: nothing to keep."""
     pass  # interpreted, laws are given the rows as they are
 
 
 @carry_inputs.register(PackedSystem)
 def carry_inputs_by_law(system, t, y):
+    """Compiled: the traced law gives all inputs but the last, which is the length of a step."""
     if system.carry_law:
         found = part(pointer(system.workspace), WORKSPACE)
         call_law(system.carry_law, t, pointer(y), pointer(system.inputs), found)
@@ -360,11 +371,13 @@ def write_anchors(system, y):
 
 @write_anchors.register(ContactBodies)
 def write_anchors_plainly(system, y):
+    """Interpreted: each constraint's `anchor` in turn."""
     anchor_all(system.constraints, system, y, 0)
 
 
 @write_anchors.register(PackedSystem)
 def write_anchors_by_law(system, y):
+    """Compiled: the traced law of all joints' anchors, where there are joints."""
     if system.anchors_law:
         anchors = pointer(system.anchors)
         call_law(system.anchors_law, 0.0, pointer(y), pointer(system.inputs), anchors)
@@ -377,11 +390,13 @@ def energies(system, t, y):
 
 @energies.register(ContactBodies)
 def energies_plainly(system, t, y):
+    """Interpreted: each effect's potential energy and power in turn."""
     return energetics(system.effects, t, system, y)
 
 
 @energies.register(PackedSystem)
 def energies_by_law(system, t, y):
+    """Compiled: by the traced law of all effects."""
     found = pointer(system.workspace)
     call_law(system.energy_law, t, pointer(y), pointer(system.inputs), found)
     return found[0], found[1]

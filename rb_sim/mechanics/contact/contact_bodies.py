@@ -64,7 +64,9 @@ STATE = (
     Column("slip_direction", 3, "1", "direction of slip at the start of the step"),
     Column("roll_direction", 3, "1", "direction of rolling at the start of the step"),
     Column("spin_sign", 1, "sign", "of spinning at the start of the step"),
-    Column("creeps", 1, "m/s", "slip below which what creeps may rest; 0: it does not creep"),
+    Column(
+        "creeps", 1, "m/s", "slip below which a creeping contact may rest; 0: it does not creep"
+    ),
     Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
 )
 
@@ -238,6 +240,7 @@ where a step begins (see choice)."""
 
 @inline
 def keep(touch, c, at, a):
+    """Write a vector into the table of contacts: row c, from column `at` on."""
     for j in range(3):
         touch[c, at + j] = a[j]
 

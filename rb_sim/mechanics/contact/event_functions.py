@@ -208,11 +208,13 @@ def turned_by_rounding(touch, c):
 
 @inline
 def natural_force(system):
+    """Unit of force of the scene, m v^2 / l, of its mass, speed and length [N]."""
     return system.mass * system.speed * system.speed / system.length
 
 
 @inline
 def natural_turning(system):
+    """Unit of angular velocity for rolling and spinning: v / l over SHARP [rad/s]."""
     return system.speed / system.length / SHARP
 
 
@@ -230,6 +232,7 @@ def approach(system, c):
 
 @inline
 def slip_level(system, c, slip):
+    """Event function of a slipping contact: its slip along the direction of before."""
     return SHARP * dot(slip, vec(system.touch, c, SLIP_DIRECTION)) / system.speed
 
 
@@ -243,6 +246,7 @@ def rolling(touch, c):
 
 @inline
 def roll_level(system, c, roll):
+    """Event function of rolling that slides: its rate along the direction of before."""
     return dot(roll, vec(system.touch, c, ROLL_DIRECTION)) / natural_turning(system)
 
 
@@ -328,6 +332,7 @@ def lowest_level(system):
 
 @inline
 def in_rigid_flight(touch, c):
+    """Whether contact c is open and rigid: an impact ends that."""
     return touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0
 
 

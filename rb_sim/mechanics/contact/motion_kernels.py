@@ -116,6 +116,7 @@ class HoldingLines(NamedTuple):
 
 @position_error.register(HoldingLines)
 def error_of_holding(way, t, y):
+    """Largest error of the holonomic rows that hold [m], and how many rows hold."""
     system, worst = way.system, 0.0
     write_lines(system, t, y, False)
     holding = find_holding(system, AMONG_POSITIONS)
@@ -128,6 +129,7 @@ def error_of_holding(way, t, y):
 
 @correct_positions.register(HoldingLines)
 def correct_holding(way, t, y, lines):
+    """Displace the bodies along the rows that hold, by what their errors demand."""
     push_of_lines(way.system, lines, True)
     move_by_push(way.system, y)
 
@@ -167,6 +169,7 @@ def bring_to_manifold(system, t, y):
 
 @rate_into.register(ContactBodies)
 def contact_rate(system, t, y, dy):
+    """Velocities and accelerations of the bodies, and last the power of the contacts [W]."""
     moving(system, t, y, False)
     put_rates(system, y, dy)
     dy[WIDTH * system.bodies.shape[0]] = power_of_contacts(system, y)
@@ -174,11 +177,13 @@ def contact_rate(system, t, y, dy):
 
 @settle.register(ContactBodies)
 def contact_settle(system, t, y):
+    """Interpreted: see `bring_to_manifold`."""
     return bring_to_manifold(system, t, y)
 
 
 @settle.register(PackedSystem)
 def settle_by_address(system, t, y):
+    """Compiled: the function whose address the system holds."""
     call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.workspace))
     return y
 
@@ -248,6 +253,7 @@ def overlap(system):
 
 @sample.register(ContactBodies, PackedSystem)
 def contact_sample(system, t, y, out):
+    """Coordinates, reactions of joints and contacts, balances, and the state of each contact."""
     bodies = system.bodies.shape[0]
     for i in range(WIDTH * bodies):
         out[i] = y[i]

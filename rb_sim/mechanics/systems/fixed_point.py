@@ -54,6 +54,7 @@ CONFIGURATION[FixedPointBody] = 4
 
 @inline
 def pivot_state(system, y):
+    """Pose and velocities of the body for y = (q, w_B)."""
     q, w = (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6])
     p = add(system.point, rotate(q, system.rho))
     return BodyState(p, q, rotate(q, cross(w, system.rho)), w)
@@ -61,6 +62,7 @@ def pivot_state(system, y):
 
 @inline
 def pivot_spin_rate(system, t, B):
+    """Euler's equations about the fixed point: dw_B/dt, body axes [rad/s^2]."""
     moment = torque_about(system.effects, t, system.body, B, system.rho)
     return symmetric_times(system.inverse_O, sub(moment, gyroscopic(system.inertia_O, B.w_WB_B)))
 
@@ -77,17 +79,20 @@ def held_reaction(system, t, B, alpha):
 
 @rate.register(FixedPointBody)
 def pivot_rate(system, t, y):
+    """The rates of q and of w_B."""
     B = pivot_state(system, y)
     return quaternion_rate(B.q_WB, B.w_WB_B) + pivot_spin_rate(system, t, B)
 
 
 @settle.register(FixedPointBody)
 def pivot_settle(system, t, y):
+    """The quaternion brought back to length 1."""
     return unit_if_needed(y[0:4]) + y[4:7]
 
 
 @sample.register(FixedPointBody)
 def pivot_sample(system, t, y, out):
+    """State, the reaction about the fixed point, and balances."""
     B = pivot_state(system, y)
     force, torque_C = held_reaction(system, t, B, pivot_spin_rate(system, t, B))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
@@ -96,6 +101,7 @@ def pivot_sample(system, t, y, out):
 
 @inside.register(FixedPointBody)
 def pivot_inside(system, y):
+    """True: the domain has no end."""
     return True
 
 
@@ -126,6 +132,7 @@ CONFIGURATION[FixedAxisBody] = 1
 
 @inline
 def hinge_state(system, y):
+    """Pose and velocities of the body for y = (angle, rate)."""
     half = 0.5 * y[0]
     s, n = sin(half), system.axis_B
     q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
@@ -136,22 +143,30 @@ def hinge_state(system, y):
 
 @inline
 def hinge_angular_acceleration(system, t, B):
+    """Torque about the axis over the moment of inertia about it [rad/s^2]."""
     moment = torque_about(system.effects, t, system.body, B, system.rho)
     return system.inverse_J * dot(system.axis_B, moment)
 
 
 @rate.register(FixedAxisBody)
 def hinge_rate(system, t, y):
+    """The rates of the angle and of its rate."""
     return (y[1], hinge_angular_acceleration(system, t, hinge_state(system, y)))
 
 
 @settle.register(FixedAxisBody)
 def hinge_settle(system, t, y):
+    """y itself: the two coordinates are independent."""
     return y
 
 
 @sample.register(FixedAxisBody)
 def hinge_sample(system, t, y, out):
+    """State, the total reaction about bearing A, the forces at A and B, and balances.
+
+    The transverse forces follow from the torque about A; the axial one is divided by
+    `axial_share_A`.
+    """
     B = hinge_state(system, y)
     alpha = scale(hinge_angular_acceleration(system, t, B), system.axis_B)
     force, torque_C = held_reaction(system, t, B, alpha)
@@ -171,4 +186,5 @@ def hinge_sample(system, t, y, out):
 
 @inside.register(FixedAxisBody)
 def hinge_inside(system, y):
+    """True: the domain has no end."""
     return True

@@ -56,6 +56,7 @@ CONFIGURATION[FreeBody] = 7
 
 @inline
 def free_state(y):
+    """Pose and velocities of the body for y = (p_WC, q_WB, v_WC, w_WB_B)."""
     return BodyState(
         (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
     )
@@ -63,6 +64,7 @@ def free_state(y):
 
 @rate.register(FreeBody)
 def free_rate(system, t, y):
+    """Newton's equations for the centre of mass and Euler's about it."""
     B = free_state(y)
     f, k = total_wrench(system.effects, t, system.body, B)
     a = scale(1.0 / system.body.mass, f)
@@ -73,6 +75,7 @@ def free_rate(system, t, y):
 
 @inline
 def unit_if_needed(q):
+    """q scaled to length 1 if its square is off by more than SMALL_DEFECT."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     s = rarely(abs(square - 1.0) > SMALL_DEFECT, 1.0 / sqrt(square), 1.0)
     return (s * q[0], s * q[1], s * q[2], s * q[3])
@@ -80,11 +83,13 @@ def unit_if_needed(q):
 
 @settle.register(FreeBody)
 def free_settle(system, t, y):
+    """The quaternion brought back to length 1."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
 
 
 @sample.register(FreeBody)
 def free_sample(system, t, y, out):
+    """State and balances; nothing holds the body."""
     B = free_state(y)
     residual = quaternion_defect(B.q_WB)
     put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
@@ -92,6 +97,7 @@ def free_sample(system, t, y, out):
 
 @inside.register(FreeBody)
 def free_inside(system, y):
+    """True: the domain has no end."""
     return True
 
 
@@ -207,6 +213,7 @@ def rotor_state(y):
 
 @rate.register(FreeRotor)
 def rotor_rate(system, t, y):
+    """Newton's equations, and Euler's in principal axes without torque."""
     P, k = rotor_state(y), system.coupling
     f, _ = total_wrench(system.effects, t, system.body, P)
     a, w = scale(1.0 / system.body.mass, f), P.w_WB_B
@@ -216,11 +223,13 @@ def rotor_rate(system, t, y):
 
 @settle.register(FreeRotor)
 def rotor_settle(system, t, y):
+    """The quaternion brought back to length 1, and the spin to its polhode."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
 
 
 @sample.register(FreeRotor)
 def rotor_sample(system, t, y, out):
+    """State, turned from principal to body axes, and balances."""
     P = rotor_state(y)
     q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
     B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
@@ -230,6 +239,7 @@ def rotor_sample(system, t, y, out):
 
 @inside.register(FreeRotor)
 def rotor_inside(system, y):
+    """True: the domain has no end."""
     return True
 
 

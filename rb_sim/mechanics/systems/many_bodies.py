@@ -95,21 +95,25 @@ def state_of(y, i):
 
 @inline
 def vec(a, i, k):
+    """Three numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2])
 
 
 @inline
 def six(a, i, k):
+    """Six numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
 
 
 @inline
 def inertial_of(system, i):
+    """Mass and inertia of body i, for effects; about C, which is the origin of their vectors."""
     return Inertial(system.bodies[i, MASS], six(system.bodies, i, INERTIA), (0.0, 0.0, 0.0))
 
 
 @inline
 def add_load(bodies, i, force, torque):
+    """Add a force at C (world axes) and a torque (body axes) to the loads of body i."""
     for j in range(3):
         bodies[i, LOAD + j] += force[j]
         bodies[i, LOAD + 3 + j] += torque[j]
@@ -135,6 +139,7 @@ def apply_effects(effects, t, system, y):
 
 @inline
 def fill_one(placed, t, system, y, part):
+    """Write the rows of one constraint, which has the number `part`."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     fill(placed.row, t, B, A, system.rows, system.first_row[part])
 
@@ -147,6 +152,7 @@ def fill_all(constraints, t, system, y, part):
 
 @inline
 def anchor_one(placed, system, y, part):
+    """Write the point of application of one constraint's reaction, world [m]."""
     point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
     for j in range(3):
         system.anchors[part, j] = point[j]
@@ -160,6 +166,7 @@ def anchor_all(constraints, system, y, part):
 
 @inline
 def power_one(placed, t, system, y):
+    """Power of an effect [W], on the body and on its parent."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
     power = dot(f, B.v_WC) + dot(k, B.w_WB_B)
@@ -171,6 +178,7 @@ def power_one(placed, t, system, y):
 
 @inline
 def potential_one(placed, t, system, y):
+    """Potential energy of an effect [J]."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     return potential(placed.row, t, inertial_of(system, placed.body), B, A)
 

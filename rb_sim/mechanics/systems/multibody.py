@@ -73,6 +73,7 @@ def inverse_mass_times(system, i, k, column):
 
 @inline
 def coupling(rows, i, column, force, turn):
+    """Row i, from `column` on, times the motion (force, turn) of one body."""
     return dot(vec(rows, i, column), force) + dot(vec(rows, i, column + 3), turn)
 
 
@@ -113,6 +114,7 @@ def fill_matrix(system, holonomic_only):
 
 @inline
 def add_push(bodies, i, force, turn, s):
+    """Add s times (force, turn) to the push of body i."""
     for j in range(3):
         bodies[i, PUSH + j] += s * force[j]
         bodies[i, PUSH + 3 + j] += s * turn[j]
@@ -120,6 +122,7 @@ def add_push(bodies, i, force, turn, s):
 
 @inline
 def clear_push(system):
+    """Set the push of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, PUSH + j] = 0.0
@@ -185,6 +188,7 @@ write_rows = dispatch(_write_rows)
 
 @inline
 def clear_loads(system):
+    """Set the loads of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] = 0.0
@@ -224,6 +228,7 @@ def accelerations(system, t, y):
 
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
+    """Each constraint's `fill` in turn."""
     fill_all(system.constraints, t, system, y, 0)
 
 
@@ -250,6 +255,7 @@ class AllLines(NamedTuple):
 
 @position_error.register(AllLines)
 def error_of_all(way, t, y):
+    """Largest error of the holonomic rows [m], and the number of rows."""
     system, worst = way.system, 0.0
     write_rows(system, t, y)
     for k in range(system.lines.shape[0]):
@@ -260,6 +266,7 @@ def error_of_all(way, t, y):
 
 @correct_positions.register(AllLines)
 def correct_all(way, t, y, lines):
+    """Displace the bodies along all rows, by what the errors of the holonomic ones demand."""
     system = way.system
     fill_matrix(system, True)
     solve_lines(system)
@@ -303,6 +310,7 @@ def settle_bodies(system, t, y):
 
 @rate_into.register(MultiBody)
 def multibody_rate(system, t, y, dy):
+    """Velocities and accelerations of all bodies."""
     accelerations(system, t, y)
     put_rates(system, y, dy)
 
@@ -323,6 +331,7 @@ def put_rates(system, y, dy):
 
 @settle.register(MultiBody)
 def multibody_settle(system, t, y):
+    """See `settle_bodies`."""
     return settle_bodies(system, t, y)
 
 
@@ -416,6 +425,7 @@ def power_of_reactions(system):
 
 @sample.register(MultiBody)
 def multibody_sample(system, t, y, out):
+    """Coordinates, reactions and balances; without full rank the minimum-norm multipliers."""
     bodies = system.bodies.shape[0]
     for i in range(WIDTH * bodies):
         out[i] = y[i]
@@ -434,6 +444,7 @@ def multibody_sample(system, t, y, out):
 
 @inside.register(MultiBody)
 def multibody_inside(system, y):
+    """True: the domain has no end."""
     return True
 
 

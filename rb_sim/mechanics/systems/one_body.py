@@ -51,6 +51,7 @@ def reaction_at_com(body, B, a_W, alpha_B, f_W, k_B):
 
 @inline
 def put3(out, i, a):
+    """Write a vector into out from i on; returns the next free place."""
     out[i], out[i + 1], out[i + 2] = a[0], a[1], a[2]
     return i + 3
 
@@ -99,4 +100,5 @@ def torque_about(effects, t, body, B, rho):
 
 @inline
 def quaternion_defect(q):
+    """| |q|^2 - 1 |."""
     return abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0)

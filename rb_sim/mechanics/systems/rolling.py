@@ -108,6 +108,7 @@ def rolling_motion(system, t, y):
 
 @rate.register(RollingBody)
 def rolling_rate(system, t, y):
+    """The velocity of C and the rates of q and w_B."""
     B, _, _, alpha = rolling_motion(system, t, y)
     return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + alpha
 
@@ -125,6 +126,12 @@ def rolling_settle(system, t, y):
 
 @inline
 def put_contact(system, t, out, B, rho, rho_dot, alpha):
+    """Write state, the reaction at the contact point, and balances.
+
+    rho, rho_dot: from the contact point to C and its change in the body; alpha: dw_B/dt; all in
+    body axes. The residual is the larger one of the relative height of the contact point and the
+    defect of q.
+    """
     w = B.w_WB_B
     a_B = add(cross(alpha, rho), cross(w, add(rho_dot, cross(w, rho))))
     f, k = total_wrench(system.effects, t, system.body, B)
@@ -140,6 +147,7 @@ def put_contact(system, t, out, B, rho, rho_dot, alpha):
 
 @sample.register(RollingBody)
 def rolling_sample(system, t, y, out):
+    """State, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = rolling_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 
@@ -162,21 +170,25 @@ def line_motion(system, t, y):
 
 @rate.register(LineRollingBody)
 def line_rate(system, t, y):
+    """The rates of the angle and of its rate."""
     _, _, _, alpha = line_motion(system, t, y)
     return (y[1], dot(system.surface.axis_B, alpha))
 
 
 @settle.register(LineRollingBody)
 def line_settle(system, t, y):
+    """y itself: the two coordinates are independent."""
     return y
 
 
 @sample.register(LineRollingBody)
 def line_sample(system, t, y, out):
+    """State, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = line_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 
 
 @inside.register(RollingBody, LineRollingBody)
 def rolling_inside(system, y):
+    """True: the domain has no end."""
     return True

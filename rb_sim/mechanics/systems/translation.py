@@ -135,11 +135,13 @@ CONFIGURATION[GuidedBody] = 1
 
 @inline
 def translating_state(system, y):
+    """Pose and velocities of the body for y = (p_WC, v_WC)."""
     return BodyState((y[0], y[1], y[2]), system.q_0, (y[3], y[4], y[5]), ZERO)
 
 
 @rate.register(TranslatingBody)
 def translating_rate(system, t, y):
+    """Newton's equation."""
     B = translating_state(system, y)
     f, _ = total_wrench(system.effects, t, system.body, B)
     return B.v_WC + scale(1.0 / system.body.mass, f)
@@ -147,6 +149,7 @@ def translating_rate(system, t, y):
 
 @inline
 def guided_state(system, y):
+    """Pose and velocities of the body for y = (s, ds/dt) on the guide."""
     c, slope, _ = curve_point(system.curve, y[0])
     p = sub(c, rotate(system.q_0, system.r_B))
     return BodyState(p, system.q_0, scale(y[1], slope), ZERO)
@@ -163,6 +166,7 @@ def guided_acceleration(system, t, y, f):
 
 @rate.register(GuidedBody)
 def guided_rate(system, t, y):
+    """The rates of s and ds/dt."""
     f, _ = total_wrench(system.effects, t, system.body, guided_state(system, y))
     s_dd, _ = guided_acceleration(system, t, y, f)
     return (y[1], s_dd)
@@ -170,11 +174,16 @@ def guided_rate(system, t, y):
 
 @settle.register(TranslatingBody, GuidedBody)
 def translation_settle(system, t, y):
+    """y itself: the coordinates are independent."""
     return y
 
 
 @inline
 def put_translation(system, t, out, B, a, f, k):
+    """Write state, the reaction about r_B, and balances.
+
+    a: acceleration of C [m/s^2]; f, k: active wrench.
+    """
     force, torque_C = reaction_at_com(system.body, B, a, ZERO, f, k)
     point = add(B.p_WC, rotate(B.q_WB, system.r_B))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
@@ -183,6 +192,7 @@ def put_translation(system, t, out, B, a, f, k):
 
 @sample.register(TranslatingBody)
 def translating_sample(system, t, y, out):
+    """State, the torque that keeps the body from turning, and balances."""
     B = translating_state(system, y)
     f, k = total_wrench(system.effects, t, system.body, B)
     put_translation(system, t, out, B, scale(1.0 / system.body.mass, f), f, k)
@@ -190,6 +200,7 @@ def translating_sample(system, t, y, out):
 
 @sample.register(GuidedBody)
 def guided_sample(system, t, y, out):
+    """State, the reaction of the guide and of the lock, and balances."""
     B = guided_state(system, y)
     f, k = total_wrench(system.effects, t, system.body, B)
     _, a = guided_acceleration(system, t, y, f)
@@ -198,11 +209,13 @@ def guided_sample(system, t, y, out):
 
 @inside.register(TranslatingBody)
 def translating_inside(system, y):
+    """True: the domain has no end."""
     return True
 
 
 @inside.register(GuidedBody)
 def guided_inside(system, y):
+    """False beyond the ends of an open guide."""
     return on_curve(system.curve, y[0])
 
 
@@ -213,10 +226,12 @@ def on_curve(curve, s):
 
 @on_curve.register(LineCurve, CircleCurve)
 def endless(curve, s):
+    """True: lines and circles have no ends."""
     return True
 
 
 @on_curve.register(SplineCurve)
 def between_ends(curve, s):
+    """Whether s lies on the spline, ends included; everywhere if it is closed."""
     first, last = float(curve.pieces.breaks[0]), float(curve.pieces.breaks[-1])
     return curve.pieces.period > 0.0 or ((s >= first) & (s <= last))

@@ -284,7 +284,7 @@ TOGETHER = 700
 
 
 class Elimination:
-    """Room for the blocks of a plan, and what is done with them.
+    """Workspace for the blocks of a plan, and what is done with them.
 
     diagonal, right: packed diagonal blocks and right sides (first the right side, then the
     diagonal as it was); between: block (i, k), size_i by size_k rows, of a later i with k.

@@ -200,6 +200,7 @@ class Rows:
         self.rows = rows
 
     def column(self, name: int) -> list[Any]:
+        """One column of the rows, by its place in the table."""
         return list(self.system.rows[:, name])
 
     def gradient(self, side: int) -> list[Any]:

@@ -385,7 +385,8 @@ class Lines:
             self.program.run(("power", n), local.power, fields, to)
 
     def dense(self) -> int:
-        """Room for the arguments of least_norm, with the matrix as it is before elimination."""
+        """Workspace for the arguments of least_norm, with the matrix as it is before
+        elimination."""
         sizes = self.blocks.sizes
         n = sum(sizes)
         first = [sum(sizes[:k]) for k in range(len(sizes))]

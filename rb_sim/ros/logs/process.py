@@ -70,7 +70,7 @@ class LogProcess:
         self.ending: Callable[[], bool] = lambda: False
         """whether somebody wants the node to end: the log then says what it waits for, no sample
         waits for room."""
-        self._closing = self._told = False
+        self._closing = self._reported = False
         self._state = ""
         self._cut_off: list[str] = []
         """names of the logs that the process left unfinished."""
@@ -281,9 +281,9 @@ class LogProcess:
 
     def _tell_what_is_waited_for(self) -> None:
         """Once: a disk or a process that hangs keeps the node from its end."""
-        if self._told:
+        if self._reported:
             return
-        self._told = True
+        self._reported = True
         missing = [name for name in self.names if name not in self.finished]
         self._say(
             f"warning: waits up to {PATIENCE:g} s for the process that writes {', '.join(missing)}"

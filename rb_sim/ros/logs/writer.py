@@ -52,7 +52,7 @@ class Writer:
         self._source, self._answers = source, answers
         self._outputs: dict[str, Output] = {}
         self._written = 0
-        self._told: Count | None = None
+        self._reported: Count | None = None
 
     def run(self) -> None:
         """Write what comes; finish the logs."""
@@ -155,8 +155,8 @@ class Writer:
         lost = {name: output.lost for name, output in self._outputs.items()}
         failures = {name: output.failure for name, output in self._outputs.items()}
         now = Count(self._written, lost, failures)
-        if now != self._told:
-            self._told = now
+        if now != self._reported:
+            self._reported = now
             self._answer(now)
 
     def _say(self, line: str) -> None:

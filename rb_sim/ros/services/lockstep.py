@@ -216,7 +216,7 @@ class Lockstep:
         answer.bodies, answer.reactions = state.bodies, state.reactions
         events, forgotten = self._stepper.take_events()
         if forgotten:
-            answer.message += f"; {forgotten} events before the first one here are left out"
+            answer.message += f"; {forgotten} events before the first one here are omitted"
         for event in events:
             one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
             set_vector(one.impulse, event.impulse)

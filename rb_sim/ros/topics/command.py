@@ -172,7 +172,7 @@ class Commands:
         """what has come for a body since the last sample."""
         self.prefix = prefix
         self._since: dict[str, float] = {}
-        self._told: dict[tuple[str, str], float] = {}
+        self._warned: dict[tuple[str, str], float] = {}
         self.limits = Limits()
         self.held: dict[str, tuple[Command, float]] = {}
         """the command that acts on each body and when it began to [s]."""
@@ -265,13 +265,13 @@ class Commands:
         count, now = self.refused[refusal.reason], time.monotonic()
         # the words of a wrong frame name it; those of a limit change with every message
         kind = refusal.words if refusal.reason in (UNKNOWN_FRAME, OWN_FRAME) else refusal.reason
-        if (body, kind) not in self._told and len(self._told) >= MOST_KINDS:
+        if (body, kind) not in self._warned and len(self._warned) >= MOST_KINDS:
             kind = refusal.reason
-        last = self._told.get((body, kind))
+        last = self._warned.get((body, kind))
         if last is not None and now - last < REMINDER:
             return
         self._warn(line if last is None else f"{line} ({count} {refusal.reason} so far)")
-        self._told[body, kind] = now
+        self._warned[body, kind] = now
 
 
 def _text(vector: Vector) -> str:

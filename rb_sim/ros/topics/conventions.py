@@ -48,7 +48,7 @@ class RobotDescription:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node = node
         self._publisher: Publisher | None = None
-        self._told = False
+        self._published = False
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher."""
@@ -58,8 +58,8 @@ class RobotDescription:
 
     def write(self, block: SampleBlock) -> None:
         """Publish once."""
-        if self._publisher is not None and not self._told:
-            self._told = True
+        if self._publisher is not None and not self._published:
+            self._published = True
             text = urdf(self._scene, self._layout, block)
             self._publisher.publish(self._message(data=text))
 

@@ -128,7 +128,7 @@ def creeping(tolerance: float) -> tuple[int, np.ndarray]:
         "bodies": {"box": body},
         "constraints": {"floor": contact},
         "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}},
-        "simulation": {"duration": 0.4, "rate": 100.0, "tolerance": tolerance},
+        "simulation": {"duration": 0.2, "rate": 100.0, "tolerance": tolerance},
     }
     simulation = Simulation(scene_from_mapping(scene))
     found = simulation.run(watched=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,12 @@ def rim(**simulation: Any) -> dict[str, Any]:
     }
 
 
+@cache
+def expected_end() -> float:
+    """The same for all tolerances."""
+    return interpreted(end_by_an_implicit_method)
+
+
 def end_by_an_implicit_method() -> float:
     """When the slip is over [s], by SciPy's Radau on the equations of the slip alone, which is
     stable however fast friction turns it."""
@@ -71,14 +78,13 @@ def end_by_an_implicit_method() -> float:
     return float(found.t_events[0][0])
 
 
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10, 1e-11, 1e-12])
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10, 1e-12])
 def test_a_slip_ends_when_its_laws_say_so(tolerance: float) -> None:
     """At 1e-10 it lasted twice as long, 40 us, in two million steps at the bound of stability."""
-    expected = interpreted(end_by_an_implicit_method)
     simulation = Simulation(load_scene(rim(method="dopri853", tolerance=tolerance)))
     simulation.run(watched=False)
     (end,) = (event.t for event in simulation.events if event.kind == "sticks")
-    assert end == pytest.approx(expected, abs=2e-8 + 10.0 * tolerance)
+    assert end == pytest.approx(expected_end(), abs=2e-8 + 10.0 * tolerance)
     assert simulation.steps < 10_000
 
 

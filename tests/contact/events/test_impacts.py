@@ -77,17 +77,6 @@ def test_one_at_a_time_the_fastest_strikes() -> None:
     assert found["rebounding"] == [0, 1, 0]
 
 
-@pytest.mark.parametrize("which", ["plastic", "together"])
-def test_what_is_not_to_part_stays(which: str) -> None:
-    """Where contacts are to stay together the others do not rebound either."""
-    found = interpreted(
-        struck, [2.0, 1.0], {}, False, *((0, -1) if which == "plastic" else (-1, 0))
-    )
-    assert_allclose(found["rises"], [0.0, E if which == "plastic" else 0.0], atol=1e-12)
-    leaves = interpreted(struck, [2.0, -1.0], {}, False, -1, 1)
-    assert_allclose(leaves["rises"], [0.0, 0.0], atol=1e-12)
-
-
 def test_nothing_strikes_that_stays_or_leaves() -> None:
     found = interpreted(struck, [0.0, -1.0], {})
     assert found["status"] == NOTHING and found["rises"] == [0.0, 1.0] and found["work"] == 0.0

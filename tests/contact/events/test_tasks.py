@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.instant import ARRIVE, CHOOSE, DONE, IMPACTS, LEAVE, PASS, Instant, Tasks
-from rb_sim.contact.problem.event_workspace import KINDS, Journal
+from rb_sim.contact.events.instant import ARRIVE, CHOOSE, IMPACTS, LEAVE, Instant, Tasks
 from tests.contact.scenes import ball, box, scene, touch
 
 TILTED = {"axis": [1, 2, 0], "angle": 0.3}
@@ -76,31 +75,3 @@ def test_tasks_are_the_same_compiled_and_not() -> None:
     for a, b in zip(found[0][1:4], found[1][1:4], strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
     assert one == pytest.approx(other, rel=1e-12)
-
-
-def test_what_more_than_the_laws_decide_is_left_to_the_parts() -> None:
-    """Four corners that come to rest share their load in many ways: PASS stops before the modes."""
-    flat = box([0.2, 0.4, 0.1], [0, 0, 0.05], linear_velocity=[0, 0, -1.0])
-    motion: Any = Simulation(load_scene(scene(flat, touch(mu=0.4))))._motion
-    y = np.array(motion.compiled.y)
-    assert motion._call(PASS, 0.0, y, (0, 0, 0)) != DONE
-    thrown = ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0])
-    motion = Simulation(load_scene(scene(thrown, touch(mu=0.4, restitution=0.5))))._motion
-    y = np.array(motion.compiled.y)
-    assert motion._call(PASS, 0.0, y, (0, 0, 0)) == DONE
-
-
-def test_a_journal_says_what_closes_and_opens_as_its_law_has_it() -> None:
-    motion: Any = Simulation(load_scene(scene(ball([0, 0, 0.1]), touch(mu=0.4))))._motion
-    law = motion.laws[0]._replace(closes="goes taut", opens="goes slack")
-    workspace, journal = motion._call.workspace, Journal(("rope",), (law,))
-    for kind in range(len(KINDS)):
-        workspace.notes[kind] = [0.5, 0.0, kind, 1.0, 2.0, 3.0]
-    workspace.written[0] = len(KINDS)
-    journal.take(workspace)
-    assert workspace.written[0] == 0
-    words = [event.kind for event in journal.events]
-    assert [w for w in KINDS if w not in words] == ["closes", "opens"]
-    assert words.index("goes taut") == KINDS.index("closes")
-    assert words.index("goes slack") == KINDS.index("opens")
-    assert journal.events[0].impulse == (1.0, 2.0, 3.0)

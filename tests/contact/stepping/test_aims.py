@@ -173,30 +173,3 @@ def test_a_step_that_follows_the_surface_is_not_told() -> None:
         assert told == []
         assert simulation.astray[0] < ASTRAY
         assert np.linalg.norm(velocity - exact(beside, False)) < 0.03 * SPEED
-
-
-def test_what_is_wrong_follows_from_the_turn_of_the_normal() -> None:
-    """It pushes half a step before the end, along the normal there, and gives twice the speed of
-    approach along it."""
-    step = 2e-4
-    simulation, velocity, _ = sent_off(0.04, step, False, **SHAKEN)
-    given = velocity - [SPEED, 0.0, 0.0]
-    figure, t, _ = simulation.astray
-    before = 0.013 + SPEED * (t - 0.5 * step)
-    arm = np.array([before, 0.0, 0.0]) - [1.0, 0.04, 0.0]
-    later = arm + 0.5 * step * velocity
-    turn = np.linalg.norm(arm / np.linalg.norm(arm) - later / np.linalg.norm(later))
-    wrong = np.linalg.norm(given) * turn
-    assert figure == pytest.approx(wrong / simulation.compiled.system.speed, rel=1e-6)
-
-
-def test_a_plane_has_one_normal() -> None:
-    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": RADIUS}}
-    scene = {
-        "bodies": {"ball": ball | {"position": [0, 0, 1.0], "linear_velocity": [3.0, 0.0, -9.0]}},
-        "constraints": {"floor": {"type": "contact", "body": "ball", "restitution": 0.8}},
-        "simulation": {"method": "time_stepping", "step": 0.05, "duration": 2.0, "rate": 20.0},
-    }
-    simulation = Simulation(load_scene(scene), announce=None)
-    simulation.advance(2.0)
-    assert simulation.astray == (0.0, 0.0, "")

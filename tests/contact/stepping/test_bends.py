@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.contact.stepping.geometry import CROWD, find_crowds
-from rb_sim.contact.stepping.scene_tables import LAWS, STATIC, TRACTION
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import G, ball, body, scene, touch
-from tests.interpreted import interpreted
 
 BOWL = {"type": "sphere", "center": [0.0, 0.0, 1.0], "radius": 1.0, "side": "inside"}
 HUMP = {"type": "sphere", "center": [0.0, 0.0, -1.0], "radius": 1.0}
@@ -73,22 +70,9 @@ def hopping(step: float) -> tuple[float, float]:
 def test_what_leaves_and_is_brought_back_in_a_step_gains_nothing() -> None:
     """Stopped where half of the step has carried it, it would keep that height for nothing: 2e-3 J,
     more than the 8e-4 J of its speed."""
-    start, gained = interpreted(hopping, 1e-2)
+    start, gained = hopping(1e-2)
     assert start > G * 0.1
     assert gained <= 1e-12
-
-
-def test_bodies_that_many_points_hold_are_a_crowd_with_all_that_touch_them() -> None:
-    """Body 1 is held by three rubbing points and touches 2, which touches 3; 0 lies on as many of
-    the floor's, 4 and 5 touch in one point and on another each."""
-    ends = np.array(
-        [[0, -1], [0, -1], [0, -1], [2, 3], [2, 1], [1, -1], [1, -1], [4, 5], [4, -1], [5, -1]]
-    )
-    laws = np.zeros((len(ends), LAWS))
-    laws[:6, STATIC], laws[6, TRACTION], laws[7:9, STATIC] = 0.3, 1.0, 0.3
-    held = np.full(6, 7.0)
-    find_crowds(laws, np.arange(len(ends)), ends, held, len(ends))
-    assert (held == CROWD).tolist() == [False, True, True, True, False, False]
 
 
 def stopped_on_a_slope(step: float) -> tuple[float, float, float]:
@@ -116,7 +100,7 @@ def stopped_on_a_slope(step: float) -> tuple[float, float, float]:
 
 
 def test_energy_that_contacts_make_is_counted() -> None:
-    made, gained, expected = interpreted(stopped_on_a_slope, 1e-2)
+    made, gained, expected = stopped_on_a_slope(1e-2)
     assert expected > 9e-5
     assert abs(gained - expected) < 1e-9
     assert abs(made - expected) < 1e-9

@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation
+from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.scene.load import scene_from_mapping
-from tests.contact.scenes import scene, touch
+from tests.contact.scenes import ball, body, scene, touch
 from tests.mechanics.test_redundant_steps import error, linkages, with_ball
 
 
@@ -51,6 +52,20 @@ def test_the_reactions_of_a_joint_that_turns_are_those_of_its_motion() -> None:
     coarse, fine = pull_of_a_pendulum(0.01), pull_of_a_pendulum(0.002)
     assert fine < 0.4
     assert 4.0 < coarse / fine < 6.5
+
+
+def test_joints_too_many_to_be_solved_together_hold_what_is_struck() -> None:
+    """Bodies on more lines of welds than MOST_TOGETHER: a ball leaves the first as from a wall."""
+    names = [f"b{k}" for k in range(MOST_TOGETHER // 6 + 1)]
+    shape = {"type": "box", "size": [0.5, 0.5, 0.2]}
+    bodies = {n: body(shape, [k, 0.0, -0.1]) for k, n in enumerate(names)}
+    bodies["ball"] = ball([0.1, 0.0, 0.1005], linear_velocity=[0.0, 0.0, -1.0])
+    welds = {f"weld {n}": {"type": "weld", "body": n} for n in names}
+    top = touch("ball", parent="b0", surface={"type": "shape"}, restitution=0.5)
+    mapping = scene(bodies, welds | {"top": top}, gravity=False)
+    mapping["simulation"] = {"duration": 0.002, "method": "time_stepping", "step": 1e-3}
+    run = Simulation(scene_from_mapping(mapping)).run(at=[0.002], watched=False)
+    assert_allclose(run.linear_velocity["ball"][-1], [0.0, 0.0, 0.5], atol=1e-9)
 
 
 @pytest.mark.parametrize("step", [0.01, 0.001])

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks.heaps import scenes
-from rb_sim.contact.stepping.constraint_rows import is_impact, takes_part
-from rb_sim.contact.stepping.scene_tables import COMPLIANT, RESTITUTION
-from rb_sim.contact.stepping.step_workspace import GAP, MOVES, NORMAL, POINT
-from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.interpreted import interpreted
 
 
@@ -39,46 +35,3 @@ def test_what_is_far_takes_no_part() -> None:
     expected, _ = interpreted(heap_after, 15, True)
     assert found.tobytes() == expected.tobytes()
     assert left_out > 600
-
-
-@pytest.mark.parametrize(
-    ("e", "before", "now", "expected"),
-    [
-        (0.5, -1.0, -1.0, True),
-        (0.5, -1.0, -1.4, True),
-        (0.5, -1.0, -1.6, False),  # the loads give half of it in this step, and all in two
-        (0.5, 1.0, 3.0, False),
-        (0.0, -1.0, -1.0, False),
-    ],
-)
-def test_what_the_loads_give_in_two_steps_is_no_impact(
-    e: float, before: float, now: float, expected: bool
-) -> None:
-    assert is_impact(e, before, now) == expected
-
-
-@pytest.mark.parametrize(
-    ("gap", "moves", "e", "compliant", "expected"),
-    [
-        (0.019, 2.0, 0.0, 0.0, True),
-        (0.021, 2.0, 0.0, 0.0, False),
-        (0.009, 2.0, 0.5, 0.0, True),
-        (0.011, 2.0, 0.5, 0.0, False),
-        (0.009, 2.0, 0.0, 1.0, True),
-        (0.011, 2.0, 0.0, 1.0, False),
-        (0.001, -2.0, 0.0, 0.0, False),
-        (-0.001, -2.0, 0.0, 0.0, True),
-    ],
-)
-def test_a_support_that_comes_up_to_a_body_takes_part(
-    gap: float, moves: float, e: float, compliant: float, expected: bool
-) -> None:
-    """What is not to bounce, within the step of 10 ms; what is, and what gives way, where half of
-    the step is enough: from there on it is nearer to the next one."""
-    y, u = np.zeros(WIDTH), np.zeros((1, 6))
-    y[6] = 1.0
-    spots, laws = np.zeros((1, 64)), np.zeros((1, 64))
-    spots[0, GAP], spots[0, NORMAL + 2] = gap, 1.0
-    spots[0, POINT : POINT + 3], spots[0, MOVES + 2] = (0.3, 0.2, -0.1), moves
-    laws[0, RESTITUTION], laws[0, COMPLIANT] = e, compliant
-    assert takes_part(spots, laws, u, y, 0, 0, -1, 0.01, 1e-6) == expected

@@ -16,7 +16,7 @@ from rb_sim.contact.stepping.step_workspace import GAP
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from tests.contact.scenes import G, ball, body, box, scene, touch
+from tests.contact.scenes import G, ball, body, scene, touch
 from tests.interpreted import interpreted
 
 STIFFNESS, DAMPING, LENGTH, RATE = 10.0, 3.0, 0.4, 0.7
@@ -151,42 +151,6 @@ def test_energy_changes_by_the_power_that_is_told() -> None:
     energy, power = found.rows[:, at : at + 2].sum(axis=1), found.rows[:, at + 2]
     assert (energy[1] - energy[0]) / 1e-6 == pytest.approx(power[1], abs=2e-4)
     assert abs(power[1]) > 0.1
-
-
-def off_its_pin(shift: float, overlap: float) -> float:
-    """What a sample tells of how well all holds [m], with the dome so far off its pin and a contact
-    that overlaps so much."""
-    motion = motion_of(mixed())
-    y = np.array(motion.compiled.y)
-    y[0] += shift
-    motion._workspace.spots[0, GAP] = -overlap
-    out = np.zeros(motion.width)
-    motion._sample(motion._memory, 0.0, y, 1e-6, out)
-    at = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions)
-    return float(out[at + 9]) * motion.system.length
-
-
-def test_how_well_joints_hold_is_told() -> None:
-    assert interpreted(off_its_pin, 1e-4, 0.0) == pytest.approx(1e-4, rel=1e-6)
-    assert interpreted(off_its_pin, 1e-4, 3e-4) == pytest.approx(3e-4, rel=1e-6)
-    assert interpreted(off_its_pin, 0.0, 0.0) < 1e-12
-
-
-def turned_aside(start: float) -> tuple[float, float]:
-    """(velocity that an impulse gave in a direction that its normal has left by the end of a step,
-    over the scene's speed, its time) of one step that begins at `start`."""
-    motion = motion_of(mixed())
-    y = np.array(motion.compiled.y)
-    motion.reset(y, start)
-    motion.run_to(np.array([start + 1e-6]))
-    speed, when, c = motion.astray
-    assert c == 0
-    return speed, when
-
-
-def test_normals_that_turn_are_told_at_the_end_of_their_step() -> None:
-    speed, when = interpreted(turned_aside, 0.5)
-    assert when == pytest.approx(0.5 + 1e-6, abs=1e-9) and speed > 0.0
 
 
 FORCE, OMEGA, PHASE = 2.0, 90.0, 0.4
@@ -374,13 +338,6 @@ def test_a_step_ends_where_loads_jump(way: str) -> None:
     assert ends[0][0] == 1
 
 
-def test_whole_steps_are_taken_in_few_calls() -> None:
-    ends, steps, *_ = interpreted(recorded, "plain", math.inf, 0.2)
-    assert steps == 20 and len(ends) == 2
-    ends, steps, *_ = interpreted(recorded, "plain", 0.155, 0.155)
-    assert [n for n, *_ in ends][:2] == [15, 16]
-
-
 def spoilt(way: str) -> str:
     motion = motion_of(bouncing(**WAYS[way]))
     motion._grid.y1[7] = math.nan
@@ -406,32 +363,3 @@ def warmed(way: str, warm: bool) -> np.ndarray:
 @pytest.mark.parametrize("way", WAYS)
 def test_warming_up_leaves_no_trace(way: str) -> None:
     assert np.array_equal(interpreted(warmed, way, True), interpreted(warmed, way, False))
-
-
-def test_a_motion_beside_another_knows_which_contacts_bear() -> None:
-    first, second = motion_of(bouncing()), motion_of(bouncing())
-    first._memory[:] = 3.0
-    second.reset_beside(first, first.coordinates, 0.25)
-    assert np.array_equal(second._memory, first._memory) and second.time == 0.25
-    second.reset()
-    assert not second._memory.any()
-
-
-def test_other_loads_are_taken_from_the_law_at_hand() -> None:
-    """Gravity is in the tables; a command changes the others."""
-    motion = motion_of(bouncing(spring=SPRING))
-    (spring,) = motion._others
-    stiffer = spring._replace(row=spring.row._replace(stiffness=9.0))
-    gravity = [e for e in motion.system.effects if e is not spring]
-    motion.change_law(motion.system._replace(effects=(*gravity, stiffer)))
-    assert motion._others == (stiffer,)
-
-
-def test_edges_are_looked_at_but_of_two_boxes() -> None:
-    """Whose edges touch as well."""
-    drum = {"type": "cylinder", "radius": 0.5, "length": 0.6}
-    for under, looked in (({"type": "box", "size": [1, 1, 1]}, 0), (drum, 1)):
-        bodies = {"a": body(under, [0, 0, 0]), "body": box([0.2, 0.3, 0.4], [0, 0, 2])}
-        mapping = scene(bodies, touch(parent="a", surface={"type": "shape"}))
-        run = {"duration": 1.0, "method": "time_stepping", "step": 0.01}
-        assert len(motion_of(mapping | {"simulation": run})._sides) == looked

@@ -7,20 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg.lapack import dpstrf
 
 from rb_sim import Simulation
-from rb_sim.contact.events.steps import choose_lines
-from rb_sim.mechanics.contact.contact_bodies import (
-    AMONG_LINES,
-    AMONG_POSITIONS,
-    CHANGING,
-    DEPENDENT,
-)
-from rb_sim.mechanics.systems.many_bodies import BODY, PARENT
-from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
-from tests.interpreted import interpreted
 from tests.mechanics.bennett import Bennett
 
 TURNING, TIME = 4.0, 2.0
@@ -73,69 +62,3 @@ def test_what_is_chosen_hangs_on_the_steps_alone() -> None:
         last = whole.position[name][-1]
         np.testing.assert_array_equal(fine.position[name][-1], last)
         np.testing.assert_array_equal(first.sample().position[name][0], last)
-
-
-LEFT_OUT = CHANGING + AMONG_LINES + AMONG_POSITIONS
-"""What a line says that is chosen anew, and was not chosen."""
-
-
-def made(flags: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(flags of the lines as compiled, those after a choice where they were `flags` before, lines,
-    inverse masses) of a door on two equal hinges and a linkage."""
-    scene = beside_a_ball(2, method="rk4", step=0.0025)
-    body = {"mass": 1.0, "inertia": [0.1, 0.2, 0.3], "position": [9.0, 0.0, 0.0]}
-    scene["bodies"] = {"door": body} | scene["bodies"]
-    hinge = {"type": "fixed_axis", "body": "door", "axis_B": [0.0, 0.0, 1.0]}
-    scene["constraints"] = {"hang0": hinge, "hang1": hinge} | scene["constraints"]
-    compiled: Any = compile_scene(scene_from_mapping(scene))
-    system, count = compiled.system, len(flags)
-    before = system.lines[:count, DEPENDENT].copy()
-    system.lines[:count, DEPENDENT] = flags
-    choose_lines(system, 0.0, compiled.y)
-    names = compiled.layout.bodies
-    light, lines = np.zeros((6 * len(names), 6 * len(names))), np.zeros((count, 6 * len(names)))
-    for i, name in enumerate(names):
-        given = scene["bodies"][name]
-        moments = np.array(given.get("inertia", [1.0, 1.0, 1.0]))
-        own = slice(6 * i, 6 * i + 6)
-        light[own, own] = np.diag(1.0 / np.array([*[given["mass"]] * 3, *moments]))
-    for k in range(count):
-        b, a = system.lines[k, [BODY, PARENT]]
-        lines[k, 6 * b : 6 * b + 6] = system.rows[k, :6]
-        if a >= 0:
-            lines[k, 6 * a : 6 * a + 6] = system.rows[k, 6:12]
-    return before, system.lines[:count, DEPENDENT].copy(), lines, light
-
-
-OF_DOOR, OF_LINKAGE, HOLD = 10, 20, 17
-"""Lines, and how many of the linkage's hold its bars: 18 coordinates less one that moves."""
-
-
-def test_the_lines_chosen_are_those_of_cholesky_with_pivots() -> None:
-    """Beside LAPACK's, of the lines that are chosen anew alone; another choice is forgotten."""
-    flags = interpreted(made, [0] * (OF_DOOR + OF_LINKAGE))[0].copy()
-    assert np.flatnonzero(flags & CHANGING).tolist() == list(range(10, 30))
-    assert np.count_nonzero(flags == CHANGING) == HOLD
-    flags[OF_DOOR:] = LEFT_OUT
-    flags[OF_DOOR : OF_DOOR + HOLD] = CHANGING  # as many as hold
-    _, after, lines, light = interpreted(made, flags.tolist())
-    matrix = (lines @ light @ lines.T)[OF_DOOR:, OF_DOOR:]
-    sizes = np.sqrt(np.diag(matrix))
-    scaled = matrix / np.outer(sizes, sizes)
-    np.fill_diagonal(scaled, 1.0)
-    _, order, _, _ = dpstrf(scaled, lower=1, tol=1e-10)
-    chosen = {k - 1 for k in order[:HOLD]}
-    expected = [CHANGING if k in chosen else LEFT_OUT for k in range(OF_LINKAGE)]
-    assert after[OF_DOOR:].tolist() == expected != flags[OF_DOOR:].tolist()
-    assert np.array_equal(after[:OF_DOOR], flags[:OF_DOOR])
-
-
-def test_lines_that_leave_no_choice_stay_as_they_were() -> None:
-    """Of two equal lines one has no pivot left; where none changes, none is chosen."""
-    flags = [0] * (OF_DOOR + OF_LINKAGE)
-    flags[0] = flags[5] = CHANGING
-    assert interpreted(made, flags)[1].tolist() == flags
-    flags[5] = LEFT_OUT
-    assert interpreted(made, flags)[1].tolist() == flags
-    flags = [AMONG_LINES + AMONG_POSITIONS] * len(flags)
-    assert interpreted(made, flags)[1].tolist() == flags

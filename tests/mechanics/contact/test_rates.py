@@ -150,13 +150,6 @@ def test_reactions_act_at_their_points(slide: float) -> None:
         assert (np.linalg.norm(force) > 0.0) == (c in HELD)
 
 
-@pytest.mark.parametrize(("slide", "told"), [(SLIDING, 1.0), (STUCK, 2.0)])
-def test_states_are_told_of_each_point(slide: float, told: float) -> None:
-    found = interpreted(seen, "coulomb", slide, HELD)
-    assert found.work == 0.7
-    assert found.states.tolist() == [told if c in HELD else 0.0 for c in range(8)]
-
-
 def test_energies_and_momenta_are_those_of_all_bodies() -> None:
     """m v^2/2 + w . I w/2, -m g . p, m v, p x m v + I w; the power is that of friction alone."""
     found = interpreted(seen, "coulomb", SLIDING, HELD)
@@ -211,26 +204,3 @@ def test_power_is_that_of_drives_loads_and_what_turns_below() -> None:
     told, rate = interpreted(driven)
     assert abs(rate) > 0.05
     assert told == pytest.approx(rate, rel=1e-9)
-
-
-def deepest(depth: float, law: dict[str, Any]) -> tuple[float, float]:
-    """(residual, length of the scene) of a ball so deep in a floor, its contact open."""
-    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.5}, "position": [0.0, 0.0, 0.5]}
-    floor = {"type": "contact", "body": "b"}
-    mapping = {"bodies": {"b": ball}, "constraints": {"floor": floor | law}, "effects": {},
-               "simulation": {"duration": 1.0}}  # fmt: skip
-    compiled = compile_scene(load_scene(mapping))
-    y, out = np.array(compiled.y), np.zeros(row_width(compiled.layout))
-    y[2] -= depth
-    compiled.system.touch[:, CLOSED] = 0.0
-    sample(compiled.system, 0.0, y, out)
-    return float(out[-3]), compiled.system.length
-
-
-def test_the_residual_is_how_deep_what_is_open_is_in() -> None:
-    """In lengths of the scene; what is apart leaves none, nor what gives way."""
-    for depth in (1e-3, -1e-3):
-        soft, _ = interpreted(deepest, depth, {"compliance": {"stiffness": 1e4}})
-        assert soft == pytest.approx(0.0, abs=1e-15)
-        found, length = interpreted(deepest, depth, {})
-        assert found == pytest.approx(max(0.0, depth) / length, abs=1e-15)

@@ -10,28 +10,6 @@ from rb_sim.mechanics.contact import contact_bodies
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import load_scene
 
-PARTS = (
-    contact_bodies.PARAMETERS,
-    contact_bodies.STATE,
-    contact_bodies.START,
-    contact_bodies.SCRATCH,
-)
-
-
-def test_every_number_of_the_table_belongs_to_one_quantity_with_unit_and_meaning() -> None:
-    columns = [column for part in PARTS for column in part]
-    places, width = contact_bodies.first_columns(*PARTS)
-    assert len(places) == len(columns)
-    assert all(column.unit and column.meaning for column in columns)
-    taken = [places[c.name] + i for c in columns for i in range(c.width)]
-    assert taken == list(range(width)) == list(range(contact_bodies.TOUCH_WIDTH))
-
-
-def test_each_quantity_has_its_constant() -> None:
-    places, _ = contact_bodies.first_columns(*PARTS)
-    assert {name: getattr(contact_bodies, name.upper()) for name in places} == places
-
-
 SCENES = ("dropped_box", "ball_on_block", "stick_slip", "sphere_in_cylinder")
 
 
