@@ -356,6 +356,7 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
     `find_open` finds if asked to look).
     """
     made, figure, of = 0, 0.0, 0
+    before, old_u, old_x, old_joints = rest, u.copy(), x.copy(), joints.copy()
     for count in range(ROUNDS):
         chosen, most = sharing(graph, u, x, slow), largest(x)
         if chosen.shape[0] < 2:
@@ -374,4 +375,13 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
         relax_joints(graph, u, joints)
         rest, more = sweep_against_joints(graph, u, x, joints, size, ENOUGH, SWEEPS)
         made += more
+    if rest > ENOUGH and rest > before:  # sweeps do not settle there: the solution found stands
+        rest = before
+        for i in range(u.shape[0]):
+            for j in range(6):
+                u[i, j] = old_u[i, j]
+        for k in range(x.shape[0]):
+            x[k] = old_x[k]
+        for k in range(joints.shape[0]):
+            joints[k] = old_joints[k]
     return rest, made, figure, of
