@@ -171,6 +171,8 @@ class GlobalError(NamedTuple):
     """why no error is stated."""
     upto: float | None = None
     """end of the part of the run that was compared [s]; None: all of it was."""
+    why: str = ""
+    """why no more of it was."""
     below: bool = False
     """whether it is only known to be smaller than this, by a coarser second run."""
 
@@ -190,7 +192,7 @@ class GlobalError(NamedTuple):
             return f"not known: the second run ({self.by}) failed at t = {self.t:.6g} s"
         by = f"by a second run ({self.by})"
         if self.upto is not None:
-            by += f" up to t = {self.upto:.4g} s; use --check for the whole run"
+            by += f" up to t = {self.upto:.4g} s; {self.why}"
         if self.below:
             by += "; --check states the error itself"
         if not self.relative > 0.0:

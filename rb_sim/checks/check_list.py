@@ -72,6 +72,12 @@ class WatchList:
         )
         return tuple(sorted(found, key=lambda finding: finding.t))
 
+    @property
+    def singular(self) -> float | None:
+        """When the run has passed a singular configuration [s]; None: never."""
+        found = self._found.get("singular configuration")
+        return None if found is None else found.t
+
     def check(self, error: GlobalError, simulation: Any) -> None:
         """Report what a second run of the simulation shows, if it is beyond its bound.
 
@@ -212,6 +218,11 @@ class Watched:
     def findings(self) -> tuple[Finding, ...]:
         """What has passed its bound, by time; whole once the blocks have come to their end."""
         return tuple(self._found)
+
+    @property
+    def singular(self) -> float | None:
+        """When the run has passed a singular configuration [s]; None: never."""
+        return self._watches.singular
 
     def check(self, error: GlobalError) -> None:
         """Add what the second run shows."""

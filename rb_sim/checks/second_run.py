@@ -100,6 +100,7 @@ class SecondRun:
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._moved = 0, 1, 0, False
         self._look: Callable[[], None] | None = None
+        self._end = math.inf
 
     def add(self, block: SampleBlock) -> None:
         """The next samples of the run."""
@@ -121,9 +122,12 @@ class SecondRun:
         return np.concatenate(times), np.concatenate(poses)
 
     def result(
-        self, always: bool | None = None, look: Callable[[], None] | None = None
+        self,
+        always: bool | None = None,
+        look: Callable[[], None] | None = None,
+        singular: float | None = None,
     ) -> GlobalError:
-        """The global error of the run so far.
+        """The global error of the run so far, or up to a singular configuration at `singular` [s].
 
         always: make the finer run whatever it costs (True), or no second run (False); None: as
         AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
@@ -138,14 +142,18 @@ class SecondRun:
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
         took, self._look = self._counted(motion) - self._before, look
+        self._end = math.inf if singular is None else singular
         limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
         try:
             found = self._by_events(limit)
             if found is None and AFFORDED < took <= LONGEST and not always:
                 found = self._by_coarser(took)
-            return found or self._by_finer(math.inf if always else limit)
+            found = found or self._by_finer(math.inf if always else limit)
         except WatchEndedError:
             return GlobalError(unknown="the run is too long (use --check)")
+        if singular is None or (found.upto or math.inf) <= singular:
+            return found
+        return found._replace(upto=singular, why="not known beyond the singular configuration")
 
     def _by_events(self, limit: float) -> GlobalError | None:
         """The difference of fixed steps with contacts from the motion by events, which is all of
@@ -226,8 +234,12 @@ class SecondRun:
             times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
-        found = apart(times, poses, second, simulation)
-        return found._replace(relative=found.relative / other.share, by=other.by, upto=upto)
+        # beyond a singular configuration there are several motions, and two runs may err alike
+        before = times <= max(self._end, times[1])
+        found = apart(times[before], poses[before], second[before], simulation)
+        why = "use --check for the whole run" if upto is not None else ""
+        relative = found.relative / other.share
+        return found._replace(relative=relative, by=other.by, upto=upto, why=why)
 
     def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None]:
         """Rows of the trial at the instants, and where it was at the limit [s]; None: at its end.

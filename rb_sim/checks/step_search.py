@@ -249,7 +249,7 @@ class _Trials:
         finally:
             may_go_on(trial.motion.time)
         if not self._beyond(watches):
-            watches.check(second.result(), trial)
+            watches.check(second.result(singular=watches.singular), trial)
         return not self._beyond(watches)
 
     def _beyond(self, watches: WatchList) -> bool:

@@ -242,9 +242,10 @@ class Simulation(SceneInMotion):
                     second.add(block)
                 if progress is not None:
                     progress(float(block.t[-1]), end)
-            error = None if second is None else second.result(checked)
-            if watching is not None and error is not None:
-                watching.check(error)
+            if second is not None:
+                error = second.result(checked, singular=watching and watching.singular)
+                if watching is not None:
+                    watching.check(error)
         finally:
             if watching is not None:
                 watching.warn()

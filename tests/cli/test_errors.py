@@ -92,6 +92,7 @@ def test_bad_scene(name, tmp_path):
             "error: BAG: got pendulum, a scene; must be a bag, OTHER",
         ),
         (("compare", "pendulum.yaml", "/bag"), "error: BAG: got pendulum.yaml, a scene; must be a"),
+        (("compare", "poses.csv", "/bag"), "error: BAG: got poses.csv, a file of poses; must be a"),
         (("node", "nowhere"), "error: nowhere: does not exist"),
         (("accuracy", "nowhere"), "error: nowhere: does not exist"),
         (("explain", "nowhere"), "error: nowhere: does not exist"),

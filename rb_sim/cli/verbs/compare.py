@@ -86,10 +86,12 @@ def first_tracks(options: CompareOptions) -> Tracks:
 
     first, other = Path(options.a), Path(options.b)
     names_a_scene = not first.exists() and str(first) in {scene.name for scene in list_scenes()}
-    if names_a_scene or (first.suffix in (".yaml", ".yml") and first.name != "metadata.yaml"):
+    is_scene = first.suffix in (".yaml", ".yml") and first.name != "metadata.yaml"
+    if names_a_scene or is_scene or first.suffix in TEXTS:
+        kind = "a file of poses" if first.suffix in TEXTS else "a scene"
         turned = f"rb_sim compare {options.b} {options.a}"
         raise RbSimError(
-            f"BAG: got {options.a}, a scene; must be a bag, OTHER may be a scene: {turned}"
+            f"BAG: got {options.a}, {kind}; must be a bag, OTHER may be {kind}: {turned}"
         )
     is_scene = other.suffix not in (*BAGS, *TEXTS) and not other.is_dir()
     scene = None

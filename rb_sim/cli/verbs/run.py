@@ -280,7 +280,7 @@ class _Run:
             outcome = f"interrupted by {cause.name}"
         error = None
         if not self.failure and cause is None:
-            error = self.second.result(self.options.check, self._look)
+            error = self.second.result(self.options.check, self._look, watches.singular)
             watches.check(error, simulation)
             watches.advise(quiet_step(simulation, watches.findings, self._undisturbed))
         summary = summarize(simulation, watches, clocks, outcome, error, timed=cause is None)

@@ -1,8 +1,9 @@
-"""Shares of a load that the laws leave open, where joints carry the difference: the least ones.
+"""Shares of a load that the laws leave open: the least ones.
 
 Two flat pads that fingers press against a block determine the sum of the pressures at the corners
-of each pad, but not their centre: the joints of the fingers carry any offset.  Of a block that
-slips the friction, and so the motion, depends on it.  As under event-driven contact (`impacts`) the
+of each pad, but not their centre: the joints of the fingers carry any offset.  A table that stands
+on four legs determines the loads of three.  Of what slips in several directions the friction, and
+so the motion, depends on it.  As under event-driven contact (`impacts`) the
 impulses taken are those of minimum norm among those that give all normals, and what sticks, the
 same velocities.  With the joints eliminated these are W r + q of the impulses r of contacts.
 
@@ -355,6 +356,7 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
     `find_open` finds if asked to look).
     """
     made, figure, of = 0, 0.0, 0
+    before, old_u, old_x, old_joints = rest, u.copy(), x.copy(), joints.copy()
     for count in range(ROUNDS):
         chosen, most = sharing(graph, u, x, slow), largest(x)
         if chosen.shape[0] < 2:
@@ -373,4 +375,13 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
         relax_joints(graph, u, joints)
         rest, more = sweep_against_joints(graph, u, x, joints, size, ENOUGH, SWEEPS)
         made += more
+    if rest > ENOUGH and rest > before:  # sweeps do not settle there: the solution found stands
+        rest = before
+        for i in range(u.shape[0]):
+            for j in range(6):
+                u[i, j] = old_u[i, j]
+        for k in range(x.shape[0]):
+            x[k] = old_x[k]
+        for k in range(joints.shape[0]):
+            joints[k] = old_joints[k]
     return rest, made, figure, of

@@ -490,10 +490,11 @@ def is_quiet(tables, y):
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
-    Shares that joints leave open are the least ones.
+    Shares that the laws leave open are the least ones; where the impulses of the step before hold
+    as they are, they are so already.
     """
     rest, made = some_impulses(tables, workspace, graph, x, y)
-    if not eliminates(graph):
+    if made == 1 or (graph.joint_rows.shape[0] > 0 and not eliminates(graph)):
         return rest, made
     length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], workspace.notes
     rest, more, figure, of = take_least_shares(

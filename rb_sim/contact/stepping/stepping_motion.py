@@ -229,7 +229,7 @@ class SteppedContacts(GridMotion):
 
     @property
     def left_open(self) -> LeftOpen:
-        """By how much shares of a load that joints carry left the motion open, when first."""
+        """By how much shares of a load left the motion open, when first."""
         self._name_points()
         figure, t, c = self._workspace.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
         if figure == 0.0:

@@ -12,7 +12,8 @@ from benchmarks.heaps import scenes
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 
-pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
+pytestmark = pytest.mark.filterwarnings("error:(?!ambiguous):rb_sim.AccuracyWarning")
+"""A heap that moves may leave shares open, which is told."""
 """What stands or falls as the laws say is not told as lost."""
 
 G = scenes.G

@@ -1,4 +1,4 @@
-"""Shares of a load that joints leave open are the least ones, and that they are is reported.
+"""Shares of a load that the laws leave open are the least ones, and that they are is reported.
 
 A block between flat pads on guides: the centre of pressure of the pads is in no law, and friction
 at a pressure off the centre would turn the block. Forces and motions are closed forms.
@@ -152,3 +152,55 @@ def test_a_motion_that_shares_leave_open_is_reported_once() -> None:
     squeeze = 0.985 * BLOCK * G / (2.0 * MU)
     _, told = run(clamped(squeeze, COULOMB, False))
     assert len([text for text in told if "accelerations that the contact laws allow" in text]) == 1
+
+
+# A table on four legs, its centre of mass beside their middle: three loads are determined.
+
+LEGS = np.array([[x, y] for x in (-0.6, 0.4) for y in (-0.35, 0.25)])
+TABLE = 10.0
+
+
+def table(size: float, velocity: float, spin: float) -> dict[str, Any]:
+    """It slides at so many times the speed, and turns at so many times the rate, of its size."""
+    points = [[size * x, size * y, -0.5 * size] for x, y in LEGS]
+    body = {"mass": TABLE, "position": [0.0, 0.0, 0.5 * size]}
+    body["inertia"] = [TABLE * size * size * k for k in (0.1, 0.15, 0.2)]
+    body["linear_velocity"] = [velocity * size**0.5, 0.0, 0.0]
+    body["angular_velocity"] = [0.0, 0.0, spin * size**-0.5]
+    floor = {"type": "contact", "body": "table", "points": points, "friction": COULOMB}
+    return {"bodies": {"table": body}, "constraints": {"floor": floor},
+            "effects": {"weight": {"type": "gravity"}}}  # fmt: skip
+
+
+def pulled(size: float, velocity: float, spin: float, how: dict[str, Any]) -> tuple[Any, list[str]]:
+    """(run of 0.2 times its time at ten samples, what it warned of)."""
+    time = 0.2 * size**0.5
+    scene = table(size, velocity, spin) | {
+        "simulation": how | {"duration": time, "rate": 10 / time}
+    }
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = Simulation(load_scene(scene)).run(check=False)
+    return found, [str(warning.message) for warning in told]
+
+
+@pytest.mark.parametrize("velocity", [0.0, 2.0])
+def test_a_table_loads_its_legs_least(velocity: float) -> None:
+    """Minimum norm of what balances weight and, as it slides, the moment of friction."""
+    found, told = pulled(1.0, velocity, 0.0, {"method": "time_stepping", "step": STEP})
+    sliding = MU if velocity else 0.0
+    balance = np.vstack([np.ones(4), LEGS.T - [[0.5 * sliding], [0.0]]])
+    loads = np.linalg.pinv(balance) @ [TABLE * G, 0.0, 0.0]
+    given = [found.reaction[f"floor/{i}"].force[1:, 2] for i in range(1, 5)]
+    assert_allclose(given, np.tile(loads[:, None], 10), rtol=1e-3)
+    assert not told
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_table_that_turns_moves_as_by_events_and_says_what_is_open(size: float) -> None:
+    """Four legs that slip in several directions: the motion depends on the shares."""
+    exact, _ = pulled(size, 1.0, 3.0, {"method": "dopri853", "tolerance": 1e-9})
+    step = {"method": "time_stepping", "step": STEP * size**0.5}
+    found, told = pulled(size, 1.0, 3.0, step)
+    assert_allclose(found.position["table"], exact.position["table"], atol=2e-4 * size)
+    assert [text for text in told if "accelerations that the contact laws allow" in text]

@@ -99,6 +99,16 @@ def test_of_bodies_that_lean_on_each_other_as_they_come_to_rest(slabs, duration)
     assert momentum_error(dominoes(slabs), duration) < EXACT
 
 
+def test_of_an_edge_that_has_gone_where_another_comes() -> None:
+    """A point that comes at the end of a step took the place, and the impulse, of one that left."""
+    from benchmarks.heaps.scenes import dominoes
+
+    mapping = dominoes(3)
+    for constraint in mapping["constraints"].values():
+        constraint["friction"] = {"type": "coulomb", "static": 0.4}
+    assert momentum_error(mapping, 1.2) < EXACT
+
+
 @pytest.mark.parametrize("number", range(10))
 def test_of_tosses(number):
     try:
