@@ -487,14 +487,23 @@ def is_quiet(tables, y):
 
 
 @inline
+def stand_alone(graph):
+    """Whether there are no joints, and no body touches another one."""
+    alone = graph.joint_rows.shape[0] == 0
+    for i in range(graph.ends.shape[0]):
+        alone = alone and graph.ends[i, 1] < 0
+    return alone
+
+
+@inline
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
-    Shares that the laws leave open are the least ones; where the impulses of the step before hold
-    as they are, they are so already.
+    Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
+    before hold as they are, they are so already.
     """
     rest, made = some_impulses(tables, workspace, graph, x, y)
-    if made == 1 or (graph.joint_rows.shape[0] > 0 and not eliminates(graph)):
+    if made == 1 or not (eliminates(graph) or stand_alone(graph)):
         return rest, made
     length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], workspace.notes
     rest, more, figure, of = take_least_shares(
