@@ -204,6 +204,10 @@ def find_supports(tables, memory, links):
                 links[i] = c
 
 
+LEAST_SHARE = 0.05
+"""Of what a body is to pay with its velocity: less is not tried."""
+
+
 @inline
 def bears_more(tables, memory, c, more):
     """Whether the impulse of point c stays in its cone with another one added."""
@@ -238,8 +242,8 @@ def book_lift(tables, memory, workspace, y):
     """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
     counts as made by them with what they made in the step, but where driven supports lift.
 
-    Bodies pay for it with their velocities instead, so that they come to rest, if the cones of the
-    contacts that bear them to the world have room for the impulse: it is part of what these are
+    Bodies pay for it with their velocities instead, so that they come to rest, as much as the cones
+    of the contacts that bear them to the world have room for: the impulse is part of what these are
     reported to have given, which is the change of momenta.  Before `note_aims`.
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
@@ -256,10 +260,15 @@ def book_lift(tables, memory, workspace, y):
             spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
             kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
             slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
-            impulse = scale(m * (slower - 1.0), B.v_WC)
-            if led_to_world(tables, memory, links, i, impulse, False):
-                led_to_world(tables, memory, links, i, impulse, True)
-                lifted -= min(lifted, kinetic)
+            loss, share = scale(m * (slower - 1.0), B.v_WC), 1.0
+            while share > LEAST_SHARE and not led_to_world(
+                tables, memory, links, i, scale(share, loss), False
+            ):
+                share *= 0.5
+            if share > LEAST_SHARE:
+                led_to_world(tables, memory, links, i, scale(share, loss), True)
+                slower = 1.0 - share * (1.0 - slower)
+                lifted -= min(lifted, (1.0 - slower * slower) * kinetic)
                 for j in range(7, STATE):
                     y[k + j] *= slower
         y[y.shape[0] - 1] += lifted
