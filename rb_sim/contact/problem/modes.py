@@ -68,7 +68,7 @@ from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.linear_solves import triangular
-from rb_sim.numerics.rank import JUDGED_BY_CONTACT
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
 from rb_sim.numerics.vectors import add, norm, perpendicular, scale
 
 # The lines that hold at rest, and whether they have one set of reactions.
@@ -120,7 +120,7 @@ def may_share(system, workspace):
     A, work = np.empty((n, n)), np.zeros(2 * n)
     fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
     R = pointer(A)
-    rank = triangular(R, n, pointer(work), part(pointer(work), n))
+    rank = triangular(R, n, pointer(work), part(pointer(work), n), LEAST_SINGULAR)
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
     return not smallest > JUDGED_BY_CONTACT * n * 2.0**n * abs(R[0])
 

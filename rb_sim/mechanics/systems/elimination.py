@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.compiler.calls import WORK, eigenvectors
 from rb_sim.graph.functions import call, divide, rarely, where
 from rb_sim.graph.symbols import External
 from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
-from rb_sim.numerics.kernels import part, pointer, routine
+from rb_sim.numerics.kernels import inline, part, pointer, routine
+from rb_sim.numerics.linear_solves import of_rank
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
 # Which lines of constraints depend on others: decided once, so that doubles can keep the decision.
@@ -358,16 +358,21 @@ def choice_routine(arguments, results):
     results[n], results[n + 1] = least, float(line)
 
 
+def external(name: str, owner: Any, results: int, **more: Any) -> External:
+    """A routine as a function that laws call, of which it is also the plain form."""
+
+    def plain(*arguments: float) -> tuple[float, ...]:
+        found = np.zeros(results)
+        owner.function(np.array(arguments, dtype=float), found)
+        return tuple(found.tolist())
+
+    return External(name, results, plain, lambda: owner.address, **more)
+
+
 @cache
 def choice_external(n: int) -> External:
     """The function for n lines: arguments n, rank and A by rows."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        results = np.zeros(n + 2)
-        choice_routine.function(np.array(arguments, dtype=float), results)
-        return tuple(results.tolist())
-
-    return External("rb_sim_choice", n + 2, plain, lambda: choice_routine.address)
+    return external("rb_sim_choice", choice_routine, n + 2)
 
 
 def chosen_lines(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
@@ -386,102 +391,65 @@ def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
                 row[j] = value * chosen.get(i, 1.0) * chosen.get(j, 1.0)
 
 
-# Least-norm multipliers where constraints depend on each other, as one function for all scenes.
-#
-# The only part of a law that pivots by value: it is compiled once and called by address.
+# Least-norm multipliers where constraints depend on each other, as one function for all scenes:
+# P x, P = A+ A. The only part of a law that pivots by value: it is compiled once and called by
+# address.
 
 
-def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
-    """The part of x in the span of the eigenvectors of the `rank` largest eigenvalues."""
-    _, vectors = np.linalg.eigh(matrix)
-    kept = vectors[:, matrix.shape[0] - rank :]
-    return kept @ (kept.T @ x)
+@inline
+def times(matrix, x, n, result):
+    """A x."""
+    for i in range(n):
+        result[i] = 0.0
+        for j in range(n):
+            result[i] += matrix[i * n + j] * x[j]
 
 
 @routine
 def least_norm_routine(arguments, results):
     """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
     n, rank = int(arguments[0]), int(arguments[1])
-    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
-    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
-    for i in range(n * n):
-        vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 1)))
-    for i in range(n):
-        results[i] = 0.0
-    for k in range(n - rank, n):
-        share = 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * x[i]
-        for i in range(n):
-            results[i] += share * vectors[k * n + i]
-
-
-def changed(
-    matrix: np.ndarray, x: np.ndarray, rank: int, d_matrix: np.ndarray, d_x: np.ndarray
-) -> np.ndarray:
-    """The change of P x, P = A A+ the projector of `projected`, as A changes and keeps its rank.
-
-    dP = (1 - P) dA A+ + A+ dA (1 - P)  (Golub & Pereyra 1973).
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    first = matrix.shape[0] - rank
-    kept, values = vectors[:, first:], values[first:]
-    shares = kept.T @ x
-    outward = d_matrix @ (kept @ (shares / values))
-    inward = d_matrix @ (x - kept @ shares)
-    return outward + kept @ (kept.T @ (d_x - outward) + (kept.T @ inward) / values)
+    matrix, x, workspace = part(arguments, 2), part(arguments, 2 + n * n), np.empty(n * (n + 5))
+    right, work = pointer(workspace), part(pointer(workspace), n)
+    times(matrix, x, n, right)
+    of_rank(matrix, right, n, rank, results, work)
 
 
 @routine
 def changed_routine(arguments, results):
-    """As `changed`; arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers."""
+    """The change of P x as A changes and keeps its rank:
+
+        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973).
+
+    arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers.
+    """
     n, rank = int(arguments[0]), int(arguments[1])
-    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 5 + WORK))
+    matrix, x, workspace = part(arguments, 2), part(arguments, 2 + n * n), np.empty(n * (n + 8))
     d_matrix, d_x = part(arguments, 2 + n * n + n), part(arguments, 2 + 2 * n * n + n)
-    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
-    solved, rest = part(pointer(workspace), n * (n + 1)), part(pointer(workspace), n * (n + 2))
-    outward, inward = part(pointer(workspace), n * (n + 3)), part(pointer(workspace), n * (n + 4))
-    for i in range(n * n):
-        vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 5)))
+    right, rest = pointer(workspace), part(pointer(workspace), n)
+    outward, inward = part(pointer(workspace), 2 * n), part(pointer(workspace), 3 * n)
+    work = part(pointer(workspace), 4 * n)
+    times(matrix, x, n, right)
+    of_rank(matrix, right, n, rank, rest, work)
     for i in range(n):
-        solved[i], rest[i] = 0.0, x[i]
-    for k in range(n - rank, n):
-        share = 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * x[i]
-        for i in range(n):
-            solved[i] += share / values[k] * vectors[k * n + i]
-            rest[i] -= share * vectors[k * n + i]
+        rest[i] = x[i] - rest[i]
+    times(d_matrix, rest, n, inward)
+    of_rank(matrix, x, n, rank, right, work)
+    times(d_matrix, right, n, outward)
     for i in range(n):
-        outward[i], inward[i] = 0.0, 0.0
-        for j in range(n):
-            outward[i] += d_matrix[i * n + j] * solved[j]
-            inward[i] += d_matrix[i * n + j] * rest[j]
-        results[i] = outward[i]
-    for k in range(n - rank, n):
-        share, other = 0.0, 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * (d_x[i] - outward[i])
-            other += vectors[k * n + i] * inward[i]
-        for i in range(n):
-            results[i] += (share + other / values[k]) * vectors[k * n + i]
+        rest[i] = d_x[i] - outward[i]
+    times(matrix, rest, n, right)
+    for i in range(n):
+        right[i] += inward[i]
+    of_rank(matrix, right, n, rank, results, work)
+    for i in range(n):
+        results[i] += outward[i]
 
 
 @cache
 def changed_external(n: int) -> External:
     """The function for n multipliers: arguments n, rank, A by rows, x, dA by rows and dx."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        numbers = np.array(arguments[2:], dtype=float)
-        if not np.isfinite(numbers).all():
-            return (float("nan"),) * n
-        matrix, x, d_matrix, d_x = np.split(numbers, np.cumsum([n * n, n, n * n]))
-        square = matrix.reshape(n, n), x, int(arguments[1]), d_matrix.reshape(n, n), d_x
-        return tuple(changed(*square).tolist())
-
-    return External("rb_sim_least_norm_changed", n, plain, lambda: changed_routine.address)
+    return external("rb_sim_least_norm_changed", changed_routine, n)
 
 
 def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
@@ -494,21 +462,7 @@ def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
 @cache
 def least_norm_external(n: int) -> External:
     """The function for n multipliers: arguments n, rank, A by rows and x."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        matrix = np.array(arguments[2 : 2 + n * n], dtype=float).reshape(n, n)
-        x = np.array(arguments[2 + n * n :], dtype=float)
-        if not (np.isfinite(matrix).all() and np.isfinite(x).all()):
-            return (float("nan"),) * n
-        return tuple(projected(matrix, x, int(arguments[1])).tolist())
-
-    return External(
-        "rb_sim_least_norm",
-        n,
-        plain,
-        lambda: least_norm_routine.address,
-        along=changes_of_least_norm,
-    )
+    return external("rb_sim_least_norm", least_norm_routine, n, along=changes_of_least_norm)
 
 
 def least_norm(entries: list[Any], x: list[Any], rank: Any) -> tuple[Any, ...]:
