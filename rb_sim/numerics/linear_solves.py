@@ -217,7 +217,7 @@ def solve_semidefinite(A, b, x, L, order, n):
 
 # Small linear systems A x = b whose matrix is neither symmetric nor of full rank.
 #
-# Friction makes them: the reaction of a slipping contact is not along the line that it enforces.
+# Friction makes them: the reaction of a slipping contact is not along the row that it enforces.
 
 
 @inline
