@@ -67,7 +67,7 @@ def energy_found(seen: Seen, layout: SampleLayout) -> Finding | None:
     block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
     energy = ledger.energy()
     error = 0.0 if energy is None else abs(energy["error"])
-    if energy is None or (energy["relative"] is None and np.isfinite(error)):
+    if energy is None:
         return None
     scale, doubt = energy["scale"], energy["quadrature"]
     if np.isfinite(error):
@@ -78,7 +78,8 @@ def energy_found(seen: Seen, layout: SampleLayout) -> Finding | None:
             return None
     lost = np.flatnonzero(~np.isfinite(block.energy))
     i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
-    figure = error / scale if scale > 0.0 else np.inf
+    least = scale or ledger.at_rest  # nothing was exchanged where all bodies are exactly at rest
+    figure = error / least if least > 0.0 else np.inf
     finer = effort.finer_step(figure, effort.balance)
     return Finding(
         "energy",
