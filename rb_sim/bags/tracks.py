@@ -467,6 +467,8 @@ def tracks_of_csv(path: Path) -> Tracks:
         own = np.array([name == body for name in bodies])
         part, times = table[own], t[own]
         kept = forward(times)
+        if lost := int((~kept).sum()):
+            notes.append(f"{lost} lines of {body} skipped: their times do not increase")
         part = part[kept]
         v, w = (part[:, names.index(n) : names.index(n) + 3] if n in names else None
                 for n in ("vx", "wx"))  # fmt: skip
@@ -475,8 +477,10 @@ def tracks_of_csv(path: Path) -> Tracks:
 
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+NANOSECONDS = "nanosec"
+"""Column that is added to the seconds in t."""
 _MEANS = (
-    (re.compile(r"t|time.*|stamp.*|sec(onds)?"), "t"),
+    (re.compile(r"t|time.*|stamp.*|sec(?:onds)?"), "t"),
     (re.compile(r"(?:.*\.)?(?:p|pos|position|translation|t)?(?:_[a-z]+)*[_.]?([xyz])"), ""),
     (
         re.compile(r"(?:.*\.)?(?:q|quat|quaternion|orientation|rotation)(?:_[a-z]+)*[_.]?([wxyz])"),
@@ -485,6 +489,7 @@ _MEANS = (
     (re.compile(r"(?:v|vel|velocity|linear_velocity)(?:_[a-z]+)*[_.]?([xyz])"), "v"),
     (re.compile(r"(?:w|omega|angular_velocity)[_.]?([xyz])"), "w"),
     (re.compile("body"), "body"),
+    (re.compile("nano_?sec(?:onds)?|nsec"), NANOSECONDS),
 )
 """Names of columns in headers, lower case, and which of COLUMNS they are with their component."""
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "ns": 1e-9}
@@ -512,12 +517,14 @@ def _columns(line: str) -> list[tuple[str, str]]:
     """(column, unit) of each cell of a header, "" for unknown ones."""
     found = []
     for cell in _cells(line.lstrip("# ")):
-        name, _, unit = cell.partition("[")
-        name = name.strip().lower()
+        name, _, unit = cell.replace("(", "[").lower().partition("[")
+        name = name.strip()
         known = ((means, m) for pattern, means in _MEANS if (m := pattern.fullmatch(name)))
         means, match = next(known, ("", None))
-        own = means + (match[1] if match and match.groups() and means != "t" else "")
-        found.append((own if match else "", unit.strip(" ]").lower()))
+        own = means + (match[1] if match and match.groups() else "")
+        if own == "t" and name.rpartition("_")[2] in _SECONDS:  # stamp_ms
+            unit = name.rpartition("_")[2]
+        found.append((own if match else "", unit.strip(" ])")))
     return found
 
 
@@ -556,6 +563,8 @@ def _table(
     body = found.index("body") if "body" in found else None
     try:
         table = np.array([[float(row[i]) for i in index] for row in cells])
+        if NANOSECONDS in found:
+            table[:, 0] += [1e-9 * float(row[found.index(NANOSECONDS)]) for row in cells]
         bodies = [row[body] if body is not None else path.stem for row in cells]
     except (ValueError, IndexError):
         raise RbSimError(f"{path}: a line is not {len(found)} numbers") from None

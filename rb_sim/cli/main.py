@@ -757,10 +757,10 @@ def compare(
 def fit(
     bag: AnyBag,
     free: Annotated[
-        str,
+        list[str],
         typer.Option(
             metavar="KEY,KEY",
-            help="Parameters to fit, e.g. bodies.top.mass,effects.air.coefficient.",
+            help="Parameters to fit, e.g. bodies.top.mass,effects.air.coefficient; repeatable.",
         ),
     ],
     scene: Annotated[
@@ -788,7 +788,7 @@ def fit(
     from rb_sim.cli.verbs.fit import fit as solve
 
     pairs, acting = tuple(match or ()), tuple(wrench or ())
-    return solve(FitOptions(bag, free, scene, out, pairs, acting, noise, json))
+    return solve(FitOptions(bag, ",".join(free), scene, out, pairs, acting, noise, json))
 
 
 def main() -> None:

@@ -299,6 +299,28 @@ def test_csv_whose_header_names_the_unit_of_time(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("head", ["stamp_ms", "time (ms)", "t [ms]"])
+def test_csv_at_a_kilohertz_in_ms(tmp_path, head):
+    """Steps of 1 could be seconds: the header tells the unit, in one of three ways."""
+    path = tmp_path / "pose.csv"
+    rows = [f"{k},{k},0,0,0,0,0,1" for k in range(9)]
+    path.write_text(f"{head},x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
+    np.testing.assert_allclose(tracks_of_csv(path).bodies["pose"].t, 0.001 * np.arange(9))
+
+
+def test_csv_with_seconds_and_nanoseconds_apart(tmp_path):
+    """Without the nanoseconds all samples of a second would have one time, which is told."""
+    path = tmp_path / "pose.csv"
+    rows = [f"{5 + k // 100},{k % 100 * 10_000_000},{k},0,0,0,0,0,1" for k in range(250)]
+    path.write_text("sec,nanosec,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
+    found = tracks_of_csv(path)
+    np.testing.assert_allclose(found.bodies["pose"].t, 5.0 + 0.01 * np.arange(250), rtol=1e-12)
+    assert not found.notes
+    path.write_text("sec,spare,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows))
+    (note,) = tracks_of_csv(path).notes
+    assert note.endswith("247 lines of pose skipped: their times do not increase")
+
+
 @pytest.mark.parametrize("rate", [20.0, 100.0, 500.0])
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("", 1.0)])
 @pytest.mark.parametrize("bodies", [1, 2])

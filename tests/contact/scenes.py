@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rb_sim import load_scene
+from rb_sim.catalogue.contacts.contact import Contact
+from rb_sim.scene.listing import list_scenes
+
 G = 9.81
 WEIGHT = {"type": "gravity", "acceleration": [0.0, 0.0, -G]}
 
@@ -50,3 +54,19 @@ def scene(bodies: Any, constraints: Any, gravity: bool = True, **effects: Any) -
         "effects": effects,
         "simulation": {"duration": 10.0, "tolerance": 1e-10},
     }
+
+
+def acts_on(acting: Any, name: str) -> int:
+    """1 where a constraint or an effect acts on this body, -1 where it acts back on it, else 0."""
+    if hasattr(acting, "body"):
+        return (acting.body == name) - (getattr(acting, "parent", None) == name)
+    return int(acting.bodies is None or name in acting.bodies)
+
+
+def shipped_with_contacts() -> list[str]:
+    """Names of the shipped scenes that have a contact."""
+    return [
+        listed.name
+        for listed in list_scenes()
+        if any(isinstance(c, Contact) for c in load_scene(listed.name).constraints.values())
+    ]

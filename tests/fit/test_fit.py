@@ -11,6 +11,7 @@ import pytest
 from rb_sim.base.errors import RbSimError
 from rb_sim.fit.unknowns import free_numbers
 from rb_sim.simulation.sensitivity import NotSmoothError
+from tests.cli.process import invoke
 from tests.interpreted import interpreted
 
 TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
@@ -237,3 +238,11 @@ def expected_error() -> float:
 
     slope = (place(c + h) - place(c - h)) / (2.0 * h)
     return NOISE[0] / float(np.linalg.norm(slope))
+
+
+def test_free_given_twice_means_both(tmp_path):
+    """The last one alone was fitted, without a word."""
+    options = ("--duration", "0.2", "--no-plots", "--no-rerun", "--quiet", "--out", tmp_path)
+    assert invoke("run", "pendulum", *options).exit_code == 0
+    free = ("--free", "bodies.nobody.mass", "--free", "bodies.nobody.inertia")
+    assert "bodies.nobody.mass: there is no" in invoke("fit", tmp_path / "bag", *free).output

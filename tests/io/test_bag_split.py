@@ -129,6 +129,18 @@ def times(bag) -> np.ndarray:
     return np.concatenate([block.t for block in BagReader(bag).blocks()])
 
 
+def test_files_in_a_folder_of_their_own_or_named_as_on_windows_are_found(record):
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    changed(bag, lambda names: [f"bag\\{name}" for name in names])
+    np.testing.assert_array_equal(times(bag), whole)
+    (bag / "data").mkdir()
+    for path in bag.glob("*.mcap"):
+        path.rename(bag / "data" / path.name)
+    changed(bag, lambda names: [name.replace("bag\\", "data/") for name in names])
+    np.testing.assert_array_equal(times(bag), whole)
+
+
 def test_files_listed_with_the_folder_before_their_names_are_found(record):
     """As rosbag2 wrote them before Foxy, or as the folder was called when it was recorded."""
     bag = record(n=200, split_duration=0.5)

@@ -267,7 +267,7 @@ class ConstraintFigures:
         arms = np.array([line.arm for line in self._laws.lines])
         gap = np.abs(found.gap * arms).max(initial=0.0) / self._laws.length
         slip = np.abs(found.slip * arms).max(initial=0.0) / self._laws.speed
-        depth = found.overlap.max(initial=0.0) / self._laws.length
+        depth = abs(found.overlap.max(initial=0.0)) / self._laws.length  # of -0.0 too
         self._relative = float(np.nanmax([self._relative, gap, slip, depth]))
 
     def as_dict(self) -> dict[str, Any] | None:

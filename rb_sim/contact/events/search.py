@@ -221,6 +221,8 @@ ROUNDS, DEPTH = 60, 40
 SHORT = 1.0
 """Way of the surfaces in a span, in lengths of the scene, at the speeds of both its ends together,
 below which a cubic describes a gap."""
+TURN = 1.0
+"""Turn of the bodies in a span [rad] beyond which points of them swing, as no cubic does."""
 END_SIZE = 7
 """Numbers of one end of a span."""
 UNKNOWN = 1e300
@@ -319,6 +321,24 @@ def way_of_surfaces(system, grid, ends, i):
 
 
 @inline
+def spin_of(system, y, i):
+    """How fast the bodies of contact i turn in the state y, together [rad/s]."""
+    k = line_of(system, i)
+    b, a = WIDTH * system.lines[k, BODY] + 10, system.lines[k, PARENT]
+    spin = norm((y[b], y[b + 1], y[b + 2]))
+    if a >= 0:
+        a = WIDTH * a + 10
+        spin += norm((y[a], y[a + 1], y[a + 2]))
+    return spin
+
+
+@inline
+def fastest_spin(system, grid, i):
+    """The larger of `spin_of` at the ends of the step [rad/s]."""
+    return max(spin_of(system, grid.y0, i), spin_of(system, grid.y1, i))
+
+
+@inline
 def may_dip(system, grid, ends, rates, i, k):
     """True unless the k-th event function of contact i surely stays positive between the ends of
     the step; ends: the table at its end."""
@@ -335,7 +355,7 @@ def may_dip(system, grid, ends, rates, i, k):
         reach = way_of_surfaces(system, grid, ends, i)
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
             return False
-        if reach > SHORT * system.length:
+        if reach > SHORT * system.length or fastest_spin(system, grid, i) * width > TURN:
             return True
         before, after = normals_of_step(system, grid, ends, i)
         if dot(before, after) < ONE_SIDE:
@@ -396,13 +416,13 @@ def measured(a, ra, b, rb, width, s, value, rate):
 
 
 @inline
-def next_place(a, b, error, width, way, flies):
+def next_place(a, b, error, width, way, turn, flies):
     """Place in the span from a to b, 0 to 1, to look at next; -1 if nothing in it is below zero.
 
-    way: that the surfaces may have gone, in lengths of the scene; flies: it is a gap, of a contact
-    that is open.
+    way: that the surfaces may have gone, in lengths of the scene; turn: that of the bodies [rad];
+    flies: it is a gap, of a contact that is open.
     """
-    if way > SHORT:
+    if way > SHORT or turn > TURN:
         return -1.0 if a[1] + b[1] >= way else 0.5
     if flies and not on_one_side(a, b):
         # speeds at the ends of a whole step say little: what swings over is at rest at both
@@ -432,6 +452,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
     is negative; t1 if there is none."""
     touch, top = system.touch, 1
     flies = k == 0 and touch[i, CLOSED] == 0.0
+    spin = fastest_spin(system, grid, i) if flies else 0.0
     for _ in range(ROUNDS):
         if top == 0:
             break
@@ -439,7 +460,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         a, b = end_of(spans, top, 0), end_of(spans, top, END_SIZE)
         width = b[0] - a[0]
         way = (a[3] + b[3]) * width / system.length if flies else 0.0
-        s = next_place(a, b, spans[top, 2 * END_SIZE], width, way, flies)
+        s = next_place(a, b, spans[top, 2 * END_SIZE], width, way, spin * width, flies)
         if s < 0.0:
             continue
         t = a[0] + s * width
@@ -699,6 +720,36 @@ def is_none(width, t):
 
 
 @inline
+def locate(method, system, grid, rates, late, lowest, work, at, best):
+    """(instant before, instant after, code) of an event up to `late`, where the lowest event
+    function and its code are `lowest`, negative; best: state and low digits there, then those at
+    the instant after.  at: work space."""
+    (deepest, found), (y, c) = lowest, at
+    bracket, early = begin_bracket(system, grid, rates, late), grid.t0
+    approach_time = APPROACH * system.length / system.speed
+    for i in range(200):
+        width = late - early
+        left = late - grid.t0
+        graded = slip_vanishes(found) and left > approach_time
+        if graded and width <= ROUGH * left:
+            break
+        if (deepest > -LOCATED and not graded) or is_none(width, late):
+            break
+        t = 0.5 * (early + late)
+        if i % 3 != 2:  # every third step bisects
+            t = first_crossing(system, bracket, early, late)
+        level, code = level_at(method, system, grid, t, work, y, c)
+        note_event_functions(system, bracket, level < 0.0)
+        if level < 0.0:
+            late, deepest, found = t, level, code
+            copy(best[0], y)
+            copy(best[1], c)
+        else:
+            early = t
+    return early, late, found
+
+
+@inline
 def next_event(method, system, grid, work, kept, arms):
     """(code of the first event within the last step or -1, the grid, cut there).
 
@@ -718,28 +769,23 @@ def next_event(method, system, grid, work, kept, arms):
         lowest, code = level_at(method, system, grid, late, work, y, c)
         copy(best, y)
         copy(low, c)
-    bracket = begin_bracket(system, grid, rates, late)
-    early, deepest, found = grid.t0, lowest, code
+    early, found = grid.t0, code
     approach_time = APPROACH * system.length / system.speed
-    for i in range(200):
-        width = late - early
-        left = late - grid.t0
-        graded = slip_vanishes(found) and left > approach_time
-        if graded and width <= ROUGH * left:
+    for _ in range(CUTS):
+        early, late, found = locate(
+            method, system, grid, rates, late, (lowest, code), work, (y, c), (best, low)
+        )
+        # what was below zero at the end of the step may have dipped below before, or another one
+        grid = cut_grid(grid, late, best, low, grid.h)
+        level_of(system, late, grid.y1, grid.c1)
+        rates = level_rates(system, late, grid.y1)
+        sooner = first_dip(method, system, grid, rates, work, y, c)
+        if sooner == late:
             break
-        if (deepest > -LOCATED and not graded) or is_none(width, late):
-            break
-        t = 0.5 * (early + late)
-        if i % 3 != 2:  # every third step bisects
-            t = first_crossing(system, bracket, early, late)
-        level, code = level_at(method, system, grid, t, work, y, c)
-        note_event_functions(system, bracket, level < 0.0)
-        if level < 0.0:
-            late, deepest, found = t, level, code
-            copy(best, y)
-            copy(low, c)
-        else:
-            early = t
+        late = sooner
+        lowest, code = level_at(method, system, grid, late, work, y, c)
+        copy(best, y)
+        copy(low, c)
     left = late - grid.t0
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE

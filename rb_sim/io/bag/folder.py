@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -277,9 +277,11 @@ def _listed(metadata: Path) -> list[Path]:
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
-        # without a folder, as rosbags does: rosbag2 wrote it before version 4 of metadata.yaml
-        plain = [PurePath(str(name)).name.removesuffix(_COMPRESSED) for name in names]
+        plain = [str(name).replace("\\", "/").removesuffix(_COMPRESSED) for name in names]
         paths = [metadata.parent / name for name in plain]
+        # without a folder that is none here, as rosbags does: rosbag2 wrote that of the bag before
+        # version 4 of metadata.yaml
+        paths = [path if path.is_file() else metadata.parent / path.name for path in paths]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
     return paths if all(path.suffix in STORAGES for path in paths) else []

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 
@@ -105,3 +106,58 @@ def test_lands_at_the_time_of_free_fall():
     run = Simulation(load_scene(scene)).run()
     assert run.events[0].t == pytest.approx((2.0 * 0.9 / G) ** 0.5, abs=1e-12)
     assert run.position["ball"][-1, 2] == pytest.approx(0.1, abs=1e-12)
+
+
+ENDS = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5]])
+CORNERS = np.array(
+    [[0.6, 0, 0], [-0.3, 0.5, 0.1], [-0.3, -0.5, 0.1], [0, 0, -0.7], [0.1, 0.2, 0.8]]
+)
+
+
+def tumbling(seed: int, radius: float, spin: float, contact: dict[str, Any]) -> dict[str, Any]:
+    """A body that tumbles above a sphere, outside or inside of it."""
+    rng = np.random.default_rng(seed)
+    side = contact["surface"]["side"]
+    contact["surface"] |= {"type": "sphere", "radius": radius}
+    contact["surface"]["center"] = [0.0, 0.0, radius if side == "inside" else -radius]
+    body = {
+        "mass": 1.0,
+        "position": [0.0, 0.0, 1.0 + rng.uniform(0, 4)],
+        "orientation": Rotation.random(random_state=seed).as_quat().tolist(),
+        "linear_velocity": rng.normal(size=3).tolist(),
+        "angular_velocity": (spin * rng.normal(size=3)).tolist(),
+    }
+    return {
+        "bodies": {"b": body},
+        "constraints": {"c": {"type": "contact", "body": "b"} | contact},
+        "effects": {"g": {"type": "gravity"}},
+    }
+
+
+def deepest(scene: dict[str, Any], points: np.ndarray, tolerance: float, duration: float) -> float:
+    """How deep any of the points lies beyond the sphere in a sample, from poses alone [m]."""
+    options = {"method": "dopri853", "tolerance": tolerance, "duration": duration, "rate": 60.0}
+    run = Simulation(load_scene(scene | {"simulation": options})).run(check=False, watched=False)
+    sphere = scene["constraints"]["c"]["surface"]
+    turned = Rotation.from_quat(run.orientation["b"]).as_matrix()
+    places = run.position["b"][:, None] + points @ turned.transpose(0, 2, 1) - sphere["center"]
+    beyond = np.linalg.norm(places, axis=2) - sphere["radius"]
+    return float(beyond.max() if sphere["side"] == "inside" else -beyond.min())
+
+
+@pytest.mark.parametrize("seed", [43, 46, 76, 124, *range(8)])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-6])
+def test_an_end_that_dips_before_another_one_hits_is_not_missed(seed, tolerance):
+    """A step of half a turn ends with one end of the rod in the bowl; the other end was in it, and
+    out again, before."""
+    scene = tumbling(seed, 15.0, 12.0, {"restitution": 0.8, "surface": {"side": "inside"}})
+    scene["bodies"]["b"]["shape"] = {"type": "rod", "length": 1.0, "axis_B": [0.0, 0.0, 1.0]}
+    assert deepest(scene, ENDS, tolerance, 4.0) < 1e-6
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_points_swing_through_nothing_within_half_a_turn(tolerance):
+    scene = tumbling(228, 3.0, 10.0, {"restitution": 0.6, "surface": {"side": "outside"}})
+    scene["bodies"]["b"]["inertia"] = [0.2, 0.25, 0.3]
+    scene["constraints"]["c"]["points"] = CORNERS.tolist()
+    assert deepest(scene, CORNERS, tolerance, 2.0) < 1e-6
