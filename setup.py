@@ -53,7 +53,7 @@ class Develop(develop):
     def run(self):
         """Link the sources, then compile."""
         super().run()
-        if not self.uninstall:
+        if not getattr(self, "uninstall", False):  # setuptools 80 knows it no more
             compile_loops(HERE, platform.machine())
 
 

@@ -72,7 +72,8 @@ def mutants(text: str) -> list[Mutant]:
     functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
     found = []
     for function in functions:
-        for node in (n for statement in function.body for n in ast.walk(statement)):
+        nodes = (n for statement in function.body for n in ast.walk(statement))
+        for node in (n for n in nodes if isinstance(n, ast.expr)):
             for what, new in faults(node):
                 before, after = ast.unparse(node), ast.unparse(new)
                 source = changed_source(text, node, after)
@@ -153,7 +154,7 @@ def keep_what_is_compiled(modules: list[str]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("modules", nargs="+", help="files of rb_sim/")
     parser.add_argument("--tests", nargs="+", help="files, or a test as FILE::NAME")
     parser.add_argument("--most", type=int, default=10_000, help="mutants of one module")

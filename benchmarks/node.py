@@ -172,7 +172,7 @@ def main() -> None:
     show(rows, f"{line(describe())}; {given.rounds} rounds of {given.seconds:g} s")
     if given.save:
         kept = {f"{name} {k}": one.periods for name, of in rows.items() for k, one in enumerate(of)}
-        np.savez(given.save, **kept)
+        np.savez(given.save, **kept)  # pyright: ignore[reportArgumentType]  # a name for each array
     rclpy.shutdown()
 
 

@@ -87,8 +87,12 @@ def last_one(client: Client) -> float:
 
     shown: list[float] = []
     message: Any = WrenchStamped()
+
+    def hear(message: Any) -> None:
+        shown.append(message.wrench.force.x)
+
     applied = client.node.create_subscription(
-        WrenchStamped, "/rb_sim/ball/wrench_applied", lambda m: shown.append(m.wrench.force.x), 10
+        WrenchStamped, "/rb_sim/ball/wrench_applied", hear, 10
     )
     publisher = client.node.create_publisher(WrenchStamped, "/rb_sim/ball/wrench", 10)
     client.until(lambda: publisher.get_subscription_count() and shown)

@@ -69,8 +69,12 @@ def latencies(client: Client, count: int) -> np.ndarray:
     from geometry_msgs.msg import WrenchStamped
 
     shown: list[float] = []
+
+    def hear(message: Any) -> None:
+        shown.append(message.wrench.force.x)
+
     applied = client.node.create_subscription(
-        WrenchStamped, "/rb_sim/ball/wrench_applied", lambda m: shown.append(m.wrench.force.x), 10
+        WrenchStamped, "/rb_sim/ball/wrench_applied", hear, 10
     )
     publisher = client.node.create_publisher(WrenchStamped, "/rb_sim/ball/wrench", 10)
     client.until(publisher.get_subscription_count)

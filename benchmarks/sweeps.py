@@ -27,6 +27,7 @@ import numpy as np
 from benchmarks import machine
 from rb_sim import Simulation
 from rb_sim.mechanics.lane_motions import Lanes
+from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.sweeps.batch import BatchRunner
 from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import load_plan, points
@@ -88,6 +89,7 @@ def lanes() -> None:
         runner, rows = prepared(plan, RUNS)
         runs = [Simulation(runner.scene(x), family=runner.family, announce=None) for x in rows]
         laws = runs[0].compiled.laws
+        assert isinstance(laws, ReducedLaws)
         together = Lanes(laws, runs[0].method)
         assert together.possible
         starts = np.array([run.compiled.y for run in runs])

@@ -242,6 +242,21 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
     assert not imports, sorted(imports)
 
 
+def test_every_module_of_ours_that_benchmarks_and_tests_import_exists() -> None:
+    """In an import inside a function too. Names inside modules are left to pyright."""
+    ours = ("rb_sim", "benchmarks", "tests", "tools")
+    missing = [
+        f"{source.relative_to(ROOT)}: {module}"
+        for folder in ("benchmarks", "tests")
+        for source in (ROOT / folder).rglob("*.py")
+        for module, _ in named_by(ast.walk(ast.parse(source.read_text(encoding="utf-8"))))
+        if module.split(".")[0] in ours
+        and not (place := ROOT.joinpath(*module.split("."))).is_dir()
+        and not place.with_suffix(".py").is_file()
+    ]
+    assert not missing
+
+
 def named_in(source: Path, modules: Mapping[str, Path]) -> set[str]:
     """Which of the modules a file names in its imports, wherever they stand."""
     found: set[str] = set()

@@ -7,6 +7,7 @@ is from one with a tolerance of 1e-13.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -34,7 +35,7 @@ def main() -> None:
     t, centre, force = run.t, run.position["top"], run.reaction["tip"].force
     apart = np.linalg.norm(centre - sharp.position["top"], axis=1)
     figure = plt.figure(figsize=(7.6, 3.1), dpi=100, layout="constrained")
-    space = figure.add_subplot(1, 2, 1, projection="3d")
+    space: Any = figure.add_subplot(1, 2, 1, projection="3d")
     plots = figure.add_gridspec(1, 2)[0, 1].subgridspec(2, 1, height_ratios=(2, 1))
     upper, lower = (figure.add_subplot(plots[k]) for k in (0, 1))
     for k, (axis, colour) in enumerate(zip("xyz", AXES[:3], strict=True)):

@@ -13,6 +13,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -27,7 +28,7 @@ FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
 WIDTH = 1100
 """Of a picture at most [px]."""
 COLOURS = 256
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.dpi": 110,
     "savefig.dpi": 110,
     "font.size": 9,

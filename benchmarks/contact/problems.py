@@ -72,6 +72,8 @@ def apart_from_clarabel(p: Problem) -> float | None:
     import clarabel
     from scipy import sparse
 
+    solver: Any = clarabel  # compiled, without types
+
     n, w = len(p.x), p.A @ p.x + p.b
     own = np.sqrt(np.maximum(np.diag(p.A), 1e-12 * np.abs(p.A).max()))
     even = np.abs(p.A - p.A.T).max() <= SYMMETRIC * np.abs(p.A).max()
@@ -89,19 +91,19 @@ def apart_from_clarabel(p: Problem) -> float | None:
                 scale[1 + j, line] = -1.0 / own[line]
             rows.append(scale)
             least.append(np.zeros(1 + len(lines)))
-            cones.append(clarabel.SecondOrderConeT(1 + len(lines)))
+            cones.append(solver.SecondOrderConeT(1 + len(lines)))
         row = np.zeros((1, n))
         row[0, push] = -1.0 / own[push]
         rows.append(row)
         least.append(-p.least[[push]])
-        cones.append(clarabel.NonnegativeConeT(1))
-    settings = clarabel.DefaultSettings()
+        cones.append(solver.NonnegativeConeT(1))
+    settings = solver.DefaultSettings()
     settings.verbose = False
     size = float(np.abs(b).max()) or 1.0
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     if not rows:
         return None
-    found = clarabel.DefaultSolver(
+    found = solver.DefaultSolver(
         sparse.csc_matrix(np.triu(A)), linear / size, sparse.csc_matrix(np.vstack(rows)),
         np.concatenate(least) / size, cones, settings,
     ).solve()  # fmt: skip
@@ -122,7 +124,7 @@ def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
     simulation, out = Simulation(load_scene(mapping)), []
     for _ in range(steps):
         simulation.advance(mapping["simulation"]["step"])
-        motion = simulation._motion  # type: ignore[attr-defined]
+        motion: Any = simulation._motion  # of time stepping
         work = motion._workspace
         n = int(work.notes[ACTIVE])
         graph = graph_of(motion._tables, work, n)
@@ -211,7 +213,7 @@ def row(of: list[float]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=5000)
     options = parser.parse_args()

@@ -17,7 +17,7 @@ import random
 import time
 from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from itertools import count, islice
+from itertools import islice, zip_longest
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -42,11 +42,9 @@ def batches(options: argparse.Namespace, done: set[int]) -> list[list[int]]:
     }
     pairs = random.Random(options.seed).sample(sorted(queues), len(queues))
     out = []
-    for i in count():
-        row = [queues[pair][i] for pair in pairs if i < len(queues[pair])]
-        if not row:
-            return out
+    for row in zip_longest(*(queues[pair] for pair in pairs), fillvalue=[]):
         out += [kept for batch in row if (kept := [n for n in batch if n not in done])]
+    return out
 
 
 def tossed(options: argparse.Namespace, numbers: list[int]) -> list[Row]:
@@ -118,7 +116,7 @@ def run(options: argparse.Namespace, path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first toss")
     parser.add_argument("--count", type=int, default=10_000)

@@ -11,6 +11,7 @@ stays clear of the joint's singularity.
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -124,7 +125,7 @@ class _Drake(Run):
         )
         self._body = plant.AddRigidBody("body", inertia)
         plant.mutable_gravity_field().set_gravity_vector(scene.gravity)
-        self._joint = None
+        self._joint: Any = None
         if scene.name == "pendulum":
             joint = RevoluteJoint("hinge", plant.world_frame(), self._body.body_frame(), [0, 1, 0])
             self._joint = plant.AddJoint(joint)

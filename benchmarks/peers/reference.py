@@ -48,7 +48,7 @@ class System(NamedTuple):
     """number of auxiliary series that `rates` appends to."""
     rates: Rates
     """(variables, auxiliaries, k) -> coefficient k of each variable's derivative."""
-    pose: tuple[int | str, ...]
+    pose: tuple[int, ...]
     """index of x, y, z, w of the quaternion in the variables, then of the position, if any."""
 
 

@@ -22,6 +22,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from rclpy.utilities import try_shutdown
 from scipy.linalg import solve_discrete_are
 from scipy.signal import cont2discrete
 from std_srvs.srv import SetBool
@@ -47,7 +48,8 @@ def lqr_gain() -> np.ndarray:
     model = rb_sim.Simulation(SCENE).linearize()
     B = model.B[:, [model.inputs.index("cart/force_x")]]
     C = model.C[[model.outputs.index(name) for name in MEASURED]]
-    A, B, *_ = cont2discrete((model.A, B, C, np.zeros((4, 1))), 1.0 / RATE)
+    discrete: Any = cont2discrete((model.A, B, C, np.zeros((4, 1))), 1.0 / RATE)
+    A, B, *_ = discrete
     Q, R = C.T @ np.diag(WEIGHTS) @ C, np.array([[EFFORT]])
     P = solve_discrete_are(A, B, Q, R)
     return (np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A) @ np.linalg.inv(C))[0]
@@ -70,8 +72,8 @@ def lockstep(node: Node, gain: np.ndarray, seconds: float) -> np.ndarray:
         need("rb_sim_interfaces")
     except rb_sim.RbSimError as error:
         raise SystemExit(f"no lockstep: {error}") from None
-    from rb_sim_interfaces.msg import BodyWrench
-    from rb_sim_interfaces.srv import Advance
+    from rb_sim_interfaces.msg import BodyWrench  # pyright: ignore[reportMissingImports]
+    from rb_sim_interfaces.srv import Advance  # pyright: ignore[reportMissingImports]
 
     service = node.create_client(Advance, "/rb_sim/advance")
     if not service.wait_for_service(PATIENCE):
@@ -146,7 +148,7 @@ def topics(node: Node, gain: np.ndarray, seconds: float) -> np.ndarray:
 
 def main() -> None:
     """Balance for --seconds of simulated time and say how well."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--topics", action="store_true", help="in real time, not in lockstep")
     parser.add_argument("--seconds", type=float, default=8.0, help="of simulated time")
     parser.add_argument("--save", type=Path, help="file.npy for what was measured, shape (n, 4)")
@@ -158,7 +160,7 @@ def main() -> None:
         states = (topics if given.topics else lockstep)(node, gain, given.seconds)
     finally:
         node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
     worst, end = np.degrees(np.max(np.abs(states[:, 1]))), np.degrees(abs(states[-1, 1]))
     if given.save is not None:
         np.save(given.save, states)
