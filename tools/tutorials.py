@@ -22,6 +22,7 @@ from PIL import Image
 
 from rb_sim.base.palette import AXES, ORANGE
 from tests.docs.page_run import pictures, run_page
+from tools.pictures import keep
 
 FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
 WIDTH = 1100
@@ -49,7 +50,8 @@ def draw(page: Path) -> None:
             curves = run_page(page)
         kept = FOLDER / "pictures" / page.stem
         for name in pictures(page):
-            small(Path(name), kept / name)
+            small(Path(name), Path("small.png"))
+            keep(Path("small.png"), kept / name)
         rows = [f"{json.dumps(name)}: {json.dumps(curves[name])}"
                 for name in pictures(page) if name in curves]  # fmt: skip
         if rows:
@@ -58,13 +60,11 @@ def draw(page: Path) -> None:
 
 def small(source: Path, target: Path) -> None:
     """Write the picture with WIDTH and COLOURS at most."""
-    target.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(source) as image:
         image = image.convert("RGB")
         if image.width > WIDTH:
             image.thumbnail((WIDTH, image.height), Image.Resampling.LANCZOS)
         image.quantize(COLOURS, kmeans=1).save(target, optimize=True)
-    print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
 
 
 def main(names: list[str]) -> int:

@@ -37,12 +37,17 @@ HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
 }
 STEPS = (1e-2, 1e-3, 1e-4)
 PAGE = Path(__file__).parents[2] / "docs" / "heaps.md"
-HEAD = """# Heaps beside other programs
+HEAD = """\
+---
+search: {exclude: true}
+---
+
+# Heaps compared with other programs
 
 Every heap falls or stands under weight with friction 0.5; all engines take the same step. MuJoCo
-and Drake are at their default solvers, whose contacts give way; rb_sim's are rigid. Where a heap
-that moves wedges itself its friction problem has no solution near by; what is told as `gave` is how
-far the law of a contact was left then at most, relative to the largest impulse of the step.
+and Drake have their default solvers, whose contacts are compliant; those of rb_sim are rigid. A
+jammed moving heap may have no rigid solution; `gave` is the largest violation of a contact law
+then, relative to the largest impulse of the step.
 """
 WRITTEN = """
 Written by `python -m benchmarks.heaps{arguments}`, all in one run. {machine}. {versions}.

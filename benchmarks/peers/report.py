@@ -63,6 +63,10 @@ def markdown(results: Results) -> str:
     machine = results["machine"]
     versions = ", ".join(f"{n} {v}" for n, v in machine["versions"].items() if v)
     text = [
+        "---",
+        "search: {exclude: true}",
+        "---",
+        "",
         "# Error and CPU time beside other programs",
         "",
         f"{results['machine_line']}. {versions}.",

@@ -268,10 +268,12 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
                 entity, values = f"{entity}_rounding", np.zeros(len(values))
             times = rr.TimeColumn(TIMELINE, duration=found.t[name])
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
-    plots = [q for q in UNITS if any(q in series for series in found.series.values())]
+    every = found.series.values()
+    plots = [q for q in UNITS if any(q in s and s[q].max() > found.floors[q] for s in every)]
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
     scene = _view(rrb, "A blue, B orange", center, size)
-    _end(recording, rrb, rrb.Horizontal(scene, rrb.Vertical(*views)))
+    beside = [rrb.Vertical(*views)] if views else []
+    _end(recording, rrb, rrb.Horizontal(scene, *beside))
 
 
 def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float:

@@ -12,7 +12,11 @@ from typing import Any, NamedTuple
 from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
 from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
 
-HEAD = """# Hard cases
+HEAD = """---
+search: {exclude: true}
+---
+
+# Hard cases
 
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does

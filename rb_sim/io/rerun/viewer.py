@@ -119,7 +119,6 @@ def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> 
     with _viewer(recording, size) as viewer:
         first, last = _loaded_span(viewer)
         _settled(viewer)
-        time.sleep(_GREETING)
         views = [view.view_id for view in viewer.ask("get_state").views if view.name == MOTION]
         view = views[0] if len(views) == 1 else None
         for moment in moments:
@@ -209,6 +208,7 @@ def _settled(viewer: _Viewer) -> bytes:
     first, last = _loaded_span(viewer)
     moment = first + MOMENT * (last - first)
     viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
+    time.sleep(_GREETING)
     before, now = b"", viewer.ask("take_screenshot")
     while now != before:
         time.sleep(_PAUSE)
