@@ -10,6 +10,8 @@ from pathlib import Path
 
 import yaml
 
+from tools.licence import NOTICE, lacking
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -24,6 +26,26 @@ def test_name_version_and_licence_agree():
         assert f'{field}="{value}"' in setup_text()
     assert package.get("format") == "3"
     assert package.findtext("export/build_type") == "ament_python"
+
+
+def test_maintainers_are_those_of_setup_with_an_address_that_the_schema_takes():
+    """EmailType of package_common.xsd; names of example domains are nobody's."""
+    for path in ("package.xml", "interfaces/package.xml"):
+        (maintainer,) = ElementTree.parse(ROOT / path).getroot().findall("maintainer")
+        assert f'maintainer="{maintainer.text}"' in setup_text()
+        address = maintainer.get("email", "")
+        name = r"[-\w%+]+(\.[-\w%+]+)*"
+        assert re.fullmatch(rf"{name}@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{{2,}}", address)
+        assert not re.search(r"example|invalid|test$", address)
+
+
+def test_each_source_file_begins_with_the_notice_of_the_licence():
+    """By `python -m tools.licence`; ament_copyright compares words."""
+    assert lacking() == []
+    words = " ".join(NOTICE.split())
+    assert re.match(r"Copyright \d{4} rb_sim contributors Licensed under the Apache License", words)
+    appendix = " ".join((ROOT / "LICENSE").read_text().split())
+    assert words.partition("contributors ")[2] in appendix
 
 
 def test_licence_is_apache():
