@@ -38,7 +38,7 @@ OUT ?= out
 # compute, files of matplotlib, mcap and rosbags. The rest is the same with other versions.
 FLOOR_TESTS := $(addprefix tests/,catalogue/test_spec.py scene/test_load.py scene/test_schema.py \
   scene/test_yaml_reader.py scene/test_builder.py graph/test_machine.py compiler/test_program.py \
-  compiler/test_lapack.py io/test_bag_reader.py io/test_bag_writer.py io/test_bag_sqlite.py \
+  io/test_bag_reader.py io/test_bag_writer.py io/test_bag_sqlite.py \
   io/test_plots.py statics/test_closed_forms.py cli/test_run.py cli/test_errors.py \
   cli/test_public.py cli/test_plain.py cli/test_linearize.py) \
   $(addsuffix ],$(addprefix tests/oracles/test_oracles.py::test_case[,heavytop_bruls_cardona \

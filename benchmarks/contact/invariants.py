@@ -46,7 +46,7 @@ def broken(mapping: dict[str, Any], trajectory: Any) -> Problems:
         out = [] if method else works(trajectory, worked)
     else:
         out = energy(trajectory, loose, COARSE if method else GAINED)
-    if method:  # what a fixed step leaves is the user's choice, and told by the watches
+    if method:  # what a fixed step leaves is the user's choice, and told by the checks
         return out
     soft = [c for c in mapping["constraints"].values() if "compliance" in c]
     worst = float(trajectory.residual.max())

@@ -114,7 +114,7 @@ def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
     """The friction problem of each of so many steps."""
     from rb_sim import Simulation, load_scene
     from rb_sim.contact.solvers.gauss_seidel import is_plain
-    from rb_sim.contact.solvers.graph import LINES
+    from rb_sim.contact.solvers.graph import CONTACT_ROWS
     from rb_sim.contact.stepping.constraint_rows import graph_of
     from rb_sim.contact.stepping.step_workspace import ACTIVE
     from tests.contact.solvers.problems import dense
@@ -126,13 +126,13 @@ def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
         work = motion._workspace
         n = int(work.notes[ACTIVE])
         graph = graph_of(motion._tables, work, n)
-        x = work.x[: LINES * n].reshape(n, LINES)[:, :3]
+        x = work.x[: CONTACT_ROWS * n].reshape(n, CONTACT_ROWS)[:, :3]
         told = np.linalg.norm(motion._memory[work.active[:n], :3], axis=1)
         # what has been moved apart after the step is in place of the problem
         there = np.allclose(np.linalg.norm(x, axis=1), told, rtol=1e-12, atol=0.0)
         if n == 0 or not there or not is_plain(graph):
             continue
-        W, q, mu, r = dense(graph, work.u, work.x[: LINES * n])
+        W, q, mu, r = dense(graph, work.u, work.x[: CONTACT_ROWS * n])
         for i in range(n):  # what a support gives by its own
             W[3 * i, 3 * i] += graph.rules[i, 1]
         pushes = np.arange(3 * n) % 3 == 0

@@ -1,7 +1,7 @@
 """The same random scenes at many settings: `python -m benchmarks.contact.settings`.
 
 The places and attitudes of all bodies are compared with those of a run at a tolerance of 1e-12.
-A run is right if it stays within what its setting promises, told if a watch spoke, refused if it
+A run is right if it stays within what its setting promises, told if a check spoke, refused if it
 ended in one line.  What is neither is silent, and printed.  Where that run itself and one at 1e-11
 part by more than OPEN the motion magnifies errors without bound, or the laws leave it open: no
 setting is judged there.
@@ -97,10 +97,12 @@ def verdict(text: str, options: Options) -> tuple[str, str]:
     kind, _, detail = text.partition(": ")
     if kind != "error":
         return kind, detail
-    error, watches = json.loads(detail)
+    error, check_list = json.loads(detail)
     if error <= allowed(options):
-        return ("false alarm" if watches and error <= 0.01 * allowed(options) else "right"), detail
-    return ("told" if watches else "silent"), detail
+        return (
+            "false alarm" if check_list and error <= 0.01 * allowed(options) else "right"
+        ), detail
+    return ("told" if check_list else "silent"), detail
 
 
 def judged(mapping: Options, names: list[str], seconds: float, folder: Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from benchmarks.fuzz.newton_euler import broken_law
 from rb_sim import load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.motion.pieces import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -145,7 +145,7 @@ def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) 
     finer: times the scene's rate of samples. Where a balance seems broken in silence, samples so
     much closer say whether it is: work is integrated over them.
     """
-    watches = WatchList(simulation.scene, simulation.layout)
+    check_list = CheckList(simulation.scene, simulation.layout)
     options = simulation.scene.simulation
     rate = finer * options.rate
     duration = min(options.duration, most / options.rate)
@@ -155,18 +155,18 @@ def run(simulation: Simulation, budget: float, most: float, finer: float = 1.0) 
     )
     finite = True
     for block in simulation.blocks(duration, rate, forecast.goes_on):
-        watches.add(block, partial(effort_of, simulation))
+        check_list.add(block, partial(effort_of, simulation))
         columns = (block.position, block.linear_velocity, block.reaction_force, block.energy)
         finite &= all(bool(np.isfinite(column).all()) for column in columns)
     if forecast.given_up:
         return "too long", ""
-    if watches.findings:
-        return "told", broken(watches) if finer > 1.0 else ""
+    if check_list.findings:
+        return "told", broken(check_list) if finer > 1.0 else ""
     if not finite:
         return "not finite", "samples that are not finite, and no word of it"
-    if not simulation.layout.contacts and watches.ledger.worst_residual > 1e-8:
-        return "silent", f"residual {watches.ledger.worst_residual:.2g} without a word"
-    silent = broken(watches)
+    if not simulation.layout.contacts and check_list.ledger.worst_residual > 1e-8:
+        return "silent", f"residual {check_list.ledger.worst_residual:.2g} without a word"
+    silent = broken(check_list)
     if silent and finer == 1.0 and resolves(simulation, budget, most):
         silent = ""
     return ("silent", silent) if silent else ("ran", "")
@@ -183,9 +183,9 @@ def fresh(simulation: Simulation) -> Simulation:
     return simulation
 
 
-def broken(watches: WatchList) -> str:
+def broken(check_list: CheckList) -> str:
     """By how much the energy balance is broken, in words; "" if it is not."""
-    energy = watches.ledger.energy()
+    energy = check_list.ledger.energy()
     error = 0.0 if energy is None else energy["relative"] or 0.0
     doubt = 0.0 if energy is None else 30.0 * energy["quadrature"] / (energy["scale"] or 1.0)
     if error > SILENT + doubt:

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.hard_cases.described import CannotExpressError, Described, described
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.hard_cases.judge import Case, Check, Outcome, Row, measure
 from rb_sim.hard_cases.report import PeerRow
 from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, empty_block
@@ -143,9 +143,9 @@ def run(
     with np.errstate(all="ignore"):
         rows = module.run(told, method, step, count, every)
         block = sampled(scene, told, layout, rows, np.arange(count) / options.rate)
-        watches = WatchList(scene, layout)
-        watches.ledger.add(block)
-    return Outcome(Trajectory(block, layout), watches, "", 0.0)
+        check_list = CheckList(scene, layout)
+        check_list.ledger.add(block)
+    return Outcome(Trajectory(block, layout), check_list, "", 0.0)
 
 
 def sampled(

@@ -33,18 +33,18 @@ TAYLOR_STEP, TAYLOR_DIGIT = 10.0, 3.5
 """A step of the Taylor method, and what each decimal digit of its tolerance adds to it."""
 
 JOINTED_STEP, JOINTED_DIGIT = 40.0, 17.0
-"""The same in maximal coordinates with lines of constraints, whose elimination has no order in
+"""The same in maximal coordinates with rows of constraints, whose elimination has no order in
 which its sums could be few (chains of 2 and 5 rods: `python -m benchmarks.series`)."""
 
 REDUCED = 25e-9
 """CPU time of one evaluation of a body in reduced coordinates [s]."""
 
 BODY, LINE = 150e-9, 100e-9
-"""The same in maximal coordinates, of each body and each line of constraints [s]; the elimination
-adds LINE / 10 for each pair of lines."""
+"""The same in maximal coordinates, of each body and each row of constraints [s]; the elimination
+adds LINE / 10 for each pair of rows."""
 
 SHARED = 25e-6
-"""The same where contacts may bear a body by more lines than it has freedoms, as a box on its face:
+"""The same where contacts may bear a body by more rows than it has freedoms, as a box on its face:
 how they share its load is found in every evaluation [s, of each such body]; one to three boxes at
 rest, to a factor of 1.4 (`python -m benchmarks.auto_search --family resting`: CPU and counted)."""
 
@@ -53,8 +53,8 @@ SOLVE = 4.5e-11
 [s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
 
 OPEN_LINE = 50e-9
-"""As LINE, of lines that do not act most of the time [s]: random scenes with one to four bodies and
-up to 79 lines of contacts (benchmarks.silent_runs), to a factor of two."""
+"""As LINE, of rows that do not act most of the time [s]: random scenes with one to four bodies and
+up to 79 rows of contacts (benchmarks.silent_runs), to a factor of two."""
 
 PYTHON_STEP = 1e-3
 """CPU time of a step of time stepping beside joints or forces other than weight [s]."""
@@ -108,10 +108,10 @@ def counted_time(motion: Motion, setting: Setting) -> float:
 
 
 def overdetermined(compiled: Compiled) -> int:
-    """Number of bodies that contacts may hold by more lines than the six of their freedoms."""
+    """Number of bodies that contacts may hold by more rows than the six of their freedoms."""
     if not compiled.contact_laws:
         return 0
-    ends = np.asarray(compiled.system.lines)[:, :2].ravel()
+    ends = np.asarray(compiled.system.row_table)[:, :2].ravel()
     return int((np.bincount(ends[ends >= 0]) > 6).sum())
 
 

@@ -20,7 +20,7 @@ from rb_sim.accuracy.runs import dividing
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.contacts.touching import contact_lines
+from rb_sim.catalogue.contacts.touching import contact_rows
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.contact.events.event_motion import ContactMotion
@@ -280,7 +280,7 @@ class Item:
     on: str
     """the bodies it acts on."""
     rows: int
-    """lines of the constraint Jacobian; 0 for an effect."""
+    """rows of the constraint Jacobian; 0 for an effect."""
     cost: Cost | None
     """what a step costs more because of it; None where that has no meaning."""
     reason: str = ""
@@ -420,9 +420,9 @@ def costs_of_parts(
 
 
 def lines_of(parts: Sequence[Any]) -> int:
-    """Constraint lines of these parts, joints' or contacts'."""
+    """Constraint rows of these parts, joints' or contacts'."""
     rows = [part.row for part in parts]
-    return sum(COUNT[type(r)] if type(r) in COUNT else contact_lines(r) for r in rows)
+    return sum(COUNT[type(r)] if type(r) in COUNT else contact_rows(r) for r in rows)
 
 
 def priced(cost: Cost) -> tuple[Cost | None, str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import SinkError
-from rb_sim.checks.check_list import Watched
+from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.io.bag.reader import BagReader, Rows
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.cdr import NANO
@@ -144,7 +144,7 @@ Inputs = dict[int, list[Input]]
 
 
 def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, ...]:
-    """Simulate `scene` as the bag's run went, and record it in `folder`; what watches saw.
+    """Simulate `scene` as the bag's run went, and record it in `folder`; what the checks found.
 
     The steps are those of the program that recorded it: a node advances from sample to sample, a
     run samples its steps.
@@ -167,13 +167,13 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, 
     ended: dict[str, Any] | None = None
     try:
         node = settings.get("by") == "node"
-        watched = Watched(simulation, blocks(simulation, inputs, count, node=node))
-        for block in watched:
+        checked = CheckedSamples(simulation, blocks(simulation, inputs, count, node=node))
+        for block in checked:
             sink.write(block)
         ended = {"outcome": "simulated again", "samples": count}
     finally:
         sink.close(ended)
-    return watched.findings
+    return checked.findings
 
 
 def inputs_of(reader: BagReader) -> tuple[Inputs, int]:

@@ -43,7 +43,7 @@ MOST_CHANGES = 16
 pieces of a few samples, which say nothing and would cost more than the motion."""
 
 
-class WatchList:
+class CheckList:
     """Checks one run. scene, layout: of the simulation whose samples will come; compiled: the scene
     as it is run."""
 
@@ -185,19 +185,19 @@ def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:
     return replace(block, **part, events=block.events if last else ())
 
 
-# Samples on their way from a simulation to whoever asked for them, looked at by all watches.
+# Samples on their way from a simulation to whoever asked for them, looked at by all checks.
 
 
-class Watched:
-    """Iterates over blocks of samples and keeps what the watches find in them.
+class CheckedSamples:
+    """Iterates over blocks of samples and keeps what the checks find in them.
 
     simulation: whose samples they are; its effort is asked for as they come. blocks: of samples in
-    time. From a reset, or a state that was set, on the watches begin anew, for it is another run.
+    time. From a reset, or a state that was set, on the checks begin anew, for it is another run.
     """
 
     def __init__(self, simulation: Any, blocks: Iterable[SampleBlock]) -> None:
         self._simulation, self._blocks = simulation, blocks
-        self._watches = self._new()
+        self._check_list = self._new()
         self._found: list[Finding] = []
         self._before: tuple[Finding, ...] = ()
         """of runs before the last reset."""
@@ -207,9 +207,9 @@ class Watched:
             for block in self._blocks:
                 if any(given.state for given in block.inputs):
                     self._end()
-                    self._watches = self._new()
+                    self._check_list = self._new()
                 else:
-                    self._watches.add(block, partial(effort_of, self._simulation))
+                    self._check_list.add(block, partial(effort_of, self._simulation))
                 yield block
         finally:
             self._end()
@@ -222,21 +222,21 @@ class Watched:
     @property
     def singular(self) -> float | None:
         """When the run has passed a singular configuration [s]; None: never."""
-        return self._watches.singular
+        return self._check_list.singular
 
     def check(self, error: GlobalError) -> None:
         """Add what the second run shows."""
-        self._watches.check(error, self._simulation)
-        self._found = [*self._before, *self._watches.findings]
+        self._check_list.check(error, self._simulation)
+        self._found = [*self._before, *self._check_list.findings]
 
     def warn(self, stacklevel: int = 2) -> None:
         """Give a Python warning for each finding, at the caller of the function that calls this."""
         tell((), self._found, stacklevel + 1)
 
-    def _new(self) -> WatchList:
+    def _new(self) -> CheckList:
         of = self._simulation
-        return WatchList(of.scene, of.layout, of.compiled)
+        return CheckList(of.scene, of.layout, of.compiled)
 
     def _end(self) -> None:
         self._before = tuple(self._found)
-        self._found += self._watches.findings
+        self._found += self._check_list.findings

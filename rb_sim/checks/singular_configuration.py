@@ -13,7 +13,7 @@ from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.checks.violation import coordinates
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.graph.machine import evaluate_rows
-from rb_sim.mechanics.initial_projection import lines_left, lines_matrix
+from rb_sim.mechanics.initial_projection import rows_left, rows_matrix
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import Dependent
 from rb_sim.mechanics.systems.many_bodies import WIDTH
@@ -78,7 +78,7 @@ OPEN = 1.3
 """Two lowest places of a V over one step of its sides; above, s has a minimum beside zero."""
 
 Figure = Callable[["Array", "Array"], "tuple[Array, Indices]"]
-"""s, and to which line it belongs, at (t (n,), y (n, 13 N))."""
+"""s, and to which row it belongs, at (t (n,), y (n, 13 N))."""
 
 
 class Vanishing(NamedTuple):
@@ -246,22 +246,22 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
 # Whether constraints become dependent during a run: a singular configuration.
 #
 # Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
-# lines that were independent at the start.  Where the lines lose rank s passes through zero as |x|
+# rows that were independent at the start.  Where the rows lose rank s passes through zero as |x|
 # does, so that around a singular configuration the samples of s make a V whose two lowest add up to
 # one step of its sides.  The motion beyond it is not unique.
 #
-# Where lines depend on each other for good some are left out, in loops those that are chosen after
+# Where rows depend on each other for good some are left out, in loops those that are chosen after
 # each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
 # those that are kept may lose rank on the way although all together do not: the laws decide, but
 # the choice is a bad one there and the motion loses digits.  The two are distinguished by the
-# eigenvalues of A over all lines.
+# eigenvalues of A over all rows.
 #
 # States between samples are looked at, too (see above), where bodies turn by much from one to
 # the next.
 
 
-MOST_LINES = 120
-"""Lines up to which a scene is watched: the law that tells s is traced as a whole."""
+MOST_ROWS = 120
+"""Rows up to which a scene is checked: the law that tells s is traced as a whole."""
 
 UNDECIDED = (
     "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
@@ -269,14 +269,14 @@ UNDECIDED = (
 
 
 class SingularConfiguration(NamedTuple):
-    """Where lines came to depend on each other."""
+    """Where rows came to depend on each other."""
 
     t: float
     least: float
     """s at the sample next to it."""
     constraint: str
     too_many: bool = False
-    """whether it is not all lines that lose rank, but those that were kept of too many."""
+    """whether it is not all rows that lose rank, but those that were kept of too many."""
 
     @property
     def finding(self) -> Finding:
@@ -325,8 +325,8 @@ class Conditioning:
     ) -> None:
         self.found: SingularConfiguration | None = None
         self._layout, self._scene = layout, scene
-        self._watched: list[int] = []
-        """lines of which s tells."""
+        self._checked_rows: list[int] = []
+        """rows of which s tells."""
         self._lines: list[int] = []
         self._laws: list[LeastOf] = []
         if not layout.contacts and has_loops(scene):
@@ -342,10 +342,10 @@ class Conditioning:
             except RbSimError:
                 return
         system, laws = compiled.system, compiled.laws
-        if not 0 < compiled.rows <= MOST_LINES or not isinstance(laws, MultiBodyLaws):
+        if not 0 < compiled.rows <= MOST_ROWS or not isinstance(laws, MultiBodyLaws):
             return
-        left_out = Dependent(compiled.dependent.lines | set(laws.changing))
-        self._lines, law = lines_left(system, left_out)
+        left_out = Dependent(compiled.dependent.rows | set(laws.changing))
+        self._lines, law = rows_left(system, left_out)
         inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
         if self._lines:
             self._laws.append(LeastOf(law, inputs, len(self._lines), located=False))
@@ -353,36 +353,36 @@ class Conditioning:
             self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, located=True))
         self._system = system
         self._follower = Follower(self.shares, system.length)
-        self._watched = [*self._lines, *laws.changing]
-        self._rank = len(self._watched) - laws.inputs.chosen.count(0.0)
+        self._checked_rows = [*self._lines, *laws.changing]
+        self._rank = len(self._checked_rows) - laws.inputs.chosen.count(0.0)
 
     @property
-    def watching(self) -> bool:
+    def is_needed(self) -> bool:
         """Whether there is something to look at, and nothing has been found."""
         return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
-        if not self.watching or not len(block):
+        if not self.is_needed or not len(block):
             return
         place = self._follower.add(block.t, coordinates(block, slice(None)))
         if place is not None:
-            owner = self._owner(self._watched[place.line])
+            owner = self._owner(self._checked_rows[place.line])
             self.found = SingularConfiguration(place.at, place.s, owner, self._others_hold(place))
 
     def _owner(self, line: int) -> str:
-        """The constraint to which the line belongs."""
+        """The constraint to which the row belongs."""
         place = InitialPlace(self._scene)
         specs: dict[str, Any] = dict(self._scene.constraints)
         owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
         return owners[part_of(self._system, line)]
 
     def located(self, t: float, least: float, line: int) -> SingularConfiguration:
-        """The singular configuration at t where s of this line comes to zero."""
-        return SingularConfiguration(t, least, self._owner(self._watched[line]))
+        """The singular configuration at t where s of this row comes to zero."""
+        return SingularConfiguration(t, least, self._owner(self._checked_rows[line]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
-        """s and the line to which it belongs at every sample; 1 where it is no number."""
+        """s and the row to which it belongs at every sample; 1 where it is no number."""
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
         least, line = self._laws[0](t, y)
         if len(self._laws) > 1:
@@ -394,9 +394,9 @@ class Conditioning:
         return np.sqrt(np.maximum(least, 0.0)), line
 
     def _others_hold(self, place: Vanishing) -> bool:
-        """True where lines were left out and all together keep their rank around the place."""
+        """True where rows were left out and all together keep their rank around the place."""
         rank = self._rank
-        if rank == len(self._system.lines) or len(place.t) < 4:
+        if rank == len(self._system.row_table) or len(place.t) < 4:
             return False
         with np.errstate(all="ignore"):
             pairs = zip(place.t, place.y, strict=True)
@@ -407,7 +407,7 @@ class Conditioning:
 def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
     """The root of the eigenvalue of A, scaled to a diagonal of ones, that is the least of the
     `rank` largest; nan where A is not finite."""
-    matrix = lines_matrix(system, t, y)
+    matrix = rows_matrix(system, t, y)
     sizes = np.sqrt(np.diag(matrix))
     scaled = matrix / np.outer(sizes, sizes)
     if not np.isfinite(scaled).all():
@@ -416,7 +416,7 @@ def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
 
 
 def has_loops(scene: Scene) -> bool:
-    """True unless the joints hang together as trees, whose lines cannot lose rank."""
+    """True unless the joints hang together as trees, whose rows cannot lose rank."""
     group: dict[str | None, str | None] = {}
 
     def root(name: str | None) -> str | None:
@@ -487,8 +487,8 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
 
     t, rows: its last samples.
     """
-    watch = Conditioning(simulation.scene, simulation.layout, simulation.compiled)
-    if not watch.watching or not len(t):
+    conditioning = Conditioning(simulation.scene, simulation.layout, simulation.compiled)
+    if not conditioning.is_needed or not len(t):
         return None
     run = simulation._motion
     t, rows = t[-LAST:], rows[-LAST:]
@@ -500,9 +500,9 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
             t, rows = np.append(t, between), np.append(rows, found, 0)
     width = 13 * len(simulation.layout.bodies)
     with np.errstate(all="ignore"):
-        s, line = watch.shares(t, rows[:, :width])
+        s, line = conditioning.shares(t, rows[:, :width])
     at = zero_of(t, s, end + STEPS * (getattr(run.method, "step", None) or step))
-    return None if at is None else watch.located(at, float(s[-1]), int(line[-1]))
+    return None if at is None else conditioning.located(at, float(s[-1]), int(line[-1]))
 
 
 def zero_of(t: Array, s: Array, until: float) -> float | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check import below, effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.pieces import ADVICE, Forecast
@@ -55,9 +55,9 @@ def forecast_for(
     return Forecast(duration, tell, wall=wall, advice=advice_for(scene))
 
 
-# Which fixed step would do, where one failed or a watch found it too large.
+# Which fixed step would do, where one failed or a check found it too large.
 #
-# It is found by running the scene with other steps, under the watches of every run.
+# It is found by running the scene with other steps, under the checks of every run.
 
 
 MOST_TIME = 3.0
@@ -196,7 +196,7 @@ class _NoTimeError(Exception):
 class _Trials:
     """Runs of the scene with other steps, up to `end` [s].
 
-    known: watches that may speak, as no step mends what they tell; None: all that name no step.
+    known: checks that may report, as no step mends what they tell; None: all that name no step.
     """
 
     def __init__(
@@ -215,7 +215,7 @@ class _Trials:
         """Steps that did not come to the end [s]."""
 
     def quiet(self, step: float) -> bool:
-        """Whether the run with this step [s] comes to its end and no watch finds fault with it.
+        """Whether the run with this step [s] comes to its end and no check finds fault with it.
 
         Raises _NoTimeError.
         """
@@ -236,24 +236,24 @@ class _Trials:
             self._left = left - counted_time(trial.motion, trial.setting)
             return self._left > 0.0 and self._goes_on()
 
-        watches = WatchList(trial.scene, trial.layout, trial.compiled)
+        check_list = CheckList(trial.scene, trial.layout, trial.compiled)
         second = SecondRun(trial)
         try:
             for block in trial.blocks(self._end, trial.scene.simulation.rate, may_go_on):
                 if not may_go_on(trial.motion.time):
                     raise _NoTimeError
-                watches.add(block, partial(effort_of, trial))
+                check_list.add(block, partial(effort_of, trial))
                 second.add(block)
-                if self._known is not None and self._beyond(watches):
+                if self._known is not None and self._beyond(check_list):
                     return False
         finally:
             may_go_on(trial.motion.time)
-        if not self._beyond(watches):
-            watches.check(second.result(singular=watches.singular), trial)
-        return not self._beyond(watches)
+        if not self._beyond(check_list):
+            check_list.check(second.result(singular=check_list.singular), trial)
+        return not self._beyond(check_list)
 
-    def _beyond(self, watches: WatchList) -> bool:
-        """Whether a watch has found what is not known to come with any step."""
+    def _beyond(self, check_list: CheckList) -> bool:
+        """Whether a check has found what is not known to come with any step."""
         if self._known is None:
-            return any(finding.finer_step is not None for finding in watches.findings)
-        return any(finding.watch not in self._known for finding in watches.findings)
+            return any(finding.finer_step is not None for finding in check_list.findings)
+        return any(finding.watch not in self._known for finding in check_list.findings)

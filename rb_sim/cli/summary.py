@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rb_sim.base.diagnostic import GlobalError
-    from rb_sim.checks.check_list import WatchList
+    from rb_sim.checks.check_list import CheckList
     from rb_sim.scene.schema import SimulationOptions
     from rb_sim.simulation.simulation import Simulation
 
@@ -45,7 +45,7 @@ class Clocks(NamedTuple):
 
 def summarize(
     simulation: Simulation,
-    watches: WatchList,
+    check_list: CheckList,
     clocks: Clocks,
     outcome: str,
     error: GlobalError | None = None,
@@ -57,7 +57,7 @@ def summarize(
     outcome: "finished", "interrupted by ..." or what went wrong. error: by the second run.
     timed: measure the time of a step, which takes some more of them. Sets the simulation back.
     """
-    scene, compiled, ledger = simulation.scene, simulation.compiled, watches.ledger
+    scene, compiled, ledger = simulation.scene, simulation.compiled, check_list.ledger
     options = scene.simulation
     steps, rejected = simulation.steps, simulation.rejected_steps
     span = ledger.end or 0.0
@@ -95,7 +95,7 @@ def summarize(
         "momentum": ledger.momentum(),
         "momentum_not_balanced_because_of": ledger.unknown_force or None,
         "worst_residual": ledger.worst_residual,
-        "warnings": [finding.as_dict() for finding in watches.findings],
+        "warnings": [finding.as_dict() for finding in check_list.findings],
         **({} if contacts is None else {"contacts": contacts | _law_of_impacts(options)}),
     }
 

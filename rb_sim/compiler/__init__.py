@@ -14,5 +14,4 @@ compiled, all that one of them calls becomes one module of LLVM IR, optimised as
     unit        a module: translated, optimised, machine code
     marshal     arguments of Python's, and back
     program     entries that Python or C calls, kept on disk
-    lapack      calls of LAPACK
 """

@@ -218,7 +218,7 @@ def kind_from(words: Any) -> Kind:
     return Tuple(tuple(kind_from(w) for w in words[2:]), of)
 
 
-FORMAT = "2"
+FORMAT = "3"
 
 _LOCK = threading.RLock()
 """One function is made at a time: it is mostly Python, and nobody makes what another one makes."""
@@ -260,8 +260,7 @@ def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
     translate: writes the function ENTRY into a unit, and returns what is to be known of it.
     """
     code, known = shipped.kept(name) or _kept(name) or _translated(name, translate)
-    externals, words = json.loads(known)
-    return load([code], {symbol: _address_of(symbol) for symbol in externals}), words
+    return load([code], {}), json.loads(known)
 
 
 def _kept(name: str) -> tuple[bytes, str] | None:
@@ -298,7 +297,7 @@ def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str
 
     unit = Unit()
     words = translate(unit)
-    text, known = unit.text(), json.dumps([sorted(unit.externals), words])
+    text, known = unit.text(), json.dumps(words)
     key = key_of(text)
     code = _code_of(key)
     if code is None:
@@ -365,13 +364,6 @@ def aside(work: Callable[[], bytes]) -> bytes:
     if failed:
         raise failed[0]
     return found[0]
-
-
-def _address_of(symbol: str) -> int:
-    """Where a function is that finds one which no C library has."""
-    from rb_sim.compiler.calls import finder
-
-    return finder(symbol)
 
 
 def name_of(function: FunctionType, tokens: str) -> str:

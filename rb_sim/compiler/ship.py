@@ -47,7 +47,7 @@ def made(machines: list[str]) -> dict[str, bytes]:
     for name, translate in functions():
         unit = Unit()
         words = translate(unit)
-        texts[name] = unit.text(), json.dumps([sorted(unit.externals), words])
+        texts[name] = unit.text(), json.dumps(words)
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     files = {}

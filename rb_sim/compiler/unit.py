@@ -141,8 +141,6 @@ class Unit:
 
     def __init__(self) -> None:
         self.declarations: set[str] = set()
-        self.externals: dict[str, int] = {}
-        """Addresses of what the module calls by name, beside the C library."""
         self._instances: dict[tuple[Any, tuple[Kind, ...]], tuple[str, Kind] | None] = {}
         self._texts: list[str] = []
         self._tables: dict[tuple[str, bytes], str] = {}
@@ -284,8 +282,7 @@ def object_code(text: str, target: Target | None = None) -> bytes:
     for function in module.functions:
         name = function.name
         if function.is_declaration and not name.startswith("llvm.") and name not in KNOWN:
-            if not name.startswith("lapack_"):
-                raise CompileError(f"{name}: a function that not every process has")
+            raise CompileError(f"{name}: a function that not every process has")
     return machine.emit_object(module)
 
 

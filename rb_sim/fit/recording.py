@@ -12,7 +12,7 @@ from rb_sim.bags.sources import WORLD, topic_of, words
 from rb_sim.bags.tracks import Tracks, Wrenches
 from rb_sim.bags.transforms import carried_over
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check_list import Watched
+from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.mechanics.samples import Input, SampleBlock
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
@@ -69,13 +69,13 @@ def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlo
 
 
 def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
-    """What watches see of lost accuracy in the motion of the scene that follows the recording, a
-    line each."""
+    """What the checks find of lost accuracy in the motion of the scene that follows the recording,
+    a line each."""
     simulation = Simulation(scene)
-    watched = Watched(simulation, followed(simulation, recording))
-    for _ in watched:
+    checked = CheckedSamples(simulation, followed(simulation, recording))
+    for _ in checked:
         pass
-    return tuple(map(str, watched.findings))
+    return tuple(map(str, checked.findings))
 
 
 def pairs_of(

@@ -361,7 +361,7 @@ class Fitted:
     outliers: tuple[str, ...] = ()
     """poses that lie far from all others beside that motion, a line for each body."""
     lost: tuple[str, ...] = ()
-    """what watches saw of lost accuracy in the motion with the fitted values, a line each."""
+    """what the checks found of lost accuracy in the motion with the fitted values, a line each."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""

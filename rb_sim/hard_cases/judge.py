@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
@@ -196,7 +196,7 @@ class Row(NamedTuple):
     """CPU time of the run."""
     verdict: str
     said: str
-    """what an error or a watch said, or ""."""
+    """what an error or a check said, or ""."""
 
     @property
     def margin(self) -> float:
@@ -208,7 +208,7 @@ class Outcome(NamedTuple):
     """What one run gave."""
 
     run: Trajectory | None
-    watches: WatchList | None
+    check_list: CheckList | None
     error: str
     seconds: float
 
@@ -239,52 +239,52 @@ def run(case: Case, setting: Setting) -> Outcome:
     }
     source: Any = find_scene(case.scene) if isinstance(case.scene, str) else case.scene
     began = time.process_time()
-    watches = blocks = None
+    check_list = blocks = None
     try:
         simulation = Simulation(load_scene(source, **given))
         simulation.warm()
         began = time.process_time()
         options = simulation.scene.simulation
         blocks = []
-        watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+        check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
         limits = Limits(steps=MOST_STEPS)
         with np.errstate(all="ignore"):
             for block in simulation.blocks(options.duration, options.rate, limits=limits):
-                watches.add(block, partial(effort_of, simulation))
+                check_list.add(block, partial(effort_of, simulation))
                 blocks.append(block)
         seconds = time.process_time() - began
     except (RbSimError, ZeroDivisionError) as error:
         # plain Python divides by zero where compiled code goes on with infinity, then NaN
-        return Outcome(None, watches, str(error) or "division", time.process_time() - began)
+        return Outcome(None, check_list, str(error) or "division", time.process_time() - began)
     from rb_sim.mechanics.samples import concatenate
 
     whole = concatenate(blocks, simulation.layout)
-    return Outcome(Trajectory(whole, simulation.layout), watches, "", seconds)
+    return Outcome(Trajectory(whole, simulation.layout), check_list, "", seconds)
 
 
 def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
     """(figure, what was said); infinite where the run did not come to its end."""
-    findings = outcome.watches.findings if outcome.watches is not None else ()
+    findings = outcome.check_list.findings if outcome.check_list is not None else ()
     lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
     said = lines[0] if lines else ""
     if check.figure in ("warned", "refused"):
         spoken = lines if outcome.error or check.figure == "warned" else []
         found = [line for line in spoken if re.search(check.words, line)]
         return (0.0, found[0]) if found else (1.0, said)
-    if outcome.run is None or outcome.watches is None:
+    if outcome.run is None or outcome.check_list is None:
         return float("inf"), said
     return float(FIGURES[check.figure](case, check, outcome)), said
 
 
 def _energy(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.watches is not None
-    energy = outcome.watches.ledger.energy()
+    assert outcome.check_list is not None
+    energy = outcome.check_list.ledger.energy()
     return 0.0 if energy is None else energy["relative"] or 0.0
 
 
 def _momentum(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.watches is not None
-    balances = outcome.watches.ledger.momentum()
+    assert outcome.check_list is not None
+    balances = outcome.check_list.ledger.momentum()
     return max((b["relative"] or 0.0 for b in (balances or {}).values()), default=float("inf"))
 
 

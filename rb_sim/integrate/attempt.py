@@ -32,9 +32,9 @@ from rb_sim.integrate.layout import (
 )
 from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
 
-# Newton's iteration on the positions g(q) = 0 of constraint lines.
+# Newton's iteration on the positions g(q) = 0 of constraint rows.
 #
-# Whoever has lines registers two kernels for a class of its own: what the largest error is, and one
+# Whoever has rows registers two kernels for a class of its own: what the largest error is, and one
 # step of the iteration. When it ends is said here alone.
 
 
@@ -51,13 +51,13 @@ has not converged and the state becomes NaN."""
 
 @dispatch
 def position_error(way, t, y):
-    """The largest position error of the lines at (t, y) [m], and which lines they are, as
+    """The largest position error of the rows at (t, y) [m], and which rows they are, as
     `correct_positions` takes them."""
     raise TypeError(f"{type(way)}: no lines")
 
 
 @dispatch
-def correct_positions(way, t, y, lines):
+def correct_positions(way, t, y, rows):
     """One step of Newton's iteration on the position errors just met, in place."""
     raise TypeError(f"{type(way)}: no lines")
 
@@ -68,15 +68,15 @@ def return_to_positions(way, t, y, length, near):
 
     The iteration ends at round-off, when it gains no more, or after a step from within `near` of
     the scene's length (0: never). Returns the largest error that it met last [m], and whether the
-    lines that it measured last are those of y.
+    rows that it measured last are those of y.
     """
     worst, last = 0.0, math.inf
     for _ in range(POSITION_SWEEPS):
-        worst, lines = position_error(way, t, y)
+        worst, rows = position_error(way, t, y)
         if worst <= ON_MANIFOLD * length or not worst < last:
             return worst, True
         last = worst
-        correct_positions(way, t, y, lines)
+        correct_positions(way, t, y, rows)
         if worst <= near * length:
             break
     return worst, False
@@ -106,7 +106,7 @@ def copy(n, to, of):
 
 
 class ByLaws(NamedTuple):
-    """The lines of a scene as laws: GAP tells their largest error, POSITION is a step to them."""
+    """The rows of a scene as laws: GAP tells their largest error, POSITION is a step to them."""
 
     laws: Any
     p: Any
@@ -123,7 +123,7 @@ def error_by_laws(way, t, y):
 
 
 @correct_positions.register(ByLaws)
-def correct_by_laws(way, t, y, lines):
+def correct_by_laws(way, t, y, rows):
     """The law POSITION gives the coordinates after the step of Newton's iteration."""
     call_law(way.laws[POSITION], t, y, way.p, way.at)
     copy(way.n, y, way.at)

@@ -62,7 +62,7 @@ is the way to the manifold from nearby, which writes n coordinates and how far o
 ALONG writes where the state is among the pieces of which a law is made, as WAYS pairs of a
 parameter and its rate; SHARE makes of a step's length, the tolerance and the ways at its both ends
 the share of the step after which a piece ends.  CHOICE writes the inputs of a step that are kept
-from the one before or chosen for each: turns of torsion springs, and which of too many lines get a
+from the one before or chosen for each: turns of torsion springs, and which of too many rows get a
 multiplier; two numbers more may follow.  For a method that steps along a Taylor series, EXPAND and
 ADD write and sum it, and SLOPE is dy/dt of what has it; where that are not the coordinates, BEGIN
 gives it at the start of a step, and COORDINATES the change of y from its own."""

@@ -36,7 +36,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.numerics.rank import Ranked, ranked, scaled_lines, solved
+from rb_sim.numerics.rank import Ranked, ranked, scaled_rows, solved
 from rb_sim.numerics.vectors import add, cross, gyroscopic, rotate, sub
 
 # The equations of motion of N bodies, on numbers or on symbols, and their exact derivatives.
@@ -63,21 +63,21 @@ class Equations(NamedTuple):
     push: list[Any]
     """f + G^T lambda, 6 N."""
     bias: list[Any]
-    """bias + G du/dt of each line."""
+    """bias + G du/dt of each row."""
     error: list[Any]
-    """g of each line; 0 where it is not holonomic."""
+    """g of each row; 0 where it is not holonomic."""
     slip: list[Any]
-    """G u - b of each line."""
+    """G u - b of each row."""
     along: list[Any]
-    """G c of each line."""
+    """G c of each row."""
     reactions: list[Any]
     """force, torque about the anchor of each reaction, world axes, 6 K."""
 
 
-def line_times(system: MultiBody, k: int, u: Sequence[Any]) -> Any:
-    """G u of line k, for u of all bodies (6 N)."""
+def row_times(system: MultiBody, k: int, u: Sequence[Any]) -> Any:
+    """G u of row k, for u of all bodies (6 N)."""
     total: Any = 0.0
-    for column, body in ((0, system.lines[k, BODY]), (6, system.lines[k, PARENT])):
+    for column, body in ((0, system.row_table[k, BODY]), (6, system.row_table[k, PARENT])):
         if body >= 0:
             for i in range(6):
                 total = total + system.rows[k, column + i] * u[6 * body + i]
@@ -85,7 +85,7 @@ def line_times(system: MultiBody, k: int, u: Sequence[Any]) -> Any:
 
 
 def on(system: MultiBody, t: float, y: Any) -> MultiBody:
-    """The system with loads, lines and anchors at (t, y) in tables that hold numbers or symbols."""
+    """The system with loads, rows and anchors at (t, y) in tables that hold numbers or symbols."""
     here = system._replace(
         bodies=system.bodies.astype(object),
         rows=np.zeros(system.rows.shape, object),
@@ -102,7 +102,7 @@ def reactions(system: MultiBody, y: Any, multipliers: Sequence[Any]) -> list[Any
     """Force and torque about the anchor of each reaction, world axes."""
     found: list[Any] = []
     for main, *counted in system.members.tolist():
-        B = state_of(y, int(system.lines[system.first_row[main], BODY]))
+        B = state_of(y, int(system.row_table[system.first_row[main], BODY]))
         force: Any = (0.0, 0.0, 0.0)
         torque: Any = (0.0, 0.0, 0.0)
         for part in np.flatnonzero(counted):
@@ -118,7 +118,7 @@ def reactions(system: MultiBody, y: Any, multipliers: Sequence[Any]) -> list[Any
 def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equations:
     """The equations at (t, y) on what is held."""
     here = on(system, t, y)
-    lines, bodies = range(len(here.lines)), range(len(here.bodies))
+    rows, bodies = range(len(here.row_table)), range(len(here.bodies))
     push: list[Any] = []
     velocities: list[Any] = []
     for i in bodies:
@@ -126,18 +126,18 @@ def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equation
         turn = gyroscopic(six(here.bodies, i, INERTIA), B.w_WB_B)
         push += [*vec(here.bodies, i, LOAD), *sub(vec(here.bodies, i, LOAD + 3), turn)]
         velocities += [*B.v_WC, *B.w_WB_B]
-    for k in lines:
-        for column, body in ((0, here.lines[k, BODY]), (6, here.lines[k, PARENT])):
+    for k in rows:
+        for column, body in ((0, here.row_table[k, BODY]), (6, here.row_table[k, PARENT])):
             if body >= 0:
                 for i in range(6):
                     at = 6 * body + i
                     push[at] = push[at] + held.multipliers[k] * here.rows[k, column + i]
     return Equations(
         push,
-        [here.rows[k, BIAS] + line_times(here, k, held.acceleration) for k in lines],
-        [here.rows[k, ERROR] for k in lines],
-        [line_times(here, k, velocities) - here.rows[k, RATE] for k in lines],
-        [line_times(here, k, held.direction) for k in lines],
+        [here.rows[k, BIAS] + row_times(here, k, held.acceleration) for k in rows],
+        [here.rows[k, ERROR] for k in rows],
+        [row_times(here, k, velocities) - here.rows[k, RATE] for k in rows],
+        [row_times(here, k, held.direction) for k in rows],
         reactions(here, y, held.multipliers),
     )
 
@@ -280,7 +280,7 @@ POSITIONS_FIRST = 8.0
 """Weight of positions over angles where either could be left to the constraints."""
 
 LEAST_PIVOT = 1e-9
-"""Pivot of the lines at length 1, relative to the largest, at or below which a coordinate stays
+"""Pivot of the rows at length 1, relative to the largest, at or below which a coordinate stays
 free. Wider than the rank rule: which ones are states is a choice, and a bad one magnifies."""
 
 GOOD_PIVOT = 0.1
@@ -327,9 +327,9 @@ def linearize(
     F = frame @ F @ to_z + rates
     H = frame @ H
     Z, chosen = free_deviations(system, G, y, by_z["slip"] @ to_z, to_z)
-    lines = np.array(reaction_lines(system, t, y))
-    reaction_x = (by_z["reactions"] + lines @ dmultipliers) @ to_z @ Z
-    reaction_f = exact.by_input["reactions"] + lines @ dmultipliers_f
+    rows = np.array(reaction_rows(system, t, y))
+    reaction_x = (by_z["reactions"] + rows @ dmultipliers) @ to_z @ Z
+    reaction_f = exact.by_input["reactions"] + rows @ dmultipliers_f
     labels = state_names(layout.bodies)
     return LinearModel(
         t=t,
@@ -344,14 +344,14 @@ def linearize(
 
 
 def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, HeldMotion, Ranked]:
-    """(G (n, 6 N), M^-1 (6 N, 6 N), accelerations and multipliers, rank of the lines) at (t, y)."""
-    bodies, lines = len(system.bodies), len(system.lines)
-    none = HeldMotion([0.0] * 6 * bodies, [0.0] * lines, [0.0] * 6 * bodies)
+    """(G (n, 6 N), M^-1 (6 N, 6 N), accelerations and multipliers, rank of the rows) at (t, y)."""
+    bodies, rows = len(system.bodies), len(system.row_table)
+    none = HeldMotion([0.0] * 6 * bodies, [0.0] * rows, [0.0] * 6 * bodies)
     free = equations(system, t, y, none)
     here = on(system, t, y)
     unit = np.eye(6 * bodies)
-    G = np.array([[line_times(here, k, e.tolist()) for e in unit] for k in range(lines)], float)
-    G = G.reshape(lines, 6 * bodies)
+    G = np.array([[row_times(here, k, e.tolist()) for e in unit] for k in range(rows)], float)
+    G = G.reshape(rows, 6 * bodies)
     mass = [np.diag([system.bodies[i, MASS]] * 3) for i in range(bodies)]
     inertia = [symmetric(six(system.bodies, i, INERTIA)) for i in range(bodies)]
     blocks = [block for pair in zip(mass, inertia, strict=True) for block in pair]
@@ -375,7 +375,7 @@ def implicit(
 ) -> tuple[Array, Array]:
     """Derivatives of (du/dt, lambda): M d(du/dt) = d push + G^T d lambda, G d(du/dt) = -d bias.
 
-    Where lines are redundant lambda stays the one of least norm: its part along what A maps to
+    Where rows are redundant lambda stays the one of least norm: its part along what A maps to
     zero changes as that space turns.
     """
     dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["push"])
@@ -391,42 +391,42 @@ def free_deviations(
     half = 6 * bodies
     turns = [rotation(state_of(y, i).q_WB).T for i in range(bodies)]
     to_body = block_diag(*(block for turn in turns for block in (np.eye(3), turn)))
-    lines = G @ to_body @ to_z[:half, :half]
-    pose, free_pose = allowed(lines[holonomic_lines(system, y)], system.length, bodies)
-    twist, free_twist = allowed(lines, system.length, bodies)
+    rows = G @ to_body @ to_z[:half, :half]
+    pose, free_pose = allowed(rows[holonomic_rows(system, y)], system.length, bodies)
+    twist, free_twist = allowed(rows, system.length, bodies)
     Z = np.zeros((2 * half, len(free_pose) + len(free_twist)))
     Z[:half, : len(free_pose)] = pose
     Z[half:, len(free_pose) :] = twist
     bound = [i for i in range(half) if i not in free_twist]
     if bound:
         right = -slip[:, :half] @ pose
-        Z[[half + i for i in bound], : len(free_pose)] = solved(lines[:, bound], right)
+        Z[[half + i for i in bound], : len(free_pose)] = solved(rows[:, bound], right)
     return Z, [*free_pose, *(half + i for i in free_twist)]
 
 
-def holonomic_lines(system: MultiBody, y: Array) -> list[int]:
-    """Which lines restrict positions, too."""
+def holonomic_rows(system: MultiBody, y: Array) -> list[int]:
+    """Which rows restrict positions, too."""
     here = on(system, 0.0, y)
-    return [k for k in range(len(here.lines)) if here.rows[k, HOLONOMIC]]
+    return [k for k in range(len(here.row_table)) if here.rows[k, HOLONOMIC]]
 
 
-def allowed(lines: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
-    """(basis with the identity in its free rows, the free rows) of what the lines map to zero."""
-    size = lines.shape[1]
-    if len(lines) == 0:
+def allowed(rows: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
+    """(basis with the identity in its free rows, the free rows) of what the rows map to zero."""
+    size = rows.shape[1]
+    if len(rows) == 0:
         return np.eye(size), list(range(size))
     weight = np.tile([POSITIONS_FIRST * length] * 3 + [1.0] * 3, bodies)
-    bound = bound_by(scaled_lines(lines * weight))
+    bound = bound_by(scaled_rows(rows * weight))
     free = sorted(set(range(size)) - set(bound))
     basis = np.zeros((size, len(free)))
     basis[free, range(len(free))] = 1.0
-    basis[bound] = -solved(lines[:, bound], lines[:, free])
+    basis[bound] = -solved(rows[:, bound], rows[:, free])
     return basis, free
 
 
-def bound_by(lines: Array) -> list[int]:
-    """Columns that the lines give by the others: of the last bodies, if their pivots are good."""
-    left, bound = lines.copy(), list[int]()
+def bound_by(rows: Array) -> list[int]:
+    """Columns that the rows give by the others: of the last bodies, if their pivots are good."""
+    left, bound = rows.copy(), list[int]()
     largest = float(np.linalg.norm(left, axis=0).max())
 
     def take(columns: Sequence[int], least: float) -> None:
@@ -440,16 +440,16 @@ def bound_by(lines: Array) -> list[int]:
             left[:] -= np.outer(unit, unit @ left)
             left[:, bound] = 0.0
 
-    for first in range(lines.shape[1] - 6, -1, -6):
+    for first in range(rows.shape[1] - 6, -1, -6):
         take(range(first, first + 6), GOOD_PIVOT)
-    take(range(lines.shape[1]), LEAST_PIVOT)
+    take(range(rows.shape[1]), LEAST_PIVOT)
     return bound
 
 
-def reaction_lines(system: MultiBody, t: float, y: Array) -> Array:
+def reaction_rows(system: MultiBody, t: float, y: Array) -> Array:
     """Force and torque of each reaction by the multipliers, (6 K, n)."""
     here = on(system, t, y)
-    unit = np.eye(len(system.lines))
+    unit = np.eye(len(system.row_table))
     found = [reactions(here, y, e.tolist()) for e in unit]
     return np.array(found, float).reshape(len(unit), 6 * len(system.members)).T
 

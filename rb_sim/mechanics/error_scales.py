@@ -444,7 +444,7 @@ PER_DECADE = 8
 """Places at which the work is looked at."""
 
 STRAIGHT = (SlotRow, CurveRow, PlaneRow, ParallelRow, LockRow)
-"""Lines of joints to the world along which a body goes straight on, if at all; along a curve nearly
+"""Rows of joints to the world along which a body goes straight on, if at all; along a curve nearly
 so, as far as a small motion goes."""
 
 INSTANTS = (0.37, 1.7)

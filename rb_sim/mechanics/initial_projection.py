@@ -1,6 +1,6 @@
 """The start of N bodies on the manifold of their constraints: the laws' elimination on numbers.
 
-It runs once and as plain Python, which costs as little as the lines are sparse.
+It runs once and as plain Python, which costs as little as the rows are sparse.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import (
     Dependent,
     Factors,
-    changing_lines,
+    changing_rows,
     constraint_matrix,
     dense_matrix,
     factored,
@@ -99,22 +99,22 @@ def _found(place: Path | None, name: str) -> Law | None:
 
 
 def relative(system: MultiBody, violations: np.ndarray, length: float, speed: float) -> np.ndarray:
-    """|g| and |G u - b| of each line, (2, n), over the scene's length [m] and speed [m/s]."""
+    """|g| and |G u - b| of each row, (2, n), over the scene's length [m] and speed [m/s]."""
     arm = np.array(arms([c.row for c in system.constraints], length))
     return violations * arm / np.array([[length], [speed]])
 
 
 class Manifold:
-    """The constraint lines of a system at states that are numbers."""
+    """The constraint rows of a system at states that are numbers."""
 
     def __init__(self, system: MultiBody) -> None:
         self.system = with_object_tables(system)
         self.laws = MultiBodyLaws(system, 0, redundant=False)
-        self.n = system.lines.shape[0]
+        self.n = system.row_table.shape[0]
         self.arms = arms([c.row for c in system.constraints], system.length)
 
     def violations(self, t: float, y: list[float]) -> tuple[np.ndarray, int]:
-        """|g| and |G u - b| of each line at (t, y), shape (2, n), and the rank of G."""
+        """|g| and |G u - b| of each row at (t, y), shape (2, n), and the rank of G."""
         system = self.system
         write_rows(system, t, y)
         found = np.zeros((2, self.n))
@@ -157,18 +157,18 @@ def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, li
 
 
 @correct_positions.register(Manifold)
-def correct_on_numbers(way: Manifold, t: float, y: list[float], lines: list[int]) -> None:
+def correct_on_numbers(way: Manifold, t: float, y: list[float], held: list[int]) -> None:
     """Displace the bodies by what the errors of these rows demand."""
-    way.push({k: -way.system.rows[k, ERROR] for k in lines})
+    way.push({k: -way.system.rows[k, ERROR] for k in held})
     move_by_push(way.system, y)
 
 
 def start_on_manifold(
     system: MultiBody, t: float, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Violations of the lines at (t, y), and y moved onto the manifold in place.
+    """Violations of the rows at (t, y), and y moved onto the manifold in place.
 
-    Returns |g| and |G u - b| of each line before (shape (2, n)) and after (shape (2, n)), and the
+    Returns |g| and |G u - b| of each row before (shape (2, n)) and after (shape (2, n)), and the
     rank of G after.
     """
     manifold, at = Manifold(system), y.tolist()
@@ -179,15 +179,15 @@ def start_on_manifold(
     return before, after, rank
 
 
-def lines_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
+def rows_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
     """A = G M^-1 G^T at (t, y), (n, n)."""
     made = with_object_tables(system)
     write_rows(made, t, y.tolist())
-    return dense_matrix(made, range(system.lines.shape[0]))
+    return dense_matrix(made, range(system.row_table.shape[0]))
 
 
-def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
-    """The lines that depend on others at y, a state on the manifold."""
+def dependent_rows(system: MultiBody, y: np.ndarray) -> Dependent:
+    """The rows that depend on others at y, a state on the manifold."""
     manifold = Manifold(system)
     write_rows(manifold.system, 0.0, y.tolist())
     order = manifold.laws.order
@@ -200,14 +200,14 @@ def dependent_lines(system: MultiBody, y: np.ndarray) -> Dependent:
 
 
 def changing_in(system: MultiBody, dependent: Dependent) -> list[int]:
-    """Lines in loops of which it is chosen anew on the way which get a multiplier."""
-    if not dependent.lines:
+    """Rows in loops of which it is chosen anew on the way which get a multiplier."""
+    if not dependent.rows:
         return []
-    return changing_lines(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
+    return changing_rows(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
 
 
-def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], CompiledLaws]:
-    """The lines that depend on no others, and the law of their pivots' shares (see Factors)."""
+def rows_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], CompiledLaws]:
+    """The rows that depend on no others, and the law of their pivots' shares (see Factors)."""
     laws = MultiBodyLaws(system, 0, False, (), dependent)
     kept = laws.order
 
@@ -218,12 +218,12 @@ def lines_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Comp
 
     if not of_the_package(system):
         return kept, laws.traced(kernel)
-    origin = "lines left", cleared(system), sorted(dependent.lines), kept
+    origin = "lines left", cleared(system), sorted(dependent.rows), kept
     return kept, kept_law(origin, lambda: laws.outputs(kernel))
 
 
 def of_the_package(system: MultiBody) -> bool:
-    """Whether all that writes the lines is among the sources by which a law may be kept; a kernel
+    """Whether all that writes the rows is among the sources by which a law may be kept; a kernel
     that somebody registered from elsewhere changes without them."""
     package = __name__.partition(".")[0]
     writers = [(type(placed.row), fill.kernels[type(placed.row)]) for placed in system.constraints]

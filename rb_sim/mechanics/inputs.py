@@ -192,7 +192,7 @@ class Inputs:
     """How the laws of one system take what is not constant in them.
 
     varied: places in the system whose numbers are inputs as well (see rb_sim.mechanics.inputs).
-    chosen: the choice of lines that the motion starts with (see
+    chosen: the choice of rows that the motion starts with (see
     rb_sim.mechanics.systems.elimination), the last of the inputs; whoever steps makes it anew on
     the way.
     """

@@ -18,11 +18,11 @@ from rb_sim.mechanics.systems.elimination import (
     Dependent,
     Factors,
     Matrix,
-    chosen_lines,
+    chosen_rows,
     constraint_matrix,
     hasten,
-    lines_in_loops,
-    lines_in_order,
+    rows_in_loops,
+    rows_in_order,
     switch_off,
     take_least_norm,
     with_object_tables,
@@ -71,7 +71,7 @@ from rb_sim.numerics.kernels import Step
 
 
 def plan_of(system: MultiBody) -> Plan | None:
-    """The order in which the lines of a system go, and its hubs; None where it has none."""
+    """The order in which the rows of a system go, and its hubs; None where it has none."""
     first = [int(k) for k in system.first_row]
     sizes = [after - before for before, after in zip(first, first[1:], strict=False)]
     pairs = [(c.body, c.parent) for c in system.constraints]
@@ -80,20 +80,20 @@ def plan_of(system: MultiBody) -> Plan | None:
     return planned(nodes, hubs) if hubs else None
 
 
-def factors_of(system: MultiBody, lines: Sequence[int], plan: Plan | None) -> Factors:
-    """The factors of these lines as written; what is solved with them gives their multipliers.
+def factors_of(system: MultiBody, rows: Sequence[int], plan: Plan | None) -> Factors:
+    """The factors of these rows as written; what is solved with them gives their multipliers.
 
     Without a plan they go in turn; with one its hubs stay, and a_h is found as well.  Right sides
-    of lines that are not chosen must be zero.
+    of rows that are not chosen must be zero.
     """
     if plan is None:
-        matrix = constraint_matrix(system, lines)
+        matrix = constraint_matrix(system, rows)
         if system.chosen:
             switch_off(matrix, system.chosen)
-        return Factors(matrix, lines)
-    matrix = constraint_matrix(system, lines, besides=plan.hubs)
-    # nothing can move lines on hubs alone before the hubs are there; with these, it is this much
-    alone = [k for k in lines if k not in matrix[k]]
+        return Factors(matrix, rows)
+    matrix = constraint_matrix(system, rows, besides=plan.hubs)
+    # nothing can move rows on hubs alone before the hubs are there; with these, it is this much
+    alone = [k for k in rows if k not in matrix[k]]
     scales = {k: constraint_matrix(system, [k])[k][k] for k in alone}
     for k in alone:
         matrix[k][k] = 0.0
@@ -107,7 +107,7 @@ def factors_of(system: MultiBody, lines: Sequence[int], plan: Plan | None) -> Fa
 
 
 def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int]:
-    """All lines, and accelerations of hubs, in the order in which they go."""
+    """All rows, and accelerations of hubs, in the order in which they go."""
     first, order = system.first_row, []
     for node in plan.nodes:
         if node.parts:
@@ -118,36 +118,36 @@ def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int
 
 
 def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
-    """The rows of a hub, whose unknowns lie from `at` on: less its mass, and the lines on it."""
+    """The rows of a hub, whose unknowns lie from `at` on: less its mass, and the rows on it."""
     xx, yy, zz, xy, xz, yz = six(system.bodies, body, INERTIA)
     inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    lines = list(matrix)
+    rows = list(matrix)
     for j in range(3):
         matrix[at + j] = {at + j: -system.bodies[body, MASS]}
         matrix[at + 3 + j] = {at + 3 + i: -inertia[j][i] for i in range(3)}
-    for k in lines:
+    for k in rows:
         for end, column in ((BODY, 0), (PARENT, 6)):
-            if k < system.lines.shape[0] and system.lines[k, end] == body:
+            if k < system.row_table.shape[0] and system.row_table[k, end] == body:
                 for j in range(6):
                     value = matrix[k].get(at + j, 0.0) + system.rows[k, column + j]
                     matrix[k][at + j] = matrix[at + j][k] = value
 
 
-# The constraint lines of N bodies in traced laws: in which order they are eliminated, which get a
+# The constraint rows of N bodies in traced laws: in which order they are eliminated, which get a
 # multiplier, and what it is.
 #
 # The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
 
 
 LEFT_NEAR_SINGULAR = 1e-10
-"""Error of a line, relative to the scene's length, and of its rate to the speed, that is left near
+"""Error of a row, relative to the scene's length, and of its rate to the speed, that is left near
 a singular configuration: a tenth of the violation that is reported."""
 
 
-class SolvedLines(GuidedLaws):
-    """How kernels are traced, and the multipliers of constraint lines found in them.
+class SolvedRows(GuidedLaws):
+    """How kernels are traced, and the multipliers of constraint rows found in them.
 
-    varied: places of constants that are inputs. changing: lines of which the inputs tell whether
+    varied: places of constants that are inputs. changing: rows of which the inputs tell whether
     they get a multiplier; those of them that are `dependent` have none at the start.
     """
 
@@ -162,9 +162,9 @@ class SolvedLines(GuidedLaws):
     ) -> None:
         self.system, self.width, self.redundant = system, width, redundant
         self.dependent, self.changing = dependent, tuple(changing)
-        self.inputs = Inputs(varied, [float(k not in dependent.lines) for k in self.changing])
+        self.inputs = Inputs(varied, [float(k not in dependent.rows) for k in self.changing])
         self.n = WIDTH * system.bodies.shape[0]
-        self.lines = system.lines.shape[0]
+        self.row_count = system.row_table.shape[0]
 
     def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> CompiledLaws:
         """The law kernel(system, t, y); y is a list and may be written."""
@@ -182,7 +182,7 @@ class SolvedLines(GuidedLaws):
 
     @cached_property
     def holonomic(self) -> list[bool]:
-        """For each line whether it is holonomic, which its kind alone decides.
+        """For each row whether it is holonomic, which its kind alone decides.
 
         Rows are written on symbols: at any numbers some scene has a point or an axis there, and a
         division by zero.
@@ -195,28 +195,28 @@ class SolvedLines(GuidedLaws):
 
     @cached_property
     def whole_order(self) -> list[int]:
-        """All lines in the order of elimination."""
+        """All rows in the order of elimination."""
         first = self.system.first_row
         parts = [range(first[i], first[i + 1]) for i in range(len(first) - 1)]
         bodies = [{c.body, c.parent} - {-1} for c in self.system.constraints]
-        return lines_in_order(parts, bodies)
+        return rows_in_order(parts, bodies)
 
     @cached_property
     def order(self) -> list[int]:
-        """Lines that get a multiplier, or may get one, in the order of elimination."""
-        left_out = self.dependent.lines - set(self.changing)
+        """Rows that get a multiplier, or may get one, in the order of elimination."""
+        left_out = self.dependent.rows - set(self.changing)
         return [k for k in self.whole_order if k not in left_out]
 
     @cached_property
     def position_order(self) -> list[int]:
-        """Holonomic lines in the order of elimination, those left out that depend on others."""
+        """Holonomic rows in the order of elimination, those left out that depend on others."""
         left_out = self.dependent.positions - set(self.changing)
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
     def multipliers(
         self, system: MultiBody, right: dict[int, Any], order: Sequence[int], scale: float = 0.0
     ) -> Any:
-        """Multipliers of the lines in `order`, the others zero; the rank of those lines.
+        """Multipliers of the rows in `order`, the others zero; the rank of those rows.
 
         scale: as of `rounding`.
         """
@@ -225,29 +225,29 @@ class SolvedLines(GuidedLaws):
         return factors.rank - self.inputs.chosen.count(0.0)
 
     def rounding(self, scale: float) -> dict[int, float]:
-        """Of each line in a loop the error that stays where its pivot is small (see `solve` of
+        """Of each row in a loop the error that stays where its pivot is small (see `solve` of
         Factors). scale: the scene's length [m] or speed [m/s]; 0 where each error counts."""
-        lines = self.in_loops if scale else ()
-        return {k: LEFT_NEAR_SINGULAR * scale / arm_of(self.system, k) for k in lines}
+        rows = self.in_loops if scale else ()
+        return {k: LEFT_NEAR_SINGULAR * scale / arm_of(self.system, k) for k in rows}
 
     @cached_property
     def in_loops(self) -> list[int]:
-        """Lines that may come to depend on others: those in loops of three bodies and more."""
-        return lines_in_loops(self.system)
+        """Rows that may come to depend on others: those in loops of three bodies and more."""
+        return rows_in_loops(self.system)
 
     def _chosen(self, system: MultiBody, right: dict[int, Any]) -> dict[int, Any]:
-        """The right sides, zero for lines that are not chosen."""
+        """The right sides, zero for rows that are not chosen."""
         chosen = dict(system.chosen)
         return {k: value * chosen.get(k, 1.0) for k, value in right.items()}
 
     @cached_property
     def plan(self) -> Plan | None:
-        """The order of elimination where there are hubs; lines that depend on others have none."""
-        return None if self.redundant or self.dependent.lines else plan_of(self.system)
+        """The order of elimination where there are hubs; rows that depend on others have none."""
+        return None if self.redundant or self.dependent.rows else plan_of(self.system)
 
     def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
-        """Write the multipliers of all lines, zero where none was found."""
-        for k in range(self.lines):
+        """Write the multipliers of all rows, zero where none was found."""
+        for k in range(self.row_count):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
 
     @cached_property
@@ -259,11 +259,11 @@ class SolvedLines(GuidedLaws):
 
     @cached_property
     def choice(self) -> CompiledLaws | None:
-        """The inputs of a step from here: which of the `changing` lines get a multiplier, 1 or 0
+        """The inputs of a step from here: which of the `changing` rows get a multiplier, 1 or 0
         each, after all others where laws keep some of these from step to step.
 
-        Then, of changing lines, their least pivot, scaled to a diagonal of ones, and the number of
-        its line among them.
+        Then, of changing rows, their least pivot, scaled to a diagonal of ones, and the number of
+        its row among them.
         """
         if not self.carried:
             return None
@@ -275,15 +275,15 @@ class SolvedLines(GuidedLaws):
             if not self.changing:
                 return found
             write_rows(system, t, y)
-            matrix, lines = constraint_matrix(system, self.changing), self.changing
-            entries = [matrix[i].get(j, 0.0) for i in lines for j in lines]
-            rank = len(lines) - self.inputs.chosen.count(0.0)
-            return [*found, *chosen_lines(len(lines), rank, entries)]
+            matrix, rows = constraint_matrix(system, self.changing), self.changing
+            entries = [matrix[i].get(j, 0.0) for i in rows for j in rows]
+            rank = len(rows) - self.inputs.chosen.count(0.0)
+            return [*found, *chosen_rows(len(rows), rank, entries)]
 
         return self.traced(kernel)
 
 
-class MultiBodyLaws(SolvedLines):
+class MultiBodyLaws(SolvedRows):
     """The laws of N bodies; reactions are of least norm where `redundant`."""
 
     @property
@@ -300,7 +300,7 @@ class MultiBodyLaws(SolvedLines):
         clear_loads(system)
         apply_effects(system.effects, t, system, y)
         free_accelerations(system, y)
-        if not self.lines:
+        if not self.row_count:
             return 0.0
         write_rows(system, t, y)
         rows = system.rows
@@ -346,7 +346,7 @@ class MultiBodyLaws(SolvedLines):
     @cached_property
     def gap(self) -> CompiledLaws | None:
         """The largest position error [m]."""
-        if not self.lines:
+        if not self.row_count:
             return None
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
@@ -358,7 +358,7 @@ class MultiBodyLaws(SolvedLines):
     @cached_property
     def position(self) -> CompiledLaws | None:
         """y after one step of Newton's iteration on the position errors."""
-        if not self.lines:
+        if not self.row_count:
             return None
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
@@ -375,7 +375,7 @@ class MultiBodyLaws(SolvedLines):
     @cached_property
     def velocity(self) -> CompiledLaws | None:
         """y with the nearest admissible velocities in the metric of M."""
-        return self.traced(self.hastened) if self.lines else None
+        return self.traced(self.hastened) if self.row_count else None
 
     def hastened(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
         """As `velocity`; the multipliers are the impulses that give the velocities [N s]."""
@@ -394,7 +394,7 @@ class MultiBodyLaws(SolvedLines):
         One step of Newton's iteration for the positions; the slips that are left go out with the
         same factors, which differ from those of the new position by the size of that step.
         """
-        if not self.lines or not all(self.holonomic):
+        if not self.row_count or not all(self.holonomic):
             return None
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
@@ -448,7 +448,7 @@ class MultiBodyLaws(SolvedLines):
             if self.redundant:
                 take_least_norm(system, rank)
             at = self.n
-            if self.lines:
+            if self.row_count:
                 at = put_reactions(system, y, out, at)
             put_balances(system, t, y, out, at, power_of_reactions(system))
             return out

@@ -97,7 +97,7 @@ class TracedStepper:
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
         """Take the inputs of the laws from the system at t; what is kept from step to step stays,
-        and so do the lines that are chosen."""
+        and so do the rows that are chosen."""
         lines = len(getattr(self.laws, "changing", ()))
         kept, chosen = self.kept, self._inputs[-1 - lines : -1].copy()
         self._inputs[:] = self._values(system, t, onwards)

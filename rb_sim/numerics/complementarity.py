@@ -15,25 +15,25 @@ from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 # The equations of Alart and Curnier (1991) for a complementarity problem with friction, and
 # Newton's iteration on them with steps of least squares.
 #
-# A problem is w = A x + b with a rule for each line and each bound of friction:
+# A problem is w = A x + b with a rule for each row and each bound of friction:
 #
 #     HOLDS   w = 0
 #     PUSHES  x >= least, w >= 0, one of them zero
-#     RUBS    a line of a bound: |x_t| <= bound x_n, x_t = -bound x_n w_t / |w_t| where w_t is not 0
+#     RUBS    a row of a bound: |x_t| <= bound x_n, x_t = -bound x_n w_t / |w_t| where w_t is not 0
 #
-# Lines in no item are equalities; a bound of inf holds its lines where the normal pushes. Lines
+# Rows in no item are equalities; a bound of inf holds its rows where the normal pushes. Rows
 # that depend on each other do no harm. Matrices are vectors of their rows, one after another.
 
 
 HOLDS, PUSHES, RUBS = 0, 1, 2
-"""Rules of lines."""
+"""Rules of rows."""
 FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
-"""Columns of `bounds`: the lines of a bound, the second -1 where there is none, and its normal."""
+"""Columns of `bounds`: the rows of a bound, the second -1 where there is none, and its normal."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
 
 
 class Equations(NamedTuple):
-    """A problem of n lines and m bounds, and what its residual is measured with."""
+    """A problem of n rows and m bounds, and what its residual is measured with."""
 
     n: int
     m: int
@@ -43,25 +43,25 @@ class Equations(NamedTuple):
     step: Any
     """inverse of each diagonal element, or of the largest where it is none, (n,)."""
     rules: Any
-    """of each line, (n,)."""
+    """of each row, (n,)."""
     least: Any
-    """least x of each line that PUSHES, (n,)."""
+    """least x of each row that PUSHES, (n,)."""
     bounds: Any
-    """lines and normal of each bound, (m, 3)."""
+    """rows and normal of each bound, (m, 3)."""
     limits: Any
-    """each bound over its normal's x; inf: its lines hold where the normal pushes, (m,)."""
+    """each bound over its normal's x; inf: its rows hold where the normal pushes, (m,)."""
     blur: float
     """residual that is but the rounding of b."""
 
 
 def workspace_of(n: int) -> int:
-    """Numbers of work space that a problem of n lines takes."""
+    """Numbers of work space that a problem of n rows takes."""
     return 2 * n * n + 16 * n
 
 
 @inline
 def line_times(p, k, x):
-    """w of line k."""
+    """w of row k."""
     s = p.b[k]
     for j in range(p.n):
         s += p.A[k * p.n + j] * x[j]
@@ -89,7 +89,7 @@ def limit(p, i, x):
 
 @inline
 def lines_of(p, i):
-    """(first line, second line or -1, the smaller of their steps) of the i-th bound."""
+    """(first row, second row or -1, the smaller of their steps) of the i-th bound."""
     k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
 
@@ -151,7 +151,7 @@ def rub(p, i, x, w, F, J):
 
 @inline
 def relative(p, error, x):
-    """Residual beyond the rounding of b, relative to the size of x, or of an x where every line
+    """Residual beyond the rounding of b, relative to the size of x, or of an x where every row
     alone would hold."""
     natural = 1e-300
     for k in range(p.n):
@@ -220,7 +220,7 @@ def sweep(p, x):
 
 @inline
 def fill_steps(n, A, terms, step):
-    """The step of each line; returns the residual that is but the rounding of such terms of b."""
+    """The step of each row; returns the residual that is but the rounding of such terms of b."""
     largest, blur = 0.0, 0.0
     for k in range(n):
         largest = max(largest, abs(A[k * n + k]))
@@ -241,15 +241,15 @@ CONTRADICTION = JUDGED_BY_CONTACT
 """Relative residual that counts where none is smaller: points that touch to within that of the
 scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
 STARTS = 3
-"""Of Newton's iteration: zero, where all lines hold, and what sweeps give."""
+"""Of Newton's iteration: zero, where all rows hold, and what sweeps give."""
 SOFTER, PROXIMAL_STEPS = 1e-3, 60
-"""Part of a line's own stiffness that a proximal step adds, and the most such steps."""
+"""Part of a row's own stiffness that a proximal step adds, and the most such steps."""
 
 
 @inline
 def search(p, x, workspace, starts):
     """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
-    where all lines hold and from what sweeps give: the first that is solved or the best; returns
+    where all rows hold and from what sweeps give: the first that is solved or the best; returns
     its residual. workspace: of `workspace_of(n)` numbers."""
     n, residual = p.n, math.inf
     trial, work = workspace, part(workspace, n)
@@ -321,13 +321,13 @@ def unit_of(element):
 
 @inline
 def even_out(p, terms, A, b, even_terms, limits, least, sizes):
-    """The problem and the terms of its b in units in which every line alone gives way alike, into
+    """The problem and the terms of its b in units in which every row alone gives way alike, into
     A, b, even_terms, limits and least. sizes: of those units, in those of x.
 
-    A line of a turn has 1/I for its element, one of a place 1/m: in a scene of a micrometre they
+    A row of a turn has 1/I for its element, one of a place 1/m: in a scene of a micrometre they
     are a billion of thousands apart, and what is none beside the one would be all of the other.
-    Powers of two change no digit; both lines of a bound have one unit, so that it stays a circle.
-    Of a line that slips the element may vanish (Painleve), its couplings do not.
+    Powers of two change no digit; both rows of a bound have one unit, so that it stays a circle.
+    Of a row that slips the element may vanish (Painleve), its couplings do not.
     """
     n = p.n
     for k in range(n):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.compiler.calls import singular_vectors, work_of_singular_vectors
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 
@@ -52,8 +51,9 @@ def reflect_columns(R, n, k, c):
 
 
 @inline
-def triangular(R, n, c, order):
-    """R becomes the triangle of A P = Q R, c becomes Q^T c, order tells P; returns the rank."""
+def triangular(R, n, c, order, least):
+    """R becomes the triangle of A P = Q R, c becomes Q^T c, order tells P; returns the rank: of
+    how many columns those before leave more than `least` times the longest."""
     largest = 0.0
     for j in range(n):
         order[j] = j
@@ -64,7 +64,7 @@ def triangular(R, n, c, order):
             if size > most:
                 best, most = j, size
         largest = max(largest, most)
-        if not most > LEAST_SINGULAR * largest:
+        if not most > least * largest:
             return k
         if best != k:
             order[k], order[best] = order[best], order[k]
@@ -104,19 +104,41 @@ def reflect_row(R, n, rank, k, v):
 @inline
 def least_squares(A, b, n, x, work):
     """Into x the solution; A and b are finite; work: n (n + 4) numbers."""
-    for i in range(n * n):
-        work[i] = A[i]
-    first = n * n
-    for i in range(n):
-        work[first + i] = b[i]
-    decomposed(work, part(work, first), n, part(work, first + n), x)
+    copy_system(A, b, n, work)
+    decomposed(work, part(work, n * n), n, n, LEAST_SINGULAR, part(work, n * (n + 1)), x)
 
 
 @inline
-def decomposed(R, c, n, work, x):
-    """As `least_squares`, in place of A = R and b = c."""
+def of_rank(A, b, n, rank, x, work):
+    """As `least_squares`, of a matrix whose rank is known; NaN where A or b is not finite."""
+    total = 0.0
+    for i in range(n):
+        total += b[i]
+    for i in range(n * n):
+        total += A[i]
+    if not total - total == 0.0:
+        for i in range(n):
+            x[i] = total - total
+        return
+    copy_system(A, b, n, work)
+    decomposed(work, part(work, n * n), n, rank, 0.0, part(work, n * (n + 1)), x)
+
+
+@inline
+def copy_system(A, b, n, work):
+    """A, then b, into the work space."""
+    for i in range(n * n):
+        work[i] = A[i]
+    for i in range(n):
+        work[n * n + i] = b[i]
+
+
+@inline
+def decomposed(R, c, n, most, least, work, x):
+    """As `least_squares`, in place of A = R and b = c; most: rank at the most; least: see
+    `triangular`."""
     order, v, halves = work, part(work, n), part(work, 2 * n)
-    rank = triangular(R, n, c, order)
+    rank = min(triangular(R, n, c, order, least), most)
     for k in range(rank - 1, -1, -1):
         halves[k] = reflect_row(R, n, rank, k, v) if rank < n else 0.0
     for i in range(rank - 1, -1, -1):
@@ -195,7 +217,7 @@ def solve_semidefinite(A, b, x, L, order, n):
 
 # Small linear systems A x = b whose matrix is neither symmetric nor of full rank.
 #
-# Friction makes them: the reaction of a slipping contact is not along the line that it enforces.
+# Friction makes them: the reaction of a slipping contact is not along the row that it enforces.
 
 
 @inline
@@ -258,31 +280,9 @@ def least_norm(A, b, x, rank, n):
 
     Only the first n rows and columns count.
     """
-    total = 0.0
-    for i in range(n):
-        total += b[i]
-        for j in range(n):
-            total += A[i, j]
-    if not total - total == 0.0:
-        for i in range(n):
-            x[i] = total - total
-        return
-    workspace = np.empty(n * (3 * n + 1) + work_of_singular_vectors(n))
-    a, right, left = (
-        pointer(workspace),
-        part(pointer(workspace), n * n),
-        part(pointer(workspace), 2 * n * n),
-    )
-    s, work = part(pointer(workspace), 3 * n * n), part(pointer(workspace), n * (3 * n + 1))
+    workspace = np.empty(n * (2 * n + 4))
+    square, work = pointer(workspace), part(pointer(workspace), n * n)
     for i in range(n):
         for j in range(n):
-            a[i * n + j] = A[i, j]
-    singular_vectors(n, a, right, s, left, work)
-    for i in range(n):
-        x[i] = 0.0
-    for k in range(rank):
-        share = 0.0
-        for i in range(n):
-            share += left[k * n + i] * b[i]
-        for i in range(n):
-            x[i] += right[k * n + i] * share / s[k]
+            square[i * n + j] = A[i, j]
+    of_rank(square, b, n, rank, x, work)

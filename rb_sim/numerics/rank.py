@@ -1,6 +1,6 @@
-"""The one rank rule: lines scaled to length 1, then one threshold.
+"""The one rank rule: rows scaled to length 1, then one threshold.
 
-Whether lines depend on each other is decided here: by eigenvalues or singular values, and, in
+Whether rows depend on each other is decided here: by eigenvalues or singular values, and, in
 compiled code, by the pivots of `linear_solves`, which take their
 threshold from here. Loads and lengths are scaled away before, so that neither units nor mass ratios
 decide.
@@ -14,12 +14,12 @@ import numpy as np
 
 RANK_TOLERANCE = 1e-11
 """Pivot or eigenvalue of a symmetric matrix, relative to its diagonal elements, at or below which a
-line depends on others; above it the line is one of its own. Eigenvalues: times their number."""
+row depends on others; above it the row is one of its own. Eigenvalues: times their number."""
 LEAST_SINGULAR = 1e-12
 """Singular value, relative to the largest, at or below which it is round-off and its direction
 belongs to the null space; singular values are roots of eigenvalues, and known more exactly."""
 JUDGED_BY_CONTACT = 1e-10
-"""As LEAST_SINGULAR, for lines of contacts, whose places are known to that only: points that touch
+"""As LEAST_SINGULAR, for rows of contacts, whose places are known to that only: points that touch
 are within this of each other (see TOUCHING)."""
 
 
@@ -28,7 +28,7 @@ class Ranked(NamedTuple):
 
     rank: int
     null: np.ndarray
-    """orthonormal basis of what A maps to zero: what vanishes of the lines; (n, n - rank)."""
+    """orthonormal basis of what A maps to zero: what vanishes of the rows; (n, n - rank)."""
     inverse: np.ndarray
     """A^+ b is the solution of least norm of A x = b, for a consistent b; (n, n)."""
 
@@ -40,7 +40,7 @@ class Ranked(NamedTuple):
 def ranked(a: np.ndarray) -> Ranked:
     """Rank, null space and pseudo-inverse of a symmetric positive semidefinite matrix (n, n).
 
-    Each line is scaled by the root of its diagonal element; of the scaled matrix eigenvalues up to
+    Each row is scaled by the root of its diagonal element; of the scaled matrix eigenvalues up to
     RANK_TOLERANCE times n count as zero, so that neither units nor mass ratios decide.
     """
     n = len(a)
@@ -67,7 +67,7 @@ class Split(NamedTuple):
     singular: np.ndarray
     """s that are not zero, the largest first, (rank,)."""
     left: np.ndarray
-    """U, all of it: (m, m); its columns from `rank` on are combinations of lines that vanish."""
+    """U, all of it: (m, m); its columns from `rank` on are combinations of rows that vanish."""
     right: np.ndarray
     """V^T, all of it: (n, n); its rows from `rank` on are what A maps to zero."""
 
@@ -88,19 +88,19 @@ def split(u: np.ndarray, s: np.ndarray, vt: np.ndarray, least: float = LEAST_SIN
     return Split(rank, s[:rank], u, vt)
 
 
-def scaled_lines(lines: np.ndarray) -> np.ndarray:
-    """The lines (m, n) at length 1; those that vanish stay zero."""
-    sizes = np.linalg.norm(lines, axis=1)
-    return lines / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+def scaled_rows(rows: np.ndarray) -> np.ndarray:
+    """The rows (m, n) at length 1; those that vanish stay zero."""
+    sizes = np.linalg.norm(rows, axis=1)
+    return rows / np.where(sizes > 0.0, sizes, 1.0)[:, None]
 
 
-def null_space(lines: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of what the lines (m, n) map to zero, (n, dimension)."""
-    scaled = scaled_lines(lines)
+def null_space(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of what the rows (m, n) map to zero, (n, dimension)."""
+    scaled = scaled_rows(rows)
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    return vectors[:, values <= RANK_TOLERANCE * max(len(values), len(lines))]
+    return vectors[:, values <= RANK_TOLERANCE * max(len(values), len(rows))]
 
 
-def solved(lines: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The x of least norm among those with the least |lines x - right|."""
-    return np.linalg.lstsq(lines, right, rcond=RANK_TOLERANCE)[0]
+def solved(rows: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The x of least norm among those with the least |rows x - right|."""
+    return np.linalg.lstsq(rows, right, rcond=RANK_TOLERANCE)[0]

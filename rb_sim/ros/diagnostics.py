@@ -17,7 +17,7 @@ from rb_sim.ros.serving import offer
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics.command import OVERTAKEN, Commands
 from rb_sim.ros.topics.presence import twins
-from rb_sim.ros.topics.topic_sink import WatchSink
+from rb_sim.ros.topics.topic_sink import CheckSink
 
 PERIOD = 1.0
 """[s] of wall time."""
@@ -25,7 +25,7 @@ HARMLESS = ("commands received", "commands applied", f"commands {OVERTAKEN}")
 """Counters that may grow: a controller may well be faster than the samples."""
 
 
-class Watched(NamedTuple):
+class Monitored(NamedTuple):
     """What diagnostics report on."""
 
     stepper: Stepper
@@ -33,21 +33,21 @@ class Watched(NamedTuple):
     priority: Priority
     commands: Commands
     logs: LogProcess | None
-    watches: WatchSink
+    check_list: CheckSink
 
 
 class Diagnostics:
     """Publishes a DiagnosticArray with one status; its values are counters and measurements."""
 
     def __init__(
-        self, node: Node, scene_name: str, watched: Watched, *, publish_clock: bool = False
+        self, node: Node, scene_name: str, monitored: Monitored, *, publish_clock: bool = False
     ) -> None:
         """publish_clock: whether the node does, so that nobody else is to."""
         self._node, self._publish_clock = node, publish_clock
         self._scene_name = scene_name
-        self._watched = watched
+        self._monitored = monitored
         self._publisher = offer(node, DiagnosticArray, "/diagnostics", 10)
-        self._last = (time.monotonic(), watched.stepper.t)
+        self._last = (time.monotonic(), monitored.stepper.t)
         self._reported: dict[str, int] = {}
         self._twins = self._clocks = 0
         self._found: tuple[Finding, ...] = ()
@@ -63,7 +63,7 @@ class Diagnostics:
         if now - wall_0 < PERIOD and state == self._state:
             return
         self._state = state
-        t = self._watched.stepper.t
+        t = self._monitored.stepper.t
         self._last = (now, t)
         self._notice_twins()
         self._notice_clocks()
@@ -76,18 +76,18 @@ class Diagnostics:
         self._publish(t, values, (DiagnosticStatus.ERROR, failure) if failure else judged)
 
     def _values(self, t: float, state: str, factor: float, measured: float) -> dict[str, str]:
-        logs = self._watched.logs
+        logs = self._monitored.logs
         return {
             "scene": self._scene_name,
             "state": state,
             "paused": str(state == "paused").lower(),
             "simulated time [s]": f"{t:.9f}",
-            "samples": str(self._watched.stepper.samples),
+            "samples": str(self._monitored.stepper.samples),
             "real-time factor, set": f"{factor:g}",
             "real-time factor, measured": f"{measured:.4g}",
             **({} if logs is None else {"log queue [samples]": str(logs.queued)}),
-            "thread priority": str(self._watched.priority),
-            "behind the wall clock [s]": f"{self._watched.pacer.slipped:.6f}",
+            "thread priority": str(self._monitored.priority),
+            "behind the wall clock [s]": f"{self._monitored.pacer.slipped:.6f}",
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
             **{f"warning, {finding.watch}": str(finding) for finding in self._found},
@@ -117,16 +117,16 @@ class Diagnostics:
         self._clocks = count
 
     def _notice_findings(self) -> None:
-        """Say on the log, too, what a watch has found since the last report."""
-        found = self._watched.watches.look()
+        """Say on the log, too, what a check has found since the last report."""
+        found = self._monitored.check_list.look()
         for finding in found:
             if finding not in self._found:
                 self._node.get_logger().warning(str(finding))
         self._found = found
 
     def _step_values(self) -> dict[str, str]:
-        mean, longest = self._watched.stepper.take_times()
-        last = self._watched.stepper.last
+        mean, longest = self._monitored.stepper.take_times()
+        last = self._monitored.stepper.last
         values = {
             "step time, mean [us]": f"{mean * 1e6:.1f}",
             "step time, longest [us]": f"{longest * 1e6:.1f}",
@@ -137,13 +137,13 @@ class Diagnostics:
         return values
 
     def _counters(self) -> dict[str, int]:
-        refused, logs = self._watched.commands.refused, self._watched.logs
+        refused, logs = self._monitored.commands.refused, self._monitored.logs
         lost = {} if logs is None else logs.lost
         return {
-            "overruns": self._watched.pacer.overruns,
-            "slips": self._watched.pacer.slips,
-            "commands received": self._watched.commands.received,
-            "commands applied": self._watched.commands.applied,
+            "overruns": self._monitored.pacer.overruns,
+            "slips": self._monitored.pacer.slips,
+            "commands received": self._monitored.commands.received,
+            "commands applied": self._monitored.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
             **{f"log rows dropped, {name}": count for name, count in lost.items()},
             **dict(self._others()),
@@ -171,7 +171,7 @@ class Diagnostics:
 
     def _judgement(self) -> tuple[bytes, str]:
         """Error: a log was lost. Warning: a counter of trouble grew since the last report, or a
-        watch has passed its bound since the last reset."""
+        check has passed its bound since the last reset."""
         counters = self._counters()
         grown = [
             name
@@ -179,7 +179,7 @@ class Diagnostics:
             if name not in HARMLESS and count > self._reported.get(name, 0)
         ]
         self._reported = counters
-        lost = [] if self._watched.logs is None else self._watched.logs.failures
+        lost = [] if self._monitored.logs is None else self._monitored.logs.failures
         if lost:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
         if new := grown or [name for name, count in self._others() if count]:

@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.motion.pieces import Limits
-from rb_sim.ros.diagnostics import Diagnostics, Watched
+from rb_sim.ros.diagnostics import Diagnostics, Monitored
 from rb_sim.ros.logs.process import LogProcess
 from rb_sim.ros.pacing import SLICE, Pacer, Priority
 from rb_sim.ros.parameters import LiveSettings
@@ -23,7 +23,7 @@ from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics import command
 from rb_sim.ros.topics.conventions import asked_for
 from rb_sim.ros.topics.presence import Presence
-from rb_sim.ros.topics.topic_sink import TopicSink, WatchSink
+from rb_sim.ros.topics.topic_sink import CheckSink, TopicSink
 
 if TYPE_CHECKING:
     from signal import Signals
@@ -43,7 +43,7 @@ def summary_of(
     stepper: Stepper,
     commands: Commands,
     pacer: Pacer,
-    watches: WatchSink,
+    check_list: CheckSink,
     choice: Choice | None,
     cause: Signals | None,
     failure: str,
@@ -66,7 +66,7 @@ def summary_of(
         "samples_dropped": dropped,
         "stopped_by": cause.name if cause else None,
         "error": failure or None,
-        "warnings": [finding.as_dict() for finding in watches.look()],
+        "warnings": [finding.as_dict() for finding in check_list.look()],
     }
 
 
@@ -117,15 +117,15 @@ class SimulationLoop:
         extras = asked_for(node, settings)
         found = (getattr(sink, "latest", None) for sink in (self._topics, *extras))
         self._latest = [latest for latest in found if latest is not None]
-        self._watches = WatchSink(simulation)
-        self._sinks = [self._topics, *extras, *([logs] if logs else []), self._watches]
+        self._check_list = CheckSink(simulation)
+        self._sinks = [self._topics, *extras, *([logs] if logs else []), self._check_list]
         self.commands = command.Commands(node, simulation.layout.commanded, settings.frame_prefix)
         rate = simulation.scene.simulation.rate
         self._stepper = Stepper(simulation, self.commands, self._sinks, rate)
         self._stepper.watch, self._reported = self._look, 0.0
-        who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._watches)
+        who = (self._stepper, self._pacer, self._priority, self.commands, logs, self._check_list)
         self._diagnostics = Diagnostics(
-            node, simulation.scene.name, Watched(*who), publish_clock=settings.publish_clock
+            node, simulation.scene.name, Monitored(*who), publish_clock=settings.publish_clock
         )
         offer_services(node, self, simulation, self._stepper, may_quit=not managed)
         self._bound()
@@ -190,7 +190,7 @@ class SimulationLoop:
         for sink in [one for one in self._sinks if one is not self._logs]:
             sink.close()
         if self._logs is not None:
-            who = (self._stepper, self.commands, self._pacer, self._watches)
+            who = (self._stepper, self.commands, self._pacer, self._check_list)
             of_end = self._simulation.choice, self._stop.cause, self.failure, self._logs.dropped
             summary = summary_of(*who, *of_end)
             self._logs.close(summary, patient=lambda: not (self._stop.cause or self.left))
@@ -216,7 +216,7 @@ class SimulationLoop:
         """The initial state as the next sample, at its time. RbSimError: the node ends."""
         self._wait_for_next()
         self._stepper.reset()
-        self._watches.reset()
+        self._check_list.reset()
         if self.failure:
             self._node.get_logger().info("reset after an error: the simulation continues")
             self._pacer.restart(self.t, self._settings.real_time_factor)
@@ -226,7 +226,7 @@ class SimulationLoop:
         """Bodies put elsewhere: the next sample, at its time. RbSimError: it cannot be."""
         self._wait_for_next()
         self._stepper.set_state(bodies, project=project)
-        self._watches.reset()
+        self._check_list.reset()
 
     def step_once(self) -> None:
         """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""

@@ -19,7 +19,7 @@ THREADS = Path("/proc/self/task")
 
 
 def own_threads() -> list[int]:
-    """Kernel's numbers of all threads of this process: the loop, the middleware's, the watches'."""
+    """Kernel's numbers of all threads of this process: the loop, the middleware's, the checks'."""
     return [int(thread.name) for thread in THREADS.iterdir()]
 
 

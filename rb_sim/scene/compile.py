@@ -94,10 +94,10 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
     check_reduced(scene, place, reduced)
     indeterminate = tuple(layout.reactions) if reduced.indeterminate else ()
     parts = [part for spec in joints for part in spec.parts(place)]
-    lines = sum(COUNT[type(part.row)] for part in parts)
-    freedom = 6 - lines + (1 if reduced.indeterminate else 0)
+    row_count = sum(COUNT[type(part.row)] for part in parts)
+    freedom = 6 - row_count + (1 if reduced.indeterminate else 0)
     return Compiled(
-        reduced.system, reduced.y, layout, commands, breakpoints, indeterminate, lines, freedom
+        reduced.system, reduced.y, layout, commands, breakpoints, indeterminate, row_count, freedom
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
-from rb_sim.catalogue.contacts.touching import ContactLaw, Sides, Touching, contact_lines, sides_of
+from rb_sim.catalogue.contacts.touching import ContactLaw, Sides, Touching, contact_rows, sides_of
 from rb_sim.catalogue.geometry.corners_and_rims import (
     ABSENT,
     PointOnSolid,
@@ -22,8 +22,8 @@ from rb_sim.catalogue.types import Placed
 from rb_sim.mechanics.contact import constraint_tables as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
-    AMONG_LINES,
     AMONG_POSITIONS,
+    AMONG_ROWS,
     BILATERAL,
     CHANGING,
     CLOSED,
@@ -34,12 +34,12 @@ from rb_sim.mechanics.contact.contact_bodies import (
     KINETIC,
     LEAN_BEFORE,
     LEAN_SIGN,
-    LINE_WIDTH,
     MOST_RANK,
     NORMAL_SIGN,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
+    ROW_TABLE_WIDTH,
     SLIP,
     SPINNING_ARM,
     STATIC,
@@ -48,7 +48,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     ContactBodies,
 )
 from rb_sim.mechanics.contact.motion_kernels import bring_positions, bring_to_manifold
-from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
+from rb_sim.mechanics.initial_projection import changing_in, dependent_rows
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
 from rb_sim.mechanics.systems.multibody import body_table, write_rows
@@ -256,7 +256,7 @@ def compile_contacts(
         commands,
         breakpoints,
         indeterminate,
-        len(system.lines),
+        len(system.row_table),
         6 * len(scene.bodies) - rank,
         tuple(parts.laws),
         tuple(parts.boxes.values()),
@@ -273,12 +273,12 @@ def start_of(scene: Scene, place: InitialPlace) -> np.ndarray:
 
 
 def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> ContactBodies:
-    """The system with those lines of joints marked that follow from others; alone: the system
+    """The system with those rows of joints marked that follow from others; alone: the system
     without its contacts."""
-    found = dependent_lines(along_parents(alone), y)
-    system.lines[changing_in(along_parents(alone), found), DEPENDENT] += CHANGING
-    system.lines[list(found.lines), DEPENDENT] += AMONG_LINES
-    system.lines[list(found.positions), DEPENDENT] += AMONG_POSITIONS
+    found = dependent_rows(along_parents(alone), y)
+    system.row_table[changing_in(along_parents(alone), found), DEPENDENT] += CHANGING
+    system.row_table[list(found.rows), DEPENDENT] += AMONG_ROWS
+    system.row_table[list(found.positions), DEPENDENT] += AMONG_POSITIONS
     return along_parents(system)
 
 
@@ -324,23 +324,23 @@ def system_of(
     """The tables of the system, all contacts open; placed: effects."""
     joints, contacts = parts.joints, parts.contacts
     rows: list[Any] = [c.row for c in contacts]
-    counts = [COUNT[type(c.row)] for c in joints] + [contact_lines(row) for row in rows]
+    counts = [COUNT[type(c.row)] for c in joints] + [contact_rows(row) for row in rows]
     length, speed = contact_scales(
         place, scene, [part for _, part in parts.owned[: len(joints)]], contacts
     )
     n = sum(counts)
-    lines = np.zeros((n, LINE_WIDTH), np.int64)
+    row_table = np.zeros((n, ROW_TABLE_WIDTH), np.int64)
     ends = np.array([(c.body, c.parent) for c in (*joints, *contacts)], np.int64).reshape(-1, 2)
-    lines[:1, MOST_RANK] = n
-    lines[:, :2] = np.repeat(ends, counts, axis=0)
+    row_table[:1, MOST_RANK] = n
+    row_table[:, :2] = np.repeat(ends, counts, axis=0)
     of_joints = angles([c.row for c in joints])
-    lines[: len(of_joints), ANGLE] = of_joints
+    row_table[: len(of_joints), ANGLE] = of_joints
     bodies = [place.inertial(name) for name in scene.bodies]
     return ContactBodies(
         bodies=body_table(bodies),
-        lines=lines,
+        row_table=row_table,
         rows=np.zeros((n, ROW_WIDTH)),
-        square=np.zeros((2, n, n)),
+        delassus=np.zeros((2, n, n)),
         vectors=np.zeros((3, n)),
         first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         members=members,
@@ -363,9 +363,9 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
     n = int(system.first_row[joints])
     return system._replace(
         contacts=(),
-        lines=system.lines[:n].copy(),
+        row_table=system.row_table[:n].copy(),
         rows=system.rows[:n].copy(),
-        square=np.zeros((2, n, n)),
+        delassus=np.zeros((2, n, n)),
         vectors=np.zeros((3, n)),
         first_row=system.first_row[: joints + 1].copy(),
         anchors=system.anchors[:joints].copy(),

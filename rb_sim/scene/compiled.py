@@ -15,7 +15,7 @@ import numpy as np
 
 from rb_sim.graph.machine import interpreted
 from rb_sim.graph.store import cache_root
-from rb_sim.mechanics.initial_projection import changing_in, dependent_lines
+from rb_sim.mechanics.initial_projection import changing_in, dependent_rows
 from rb_sim.mechanics.inputs import Family, Place, cleared
 from rb_sim.mechanics.laws import ReducedLaws, traceable
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
@@ -117,10 +117,10 @@ class Compiled:
 
     @cached_property
     def dependent(self) -> Dependent:
-        """The lines that depend on others from the start on, for good."""
+        """The rows that depend on others from the start on, for good."""
         if not self.redundant or not isinstance(self.y, np.ndarray):
             return INDEPENDENT
-        return dependent_lines(self.system, self.y)
+        return dependent_rows(self.system, self.y)
 
     @cached_property
     def laws(self) -> ReducedLaws | MultiBodyLaws | None:
@@ -136,7 +136,7 @@ class Compiled:
 
     @property
     def _lost(self) -> tuple[bool, Dependent]:
-        """What laws take for granted about lines that depend on others."""
+        """What laws take for granted about rows that depend on others."""
         return self.redundant, self.dependent
 
     def _laws_of(self, system: Any, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:

@@ -9,7 +9,7 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import BIAS
-from rb_sim.mechanics.initial_projection import lines_matrix, relative, start_on_manifold
+from rb_sim.mechanics.initial_projection import relative, rows_matrix, start_on_manifold
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
@@ -26,23 +26,23 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit, rolling_spin
 from rb_sim.scene.schema import Scene
 
-# Constraint lines that depend on each other: for good (redundant) or in one position only.
+# Constraint rows that depend on each other: for good (redundant) or in one position only.
 #
-# A combination nu of lines with nu^T G = 0 stays one along every motion u that the lines allow if
-# nu^T dG/dt u = 0 for all such u.  Otherwise the position is singular, a dead centre: the lines
+# A combination nu of rows with nu^T G = 0 stays one along every motion u that the rows allow if
+# nu^T dG/dt u = 0 for all such u.  Otherwise the position is singular, a dead centre: the rows
 # stop a motion that their first order allows, or let it branch, and neither accelerations nor
 # reactions are determined there.
 
 
 CHANGES = 1e-7
-"""Rate at which a combination changes, relative to that at which its lines turn with the bodies."""
+"""Rate at which a combination changes, relative to that at which its rows turn with the bodies."""
 
 INDEPENDENT = 1e-6
-"""Smallest singular value of lines of length 1, relative to the largest, of a joint that is none of
+"""Smallest singular value of rows of length 1, relative to the largest, of a joint that is none of
 the doubtful ones."""
 
 WIDE = 1e9
-"""Ratio of masses from which on it is asked whether it hides lines."""
+"""Ratio of masses from which on it is asked whether it hides rows."""
 
 HIDDEN = 8e-12
 """Smallest eigenvalue of A, scaled to a diagonal of ones and relative to the largest, below which
@@ -53,14 +53,14 @@ MOTIONS = 4
 
 
 def joint_lines(system: Any) -> int:
-    """Lines of the constraints that always hold; contacts come after them."""
+    """Rows of the constraints that always hold; contacts come after them."""
     return int(system.first_row[len(system.constraints)])
 
 
 def rank_of_joints(system: Any, t: float, y: np.ndarray) -> Ranked:
     """Of A = G M^-1 G^T at (t, y)."""
     n = joint_lines(system)
-    return ranked(lines_matrix(system, t, y)[:n, :n])
+    return ranked(rows_matrix(system, t, y)[:n, :n])
 
 
 def jacobian(system: Any) -> np.ndarray:
@@ -68,16 +68,16 @@ def jacobian(system: Any) -> np.ndarray:
     n, bodies = joint_lines(system), len(system.bodies)
     G = np.zeros((n, 6 * bodies))
     for k in range(n):
-        for column, body in ((0, system.lines[k, BODY]), (6, system.lines[k, PARENT])):
+        for column, body in ((0, system.row_table[k, BODY]), (6, system.row_table[k, PARENT])):
             if body >= 0:
                 G[k, 6 * body : 6 * body + 6] += system.rows[k, column : column + 6]
     return G
 
 
 def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
-    """The lines that depend on each other at (t, y), but not beside it; indices, maybe none.
+    """The rows that depend on each other at (t, y), but not beside it; indices, maybe none.
 
-    Overwrites the lines in `system`.
+    Overwrites the rows in `system`.
     """
     rank = rank_of_joints(system, t, y)
     n = joint_lines(system)
@@ -104,7 +104,7 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
 
 
 def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """|dG/dt u| of each line if it turned with the fastest body: its size times v^2 / length."""
+    """|dG/dt u| of each row if it turned with the fastest body: its size times v^2 / length."""
     length = system.length
     speed = (np.linalg.norm(u[:, :3], axis=1) + length * np.linalg.norm(u[:, 3:], axis=1)).max()
     parts = G.reshape(len(G), -1, 6)
@@ -115,14 +115,14 @@ def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def hidden_by_masses(system: Any, t: float, y: np.ndarray) -> np.ndarray:
-    """Lines that are independent, but that A at (t, y) cannot tell from dependent ones; indices.
+    """Rows that are independent, but that A at (t, y) cannot tell from dependent ones; indices.
 
-    A heavy body that hangs by a light one makes two lines alike but for the ratio of their masses.
+    A heavy body that hangs by a light one makes two rows alike but for the ratio of their masses.
     """
     masses, n = system.bodies[:, MASS], joint_lines(system)
     if not n or not masses.max() > WIDE * masses.min():
         return np.zeros(0, int)
-    A = np.array(lines_matrix(system, t, y)[:n, :n])
+    A = np.array(rows_matrix(system, t, y)[:n, :n])
     sizes = 1.0 / np.sqrt(np.diag(A))
     values, vectors = np.linalg.eigh(A * sizes * sizes[:, None])
     write_rows(system, t, y)
@@ -148,7 +148,7 @@ def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
 
 
 def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> tuple[str, ...]:
-    """Reactions whose lines take part in a linear dependence of the constraint lines.
+    """Reactions whose rows take part in a linear dependence of the constraint rows.
 
     Contacts are left out: whether they hold changes.
     """
@@ -207,7 +207,7 @@ def check_maximal(
     t: float,
     scales: tuple[float, float],
 ) -> tuple[int, int]:
-    """Refuse or project an initial state off the manifold, in place; (rank, lines).
+    """Refuse or project an initial state off the manifold, in place; (rank, rows).
 
     scales: length [m] and speed [m/s] of which a misfit is a share, see `start_scales`.
     """
@@ -216,8 +216,8 @@ def check_maximal(
             before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
         _refuse_lines(scene, "have no direction: points that must be apart coincide")
-    lines = before.shape[1]
-    checked = not scene.simulation.project_initial and lines > 0
+    row_count = before.shape[1]
+    checked = not scene.simulation.project_initial and row_count > 0
     misfits = zip(UNITS, before, relative(system, before, *scales), strict=True)
     for what, amounts, error in misfits if checked else ():
         if error.max() > MISFIT:
@@ -236,7 +236,7 @@ def check_maximal(
     try:
         with np.errstate(all="ignore"):
             hidden = hidden_by_masses(system, t, y) if isinstance(system, MultiBody) else ()
-            singular = dead_centre(system, t, y) if rank < lines else np.zeros(0, int)
+            singular = dead_centre(system, t, y) if rank < row_count else np.zeros(0, int)
     except np.linalg.LinAlgError:
         _refuse_lines(scene, "overflow: lengths or masses are too large or too small")
     if len(hidden):
@@ -251,7 +251,7 @@ def check_maximal(
             key="constraints",
             file=scene.file,
         )
-    return int(rank), lines
+    return int(rank), row_count
 
 
 def _refuse_lines(scene: Scene, why: str) -> NoReturn:
@@ -272,5 +272,5 @@ def _refuse_masses(scene: Scene, constraints: str) -> None:
 
 
 def part_of(system: Any, line: int) -> int:
-    """The part of a constraint that owns a line."""
+    """The part of a constraint that owns a row."""
     return int(np.searchsorted(system.first_row, line, side="right")) - 1

@@ -110,16 +110,16 @@ class InitialPlace:
         return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))
 
 
-# Points held between bodies, with lines along the world's axes or along the parent's.
+# Points held between bodies, with rows along the world's axes or along the parent's.
 #
-# On the manifold of the constraints both ask for the same.  Off it, in the stages of a step, lines
-# along the world's axes ask for other accelerations than lines that turn with the parent, and a
+# On the manifold of the constraints both ask for the same.  Off it, in the stages of a step, rows
+# along the world's axes ask for other accelerations than rows that turn with the parent, and a
 # body that has one of each close to each other is tilted by their difference over their distance.
 
 
 CLOSE = 0.1
 """Of its arms: a point held between two bodies that is closer to what else holds a point of the
-same two has its lines along the parent's axes, a fifth more operations. The square of their
+same two has its rows along the parent's axes, a fifth more operations. The square of their
 distance is in an error of the motion, at a tenth a twentieth of what rk4 errs by."""
 
 TURNING = (SlotRow, PlaneRow, DistanceRow)
@@ -127,18 +127,18 @@ TURNING = (SlotRow, PlaneRow, DistanceRow)
 
 
 def along_parents(system: Any) -> Any:
-    """The same system, all points held between two bodies with lines along the parent's axes.
+    """The same system, all points held between two bodies with rows along the parent's axes.
 
-    For scenes with lines that depend on each other.  Those that are left out are chosen at the
+    For scenes with rows that depend on each other.  Those that are left out are chosen at the
     start; along the world's axes the choice is a bad one as soon as a loop of bodies has turned as
-    a whole: the line along x cannot be left out once the direction that is held twice is normal to
+    a whole: the row along x cannot be left out once the direction that is held twice is normal to
     x.  Seen from the bodies that direction stays where it is.
     """
     return system._replace(constraints=tuple(_seated(c) for c in system.constraints))
 
 
 def along_parents_if_close(constraints: Sequence[Placed]) -> tuple[Placed, ...]:
-    """The constraints, points with lines along the parent's axes where other rows on the same two
+    """The constraints, points with rows along the parent's axes where other rows on the same two
     bodies are CLOSE."""
     of_pair: dict[tuple[int, int], list[Any]] = defaultdict(list)
     for c in constraints:
@@ -159,5 +159,5 @@ def _close(rows: Sequence[Any]) -> bool:
 
 
 def _seated(c: Placed) -> Placed:
-    """A point between two bodies with lines along the parent's axes; all else as it is."""
+    """A point between two bodies with rows along the parent's axes; all else as it is."""
     return c._replace(row=SeatRow(*c.row)) if isinstance(c.row, PointRow) and c.parent >= 0 else c

@@ -12,7 +12,7 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.checks.check_list import Watched
+from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.checks.singular_configuration import rows_ahead, singular_end
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
@@ -229,12 +229,12 @@ class Simulation(SceneInMotion):
             sink.open(self.scene, self.layout)
         blocks: list[SampleBlock] = []
         made = self._blocks_at(times)
-        watching = Watched(self, made) if watched and not self._is_trial else None
-        checked = check if watching is not None or check else False
+        checking = CheckedSamples(self, made) if watched and not self._is_trial else None
+        checked = check if checking is not None or check else False
         second = SecondRun(self) if checked is not False else None
         error = None
         try:
-            for block in watching or made:
+            for block in checking or made:
                 blocks.append(block)
                 for sink in outlets:
                     sink.write(block)
@@ -243,13 +243,13 @@ class Simulation(SceneInMotion):
                 if progress is not None:
                     progress(float(block.t[-1]), end)
             if second is not None:
-                error = second.result(checked, singular=watching and watching.singular)
-                if watching is not None:
-                    watching.check(error)
+                error = second.result(checked, singular=checking and checking.singular)
+                if checking is not None:
+                    checking.check(error)
         finally:
-            if watching is not None:
-                watching.warn()
-        findings = watching.findings if watching is not None else ()
+            if checking is not None:
+                checking.warn()
+        findings = checking.findings if checking is not None else ()
         return self._trajectory(blocks, findings, error)
 
     def _instants(

@@ -22,7 +22,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding
 from rb_sim.base.errors import AccuracyWarning, MissingExtraError, RbSimError, SimulationError
-from rb_sim.checks.check_list import Watched
+from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described, do_batch
@@ -175,7 +175,7 @@ def run_batches(
             running.add(submit(following))
 
 
-# Some runs of a sweep once more, under all watches: those that share lanes nobody watches.
+# Some runs of a sweep once more, under all checks: those that share lanes nobody watches.
 
 
 FEW, MOST, ONE_IN = 2, 8, 50
@@ -202,7 +202,7 @@ def to_look_at(runs: np.ndarray) -> list[int]:
 def look_over(
     runner: PlanRunner, values: Mapping[str, np.ndarray], runs: Sequence[int]
 ) -> tuple[Lost, ...]:
-    """What watches see of lost accuracy in these runs of the plan.
+    """What the checks find of lost accuracy in these runs of the plan.
 
     A run that fails, or takes longer than the plan lets it, is reported as far as it went; why it
     ended is in its row.
@@ -215,7 +215,7 @@ def look_over(
 
 
 def findings(runner: PlanRunner, values: Mapping[str, float]) -> tuple[Finding, ...]:
-    """What watches see in the run with these values, simulated by itself."""
+    """What the checks find in the run with these values, simulated by itself."""
     try:
         simulation = Simulation(runner.scene(values), family=runner.family, announce=None)
         simulation.warm()
@@ -224,13 +224,13 @@ def findings(runner: PlanRunner, values: Mapping[str, float]) -> tuple[Finding, 
     options = simulation.scene.simulation
     end = time.perf_counter() + runner.loaded.plan.seconds_per_run
     blocks = simulation.blocks(options.duration, options.rate, lambda t: time.perf_counter() < end)
-    watched = Watched(simulation, blocks)
+    checked = CheckedSamples(simulation, blocks)
     try:
-        for _ in watched:
+        for _ in checked:
             pass
     except RbSimError:
         pass
-    return watched.findings
+    return checked.findings
 
 
 BATCH_TIME = 1.0

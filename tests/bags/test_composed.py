@@ -196,7 +196,7 @@ def test_memory_is_bounded_where_a_parent_falls_silent(tmp_path, monkeypatch):
     monkeypatch.setattr("rb_sim.io.bag.batches._TOGETHER", 1)
     made = []
 
-    class Watched(composed.Composed):
+    class CheckedSamples(composed.Composed):
         def __init__(self, *arguments) -> None:
             super().__init__(*arguments)
             made.append(self)
@@ -205,7 +205,7 @@ def test_memory_is_bounded_where_a_parent_falls_silent(tmp_path, monkeypatch):
             yield from super().ready(last=last)
             assert all(sum(len(t) for t, _ in w) <= 50 for w in self._waiting.values())
 
-    monkeypatch.setattr(readings, "Composed", Watched)
+    monkeypatch.setattr(readings, "Composed", CheckedSamples)
     p, q = in_odom(T, P, Q)
     with writing(tmp_path / "x.mcap", chunk_size=400) as bag:
         for k, t in enumerate(T):

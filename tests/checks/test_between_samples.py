@@ -50,7 +50,7 @@ PENDULUM: dict[str, Any] = {
 
 
 def findings(mapping: dict[str, Any], interval: float, **options: Any) -> set[str]:
-    """What the watches say of 60 samples at this interval [s]."""
+    """What the checks say of 60 samples at this interval [s]."""
     span = {"duration": 60.0 * interval, "rate": 1.0 / interval}
     simulation = Simulation(load_scene(mapping | {"simulation": span | options}), announce=None)
     with warnings.catch_warnings():

@@ -14,7 +14,7 @@ from rb_sim import AccuracyWarning, Simulation, SimulationError, load_scene
 from rb_sim.bags.tracks import tracks_of_blocks
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import Watched, WatchList
+from rb_sim.checks.check_list import CheckedSamples, CheckList
 from rb_sim.fit.recording import Recording, lost_by
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
@@ -64,13 +64,13 @@ def findings(
     mapping: dict[str, Any], block: SampleBlock, effort: Effort = TIGHT, **layout: Any
 ) -> dict[str, Finding]:
     names = layout_of(mapping)._replace(**layout)
-    watches = WatchList(scene_from_mapping(mapping), names)
+    check_list = CheckList(scene_from_mapping(mapping), names)
     half = len(block) // 2
     for part in (slice(0, half), slice(half, None)):
         columns = {name: getattr(block, name)[part] for name in ARRAYS}
         events = tuple(e for e in block.events if e.t <= columns["t"][-1])
-        watches.add(replace(block, **columns, events=events), effort)
-    return {finding.watch: finding for finding in watches.findings}
+        check_list.add(replace(block, **columns, events=events), effort)
+    return {finding.watch: finding for finding in check_list.findings}
 
 
 @pytest.fixture(scope="module")
@@ -337,7 +337,7 @@ def test_a_state_that_is_set_is_no_lost_energy() -> None:
         simulation.set_state(spin)
         yield from simulation.blocks(0.5, 50.0)
 
-    watched = Watched(simulation, blocks())
+    watched = CheckedSamples(simulation, blocks())
     energies = [block.energy[-1] for block in watched]
     assert energies[-1] == pytest.approx(0.25 * energies[0], rel=0.05)
     assert watched.findings == ()

@@ -1,4 +1,4 @@
-"""Laws and settings that are spoilt on purpose are seen by the watches, end to end."""
+"""Laws and settings that are spoilt on purpose are seen by the checks, end to end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact import contact_laws as contact_loops
 from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold
@@ -44,13 +44,13 @@ SCENE = {
 
 
 def findings(spoil: Callable[[Any], Any] = lambda effort: effort, **options: Any) -> dict[str, Any]:
-    """What the watches say of the run, by watch; spoil: what they are told of its setting."""
+    """What the checks say of the run, by watch; spoil: what they are told of its setting."""
     scene = load_scene(SCENE, **options)
     simulation = Simulation(scene, announce=None)
-    watches = WatchList(scene, simulation.layout)
+    check_list = CheckList(scene, simulation.layout)
     for block in simulation.blocks(scene.simulation.duration, scene.simulation.rate):
-        watches.add(block, spoil(effort_of(simulation)))
-    return {finding.watch: finding for finding in watches.findings}
+        check_list.add(block, spoil(effort_of(simulation)))
+    return {finding.watch: finding for finding in check_list.findings}
 
 
 def test_unspoilt_it_passes() -> None:
@@ -116,10 +116,10 @@ def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
     forget()
     simulation = Simulation(load_scene(mapping, **options), announce=None)
     setting = simulation.scene.simulation
-    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+    check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
     for block in simulation.blocks(setting.duration, setting.rate):
-        watches.add(block, partial(effort_of, simulation))
-    return {finding.watch: finding for finding in watches.findings}
+        check_list.add(block, partial(effort_of, simulation))
+    return {finding.watch: finding for finding in check_list.findings}
 
 
 def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from rb_sim import Simulation
 from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 
 FRICTION = {"type": "coulomb", "static": 0.5}
 WEIGHT = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}
@@ -45,9 +45,9 @@ def test_energy_of_what_stands_still_is_held_against_weight_times_length(
     simulation = heavy_on_light()
     block = simulation.run(check=False).block
     moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
-    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
-    watches.add(moved, Effort("dopri853", None, 1e-10, 10))
-    assert any(found.watch == "energy" for found in watches.findings) is reported
+    check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
+    check_list.add(moved, Effort("dopri853", None, 1e-10, 10))
+    assert any(found.watch == "energy" for found in check_list.findings) is reported
 
 
 def test_angular_momentum_whose_total_is_zero_is_held_against_that_of_the_bodies() -> None:
@@ -78,11 +78,11 @@ def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     simulation = heavy_on_light()
     run = simulation.run()
     wrong = replace(run.block, kinetic_energy=run.block.kinetic_energy + 20.0 * run.t)
-    watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
-    watches.add(wrong, Effort("dopri853", None, 1e-10, 10))
+    check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
+    check_list.add(wrong, Effort("dopri853", None, 1e-10, 10))
     assert run.global_error is not None
-    watches.check(run.global_error, simulation)
-    assert [found.watch for found in watches.findings] == ["energy"]
+    check_list.check(run.global_error, simulation)
+    assert [found.watch for found in check_list.findings] == ["energy"]
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")

@@ -13,7 +13,7 @@ import pytest
 from rb_sim import Simulation
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.test_check_list import SWING
@@ -51,12 +51,12 @@ def pieces(block: SampleBlock, size: int = BLOCK) -> Iterator[SampleBlock]:
 
 def found(
     damped: bool, effort: Effort = TIGHT, **columns: np.ndarray
-) -> tuple[dict[str, Finding], WatchList]:
+) -> tuple[dict[str, Finding], CheckList]:
     block, layout = run_of(damped)
-    watches = WatchList(scene_from_mapping(mapping_of(damped)), layout)
+    check_list = CheckList(scene_from_mapping(mapping_of(damped)), layout)
     for piece in pieces(replace(block, **columns)):
-        watches.add(piece, lambda: effort)
-    return {finding.watch: finding for finding in watches.findings}, watches
+        check_list.add(piece, lambda: effort)
+    return {finding.watch: finding for finding in check_list.findings}, check_list
 
 
 def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
@@ -67,13 +67,13 @@ def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
 
 @pytest.mark.parametrize("damped", [False, True])
 def test_a_long_run_without_fault_ends_without_a_word(damped: bool) -> None:
-    told, watches = found(damped)
+    told, check_list = found(damped)
     assert told == {}
     block, _ = run_of(damped)
-    energy = watches.ledger.energy()
+    energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] < 1e-9
-    assert watches.ledger.samples == len(block)
-    momentum = watches.ledger.momentum()
+    assert check_list.ledger.samples == len(block)
+    momentum = check_list.ledger.momentum()
     if damped:
         assert momentum is None and energy["work"] < -0.1
     else:
@@ -98,10 +98,10 @@ def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
     block, _ = run_of(False)
     residual = block.residual.copy()
     residual[LATE] = 0.02
-    told, watches = found(False, residual=residual)
+    told, check_list = found(False, residual=residual)
     assert set(told) == {"residual"}
     assert told["residual"].t == block.t[LATE] and told["residual"].figure == 0.02
-    assert watches.ledger.worst_residual == 0.02
+    assert check_list.ledger.worst_residual == 0.02
 
 
 def test_a_reaction_that_is_wrong_from_some_time_on_is_told() -> None:
@@ -133,10 +133,10 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
     block = simulation.run().block
     start = replace(block, **{name: getattr(block, name)[:1] for name in ARRAYS})
     still = replace(start, **{name: np.repeat(getattr(start, name), BLOCK, 0) for name in ARRAYS})
-    watches = WatchList(scene, simulation.layout)
+    check_list = CheckList(scene, simulation.layout)
     for k in range(20):
-        watches.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
+        check_list.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
-        watches.add(piece, TIGHT)
-    told = {finding.watch: finding for finding in watches.findings}
+        check_list.add(piece, TIGHT)
+    told = {finding.watch: finding for finding in check_list.findings}
     assert told["singular configuration"].t == pytest.approx(1.6, abs=2e-3)

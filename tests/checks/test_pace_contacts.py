@@ -11,7 +11,7 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.steps import CHATTER
 from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
 from tests.checks.test_pace import after, pieces
@@ -29,20 +29,20 @@ def run() -> tuple[SampleBlock, SampleLayout]:
     return simulation.run().block, simulation.layout
 
 
-def found(**columns: np.ndarray) -> tuple[dict[str, Finding], WatchList]:
+def found(**columns: np.ndarray) -> tuple[dict[str, Finding], CheckList]:
     block, layout = run()
-    watches = WatchList(load_scene("thrown_ball", rate=RATE), layout)
+    check_list = CheckList(load_scene("thrown_ball", rate=RATE), layout)
     for piece in pieces(replace(block, **columns)):
         here = tuple(e for e in block.events if piece.t[0] - 1.0 / RATE < e.t <= piece.t[-1])
-        watches.add(replace(piece, events=here), TIGHT)
-    return {finding.watch: finding for finding in watches.findings}, watches
+        check_list.add(replace(piece, events=here), TIGHT)
+    return {finding.watch: finding for finding in check_list.findings}, check_list
 
 
 def test_a_ball_that_rolls_on_ends_without_a_word() -> None:
-    told, watches = found()
+    told, check_list = found()
     block, _ = run()
-    assert told == {} and watches.ledger.samples == len(block)
-    energy = watches.ledger.energy()
+    assert told == {} and check_list.ledger.samples == len(block)
+    energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] < 1e-9
     assert energy["work"] == pytest.approx(block.contact_work[-1], rel=1e-12)
 
@@ -65,9 +65,9 @@ def test_a_sample_that_sinks_in_is_told_with_its_time() -> None:
 
 def test_events_are_counted_however_late_they_come() -> None:
     block, layout = run()
-    watches = WatchList(load_scene("thrown_ball", rate=RATE), layout)
+    check_list = CheckList(load_scene("thrown_ball", rate=RATE), layout)
     for i, piece in enumerate(pieces(block)):
         contact = layout.contacts[0]
         many = (ContactEvent(float(piece.t[0]), contact, "impact"),) * (2000 * CHATTER)
-        watches.add(replace(piece, events=many if i == 20 else ()), TIGHT)
-    assert {finding.watch for finding in watches.findings} == {"events"}
+        check_list.add(replace(piece, events=many if i == 20 else ()), TIGHT)
+    assert {finding.watch for finding in check_list.findings} == {"events"}

@@ -9,7 +9,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.imbalance import DOUBTS
 from rb_sim.checks.sample_integrals import CheckedQuadrature, Quadrature, Resolution
 
@@ -341,10 +341,10 @@ def test_a_drag_on_another_body_does_not_hide_energy_that_is_lost(dragged: str) 
     options = {"method": "radau5", "step": 1.2 / frequency, "duration": 0.5, "rate": 100.0}
     scene = load_scene({"bodies": bodies, "effects": effects, "simulation": options})
     simulation = Simulation(scene, announce=None)
-    watches = WatchList(simulation.scene, simulation.layout)
+    check_list = CheckList(simulation.scene, simulation.layout)
     for block in simulation.blocks(options["duration"], options["rate"]):
-        watches.add(block, effort_of(simulation))
-    energy = watches.ledger.energy()
+        check_list.add(block, effort_of(simulation))
+    energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] > 0.1
-    told = "energy" in [finding.watch for finding in watches.findings]
+    told = "energy" in [finding.watch for finding in check_list.findings]
     assert told == (dragged != "bob")

@@ -16,7 +16,7 @@ from rb_sim import Simulation
 from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.checks import singular_configuration
 from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.singular_configuration import (
     Conditioning,
     Follower,
@@ -190,11 +190,11 @@ def test_a_driven_slider_crank_has_no_singular_configuration(joint):
 def test_it_is_one_finding_with_time_and_constraint():
     scene = scene_from_mapping(four_bar(2.0))
     simulation = Simulation(scene)
-    watches = WatchList(scene, simulation.layout)
+    check_list = CheckList(scene, simulation.layout)
     block = simulation.run().block
     for _ in range(2):
-        watches.add(block, Effort("rk4", 1e-3, None, 1000))
-    told = [finding for finding in watches.findings if finding.watch == "singular configuration"]
+        check_list.add(block, Effort("rk4", 1e-3, None, 1000))
+    told = [finding for finding in check_list.findings if finding.watch == "singular configuration"]
     assert len(told) == 1
     assert (told[0].where, told[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
 
@@ -312,10 +312,10 @@ def test_beyond_a_singular_configuration_no_tighter_tolerance_is_advised() -> No
     simulation = Simulation(scene)
     block = simulation.run(check=False).block
     energies = np.where(block.t > 1.2, 1e-3 * abs(block.kinetic_energy).max(), 0.0)
-    watches = WatchList(scene, simulation.layout)
+    check_list = CheckList(scene, simulation.layout)
     jumped = replace(block, kinetic_energy=block.kinetic_energy + energies)
-    watches.add(jumped, Effort("dopri853", None, 1e-11, simulation.steps))
-    advice = {finding.watch: finding.advice for finding in watches.findings}
+    check_list.add(jumped, Effort("dopri853", None, 1e-11, simulation.steps))
+    advice = {finding.watch: finding.advice for finding in check_list.findings}
     assert "singular configuration" in advice
     assert "a tighter tolerance does not help" in advice["energy"]
 

@@ -10,7 +10,7 @@ import pytest
 
 from rb_sim import AccuracyWarning, Simulation, load_scene
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.step_search import quiet_step
 
 W = 1e3
@@ -56,22 +56,22 @@ def oscillator(
     return Simulation(load_scene(scene), announce=None)
 
 
-def watched(simulation: Simulation) -> WatchList:
+def watched(simulation: Simulation) -> CheckList:
     """The watches of the whole run."""
-    watches = WatchList(simulation.scene, simulation.layout)
+    check_list = CheckList(simulation.scene, simulation.layout)
     options = simulation.scene.simulation
     for block in simulation.blocks(options.duration, options.rate):
-        watches.add(block, effort_of(simulation))
-    return watches
+        check_list.add(block, effort_of(simulation))
+    return check_list
 
 
 @pytest.mark.parametrize("turn", [4.0, 10.0, 300.0])
 def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
     """It keeps the energy to round-off, so that no balance shows it."""
-    watches = watched(oscillator("gauss6", turn / W))
-    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    check_list = watched(oscillator("gauss6", turn / W))
+    (found,) = (finding for finding in check_list.findings if finding.watch == "step")
     assert found.where == "bob"
-    energy: Any = watches.ledger.energy()
+    energy: Any = check_list.ledger.energy()
     assert energy["relative"] < 1e-9
 
 
@@ -80,10 +80,10 @@ def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) ->
     """A step of gauss6 errs by (w h)^7/100800 in phase, rk4 by (w h)^5/120; 300 of them by half a
     radian and more, which no balance of gauss6 shows, and which one step keeps within its bound."""
     simulation = oscillator(method, turn / W, 300)
-    watches = watched(simulation)
+    check_list = watched(simulation)
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.3 * 300 * phase < simulation.local_error.grown < 3.0 * 300 * phase
-    (found,) = (finding for finding in watches.findings if finding.watch == "step")
+    (found,) = (finding for finding in check_list.findings if finding.watch == "step")
     assert found.where == "bob" and "summed over all steps" in found.what
 
 
@@ -125,10 +125,10 @@ def spun_rod(method: str, turn: float) -> Simulation:
 def test_a_spin_that_hardly_moves_a_rod_hides_nothing(method: str, turn: float) -> None:
     """Its points move a hundred times as fast about its axis as across, which is missed."""
     simulation = spun_rod(method, turn)
-    watches = watched(simulation)
+    check_list = watched(simulation)
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.5 * 300 * phase < simulation.local_error.grown < 1.5 * 300 * phase
-    assert "step" in [finding.watch for finding in watches.findings]
+    assert "step" in [finding.watch for finding in check_list.findings]
 
 
 @pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
@@ -206,8 +206,8 @@ def test_what_happens_in_the_middle_of_a_short_run_is_told(step: float, steps: i
 @pytest.mark.parametrize("turn", [0.02, 0.0251, 0.03, 0.05])
 def test_a_step_that_follows_through_where_nothing_accelerates_is_not(turn: float) -> None:
     """At the anchor the velocity hardly changes in a step, less than Euler's misses of it."""
-    watches = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
-    assert "step" not in [finding.watch for finding in watches.findings]
+    check_list = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
+    assert "step" not in [finding.watch for finding in check_list.findings]
 
 
 def thrown(effect: dict[str, Any], step: float, method: str, steps: int) -> Simulation:
@@ -231,8 +231,8 @@ def test_a_run_that_ends_before_it_overflows_is_told(steps: int) -> None:
     """v' = -c v |v| with c h |v| = 100: v is -99, then 1e6, and after some steps more no number; so
     four steps show nothing, and one does."""
     oil = {"type": "quadratic_drag", "coefficient": 1000.0}
-    watches = watched(thrown(oil, 0.1, "euler", steps))
-    assert "step" in [finding.watch for finding in watches.findings]
+    check_list = watched(thrown(oil, 0.1, "euler", steps))
+    assert "step" in [finding.watch for finding in check_list.findings]
 
 
 @pytest.mark.parametrize("method", ["euler", "rk4", "gauss6"])

@@ -1,4 +1,4 @@
-"""The step that warnings or a failure name has been tried: no watch finds fault with it."""
+"""The step that warnings or a failure name has been tried: no check finds fault with it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rb_sim import Simulation, SimulationError, load_scene
 from rb_sim.base.diagnostic import Finding
 from rb_sim.checks import step_search as search
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.cli.verbs.run import FAILED, RunOptions
 from rb_sim.cli.verbs.run import run as command
 
@@ -125,13 +125,13 @@ def test_the_step_named_ends_every_warning(
 
 
 def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Finding, ...]]:
-    """A run to its end, and what its watches found."""
+    """A run to its end, and what its checks found."""
     simulation = Simulation(load_scene(scene, **how), announce=None)
-    watches = WatchList(simulation.scene, simulation.layout)
+    check_list = CheckList(simulation.scene, simulation.layout)
     options = simulation.scene.simulation
     for block in simulation.blocks(options.duration, options.rate):
-        watches.add(block, effort_of(simulation))
-    return simulation, watches.findings
+        check_list.add(block, effort_of(simulation))
+    return simulation, check_list.findings
 
 
 def test_a_step_that_could_not_be_tried_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,7 +89,7 @@ def lines(system: Any, t: float, *states: Any) -> tuple[np.ndarray, np.ndarray, 
     write_contacts(system.contacts, t, system, y, 0, True)
     u = np.concatenate([y[7:13], y[WIDTH + 7 : WIDTH + 13]])
     G = system.rows[:, :12].copy()
-    if system.lines[0, 1] < 0:
+    if system.row_table[0, 1] < 0:
         G[:, 6:] = 0.0
     return G @ u - system.rows[:, RATE], system.rows[:, BIAS].copy(), G
 

@@ -232,10 +232,10 @@ def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
 def test_axis_of_a_cylinder():
     from scipy.spatial.transform import Rotation
 
-    from rb_sim.io.rerun.static import _from_z
+    from rb_sim.numerics.rotations import from_z
 
     for axis in ([1, 0, 0], [0, 0, -1], [0, 0, 1], [0.6, 0, -0.8], [0.36, 0.48, 0.8]):
-        turned = Rotation.from_quat(_from_z(np.array(axis, float))).apply([0, 0, 1])
+        turned = Rotation.from_quat(from_z(np.array(axis, float))).apply([0, 0, 1])
         np.testing.assert_allclose(turned, axis, atol=1e-12)
 
 

@@ -16,7 +16,7 @@ from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.contact.stepping.stepping_motion import Joints
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.attempt import position_error
-from rb_sim.mechanics.contact.motion_kernels import HoldingLines
+from rb_sim.mechanics.contact.motion_kernels import HoldingRows
 from rb_sim.mechanics.systems.multibody import residual_of, write_rows
 from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_motion, compile_scene
@@ -69,7 +69,7 @@ def both_errors(scene: dict[str, Any]) -> tuple[float, ...]:
     """The position error and the residual of the tilted scene with contacts."""
     system = compile_scene(scene_from_mapping(scene)).system
     y = tilted(compile_scene(scene_from_mapping(scene)).y)
-    of_held = position_error(HoldingLines(system), 0.0, y)[0]
+    of_held = position_error(HoldingRows(system), 0.0, y)[0]
     write_rows(system, 0.0, y)
     return of_held / system.length, residual_of(system, y)
 

@@ -75,7 +75,7 @@ def by_laws(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
     system, y = made.system, with_units(off)
     of, n = dense(system, y), len(off)
     held, still = of.holonomic == 1.0, np.zeros(6 * (n // 13))
-    of_positions = of._replace(lines=of.lines[held])
+    of_positions = of._replace(rows=of.rows[held])
     push, _ = solution(of_positions, -of.error[held], still)
     faster, _ = solution(of, of.rate, of.mass @ velocities_of(y))
     worst = np.abs(of.error * of.holonomic * arms(system)).max()
@@ -111,7 +111,7 @@ def residuals(name: str, slow: bool) -> tuple[float, list[float]]:
     system = made.system._replace(length=2.0, speed=0.25 if slow else 1e3)
     of, width = dense(system, y), row_width(made.layout)
     gaps = np.abs(of.error) * of.holonomic * arms(system) / system.length
-    slips = np.abs(of.lines @ velocities_of(y) - of.rate) * arms(system) / system.speed
+    slips = np.abs(of.rows @ velocities_of(y) - of.rate) * arms(system) / system.speed
     told = []
     for kind in (MultiBodyLaws, TableLaws):
         law = kind(system, width, made.redundant, (), made.dependent)
@@ -141,7 +141,7 @@ def both_ways(name: str) -> list[tuple[str, float, float]]:
         p = np.array([*law.inputs.values(made.system, INSTANT), 0.0])
         *moved, gap = outputs(law.back, INSTANT, y, p, len(y) + 1)
         after = dense(made.system, np.array(moved))
-        slip = np.abs(after.lines @ velocities_of(np.array(moved)) - after.rate).max()
+        slip = np.abs(after.rows @ velocities_of(np.array(moved)) - after.rate).max()
         found += [(f"{kind.__name__} error", 0.0, float(np.abs(after.error).max()))]
         found += [(f"{kind.__name__} slip", 0.0, float(slip)), (kind.__name__, worst, gap)]
     return found
@@ -158,9 +158,9 @@ def test_one_step_back_leaves_what_is_of_second_order(name: str) -> None:
 def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """(what, expected, found) of errors, rank and lines that depend on others."""
     from rb_sim.mechanics.initial_projection import (
-        dependent_lines,
-        lines_matrix,
+        dependent_rows,
         relative,
+        rows_matrix,
         start_on_manifold,
     )
 
@@ -168,9 +168,9 @@ def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
     y = with_units(y)
     system, of, moved = made.system, dense(made.system, y), y.copy()
     before, after, rank = start_on_manifold(system, INSTANT, moved)
-    slips = np.abs(of.lines @ velocities_of(y) - of.rate)
-    A = of.lines @ np.linalg.inv(of.mass) @ of.lines.T
-    expected_rank = int(np.linalg.matrix_rank(dense(system, moved).lines, tol=1e-7))
+    slips = np.abs(of.rows @ velocities_of(y) - of.rate)
+    A = of.rows @ np.linalg.inv(of.mass) @ of.rows.T
+    expected_rank = int(np.linalg.matrix_rank(dense(system, moved).rows, tol=1e-7))
     two = system._replace(length=2.0)
     scaled = np.array([np.abs(of.error) * arms(two) / 2.0, slips * arms(two) / 3.0])
     found = [
@@ -178,12 +178,12 @@ def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
         ("slips", slips, before[1]),
         ("after", np.zeros_like(after), after),
         ("rank", np.array(expected_rank), np.array(rank)),
-        ("matrix", A, lines_matrix(system, INSTANT, y)),
+        ("matrix", A, rows_matrix(system, INSTANT, y)),
         ("relative", scaled, relative(two, before, 2.0, 3.0)),
     ]
-    left_out = dependent_lines(system, moved)
-    kept = [k for k in range(len(of.error)) if k not in left_out.lines]
-    kept_rank = np.linalg.matrix_rank(dense(system, moved).lines[kept], tol=1e-7)
+    left_out = dependent_rows(system, moved)
+    kept = [k for k in range(len(of.error)) if k not in left_out.rows]
+    kept_rank = np.linalg.matrix_rank(dense(system, moved).rows[kept], tol=1e-7)
     found.append(("independent", np.array(len(kept)), np.array(kept_rank)))
     found.append(("of them all", np.array(expected_rank), np.array(len(kept))))
     return found
@@ -202,8 +202,8 @@ def rod_off(by: float) -> tuple[float, float]:
 
     made, y = compiled_state("rod", 4)
     of = dense(made.system, y)
-    along = of.lines[0] @ of.lines[0]
-    y = displaced(y, by * of.lines[0] / along)
+    along = of.rows[0] @ of.rows[0]
+    y = displaced(y, by * of.rows[0] / along)
     before, after, rank = start_on_manifold(made.system, INSTANT, y)
     assert rank == 1
     assert abs(dense(made.system, y).error[0]) < 1e-14
@@ -223,22 +223,22 @@ def chosen(name: str) -> tuple[list[int], np.ndarray, np.ndarray]:
     from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 
     made, y = compiled_state(name, 4)
-    lines = changing_in(made.system, made.dependent)
-    law = MultiBodyLaws(made.system, 0, made.redundant, (), made.dependent, lines)
+    rows = changing_in(made.system, made.dependent)
+    law = MultiBodyLaws(made.system, 0, made.redundant, (), made.dependent, rows)
     p = np.array([*law.inputs.values(made.system, INSTANT), 0.0])
-    found = outputs(law.choice, INSTANT, y, p, len(lines) + 2)
+    found = outputs(law.choice, INSTANT, y, p, len(rows) + 2)
     of = dense(made.system, y)
-    A = (of.lines @ np.linalg.inv(of.mass) @ of.lines.T)[np.ix_(lines, lines)]
+    A = (of.rows @ np.linalg.inv(of.mass) @ of.rows.T)[np.ix_(rows, rows)]
     sizes = np.sqrt(np.diag(A))
-    return lines, A / np.outer(sizes, sizes), found
+    return rows, A / np.outer(sizes, sizes), found
 
 
 def test_the_lines_that_a_loop_chooses_are_independent_and_as_many_as_the_rank() -> None:
     """In turn the largest pivot: the least of them is that of the last line chosen."""
-    lines, scaled, found = interpreted(chosen, "loop")
+    rows, scaled, found = interpreted(chosen, "loop")
     take = np.flatnonzero(found[:-2])
     rank = np.linalg.matrix_rank(scaled, tol=1e-8)
-    assert 0 < rank < len(lines) and len(take) == rank
+    assert 0 < rank < len(rows) and len(take) == rank
     last = int(found[-1])
     assert last in take
     before = [k for k in take if k != last]

@@ -28,7 +28,7 @@ class Dense(NamedTuple):
 
     mass: np.ndarray
     """(6 N, 6 N); velocities in world axes, spins in axes of the body."""
-    lines: np.ndarray
+    rows: np.ndarray
     """G, (n, 6 N)."""
     bias: np.ndarray
     error: np.ndarray
@@ -112,9 +112,9 @@ def solution(of: Dense, right: np.ndarray, load: np.ndarray) -> tuple[np.ndarray
     """(u, lambda) of M u = load + G^T lambda, G u = right; lambda of least norm."""
     weights = np.linalg.inv(of.mass)
     free = weights @ load
-    A = of.lines @ weights @ of.lines.T
-    multipliers = np.linalg.pinv(A, rcond=1e-10, hermitian=True) @ (right - of.lines @ free)
-    return free + weights @ of.lines.T @ multipliers, multipliers
+    A = of.rows @ weights @ of.rows.T
+    multipliers = np.linalg.pinv(A, rcond=1e-10, hermitian=True) @ (right - of.rows @ free)
+    return free + weights @ of.rows.T @ multipliers, multipliers
 
 
 def any_state(system: Any, start: np.ndarray, seed: int, near: bool) -> np.ndarray:
@@ -150,7 +150,7 @@ def reactions(system: Any, of: Dense, states: list[Any]) -> list[np.ndarray]:
         point, own = np.array(anchor(placed.row, B, A)), np.zeros(6)
         for part in np.flatnonzero(counted):
             k = slice(system.first_row[part], system.first_row[part + 1])
-            own += multipliers[k] @ of.lines[k, 6 * placed.body : 6 * placed.body + 6]
+            own += multipliers[k] @ of.rows[k, 6 * placed.body : 6 * placed.body + 6]
         torque = Rotation.from_quat(B.q_WB).apply(own[3:])
         out.append(np.concatenate([own[:3], torque + np.cross(B.p_WC - point, own[:3]), point]))
     return out

@@ -67,7 +67,7 @@ def tree() -> Mapping:
     }
 
 
-def with_spare_line() -> Mapping:
+def with_spare_row() -> Mapping:
     """A table on four legs beside a body on a spring: one line more than there is rank."""
     scene = tree()
     leg = {"type": "plane", "body": "d", "normal_A": [0.0, 0.0, 1.0], "point_A": [0.0, 0.0, 0.0]}
@@ -142,7 +142,7 @@ def two_stars() -> Mapping:
 
 SCENES = {
     "tree": tree,
-    "spare line": with_spare_line,
+    "spare line": with_spare_row,
     "rod": rod,
     "unheld": unheld,
     "loop": hinged,

@@ -15,7 +15,7 @@ from rb_sim.numerics.rank import (
     RANK_TOLERANCE,
     null_space,
     ranked,
-    scaled_lines,
+    scaled_rows,
     solved,
     split,
 )
@@ -26,8 +26,8 @@ PACKAGE = Path(__file__).parents[2] / "rb_sim"
 def lines_of_rank(m: int, n: int, rank: int, seed: int, units: float = 1.0) -> np.ndarray:
     """m lines of n numbers, of that rank, whose units differ by up to `units`."""
     rng = np.random.default_rng(seed)
-    lines = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
-    return lines * units ** rng.uniform(-1.0, 1.0, size=(m, 1))
+    rows = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+    return rows * units ** rng.uniform(-1.0, 1.0, size=(m, 1))
 
 
 SIZES = [(3, 6, 3), (6, 6, 4), (9, 6, 5), (9, 12, 7), (5, 6, 1)]
@@ -36,47 +36,47 @@ SIZES = [(3, 6, 3), (6, 6, 4), (9, 6, 5), (9, 12, 7), (5, 6, 1)]
 @pytest.mark.parametrize("units", [1.0, 1e8])
 @pytest.mark.parametrize(("m", "n", "rank"), SIZES)
 def test_units_do_not_decide(m: int, n: int, rank: int, units: float) -> None:
-    lines = lines_of_rank(m, n, rank, m + n, units)
-    null = null_space(lines)
+    rows = lines_of_rank(m, n, rank, m + n, units)
+    null = null_space(rows)
     assert null.shape == (n, n - rank)
     assert_allclose(null.T @ null, np.eye(n - rank), atol=1e-12)
-    assert np.abs(scaled_lines(lines) @ null).max(initial=0.0) < 1e-7
-    assert ranked(lines @ lines.T).rank == rank
+    assert np.abs(scaled_rows(rows) @ null).max(initial=0.0) < 1e-7
+    assert ranked(rows @ rows.T).rank == rank
 
 
 @pytest.mark.parametrize(("m", "n", "rank"), SIZES)
 def test_a_split_gives_null_space_and_the_least_solution(m: int, n: int, rank: int) -> None:
-    lines = lines_of_rank(m, n, rank, 7 * m + n)
-    found = split(*np.linalg.svd(lines))
+    rows = lines_of_rank(m, n, rank, 7 * m + n)
+    found = split(*np.linalg.svd(rows))
     assert found.rank == rank and found.null.shape == (n, n - rank)
-    assert_allclose(lines @ found.null, 0.0, atol=1e-12)
+    assert_allclose(rows @ found.null, 0.0, atol=1e-12)
     b = np.arange(1.0, m + 1.0)
-    assert_allclose(found.least(b), np.linalg.pinv(lines, rcond=1e-9) @ b, atol=1e-9)
-    assert_allclose(solved(lines, b), found.least(b), atol=1e-9)
+    assert_allclose(found.least(b), np.linalg.pinv(rows, rcond=1e-9) @ b, atol=1e-9)
+    assert_allclose(solved(rows, b), found.least(b), atol=1e-9)
 
 
 @pytest.mark.parametrize("units", [1.0, 1e3])
 @pytest.mark.parametrize(("m", "n", "rank"), SIZES)
 def test_the_least_solution_of_a_matrix_of_lines(m: int, n: int, rank: int, units: float) -> None:
     """x of least norm, whatever the units of the lines; what A maps to zero; a line of zeros."""
-    lines = lines_of_rank(m, n, rank, 3 * m + n, units)
-    lines = np.vstack([lines, np.zeros((1, n))])
-    found = ranked(lines @ lines.T)
+    rows = lines_of_rank(m, n, rank, 3 * m + n, units)
+    rows = np.vstack([rows, np.zeros((1, n))])
+    found = ranked(rows @ rows.T)
     assert found.rank == rank and found.null.shape == (m + 1, m + 1 - rank)
     assert_allclose(found.null.T @ found.null, np.eye(m + 1 - rank), atol=1e-12)
-    sizes = np.linalg.norm(lines, axis=1).max()
-    assert_allclose(lines.T @ found.null, 0.0, atol=1e-7 * sizes)
+    sizes = np.linalg.norm(rows, axis=1).max()
+    assert_allclose(rows.T @ found.null, 0.0, atol=1e-7 * sizes)
     u = np.arange(1.0, n + 1.0)
-    x = found.least(lines @ u)  # of A x = G G^T x = G u
-    least = np.linalg.pinv(lines.T, rcond=1e-9 / units) @ (
-        np.linalg.pinv(lines, 1e-9 / units) @ (lines @ u)
+    x = found.least(rows @ u)  # of A x = G G^T x = G u
+    least = np.linalg.pinv(rows.T, rcond=1e-9 / units) @ (
+        np.linalg.pinv(rows, 1e-9 / units) @ (rows @ u)
     )
     assert_allclose(x, least, atol=1e-6 * np.abs(least).max())
 
 
 def test_of_whole_rank_the_inverse_is_the_inverse() -> None:
-    lines = lines_of_rank(4, 6, 4, 1, 1e3)
-    matrix = lines @ lines.T
+    rows = lines_of_rank(4, 6, 4, 1, 1e3)
+    matrix = rows @ rows.T
     found = ranked(matrix)
     assert found.rank == 4 and found.null.shape == (4, 0)
     assert_allclose(found.inverse @ matrix, np.eye(4), atol=1e-6)
@@ -90,9 +90,9 @@ def test_of_whole_rank_the_inverse_is_the_inverse() -> None:
 def test_the_threshold_of_eigenvalues_is_times_their_number() -> None:
     """Two lines at an angle e have the eigenvalue e^2 / 2 when scaled."""
     for share, rank in ((0.9, 1), (1.1, 2)):
-        lines = np.array([[1.0, 0.0], [1.0, math.sqrt(2.0 * share * 2.0 * RANK_TOLERANCE)]])
-        assert null_space(lines).shape == (2, 2 - rank)
-        assert ranked(lines @ lines.T).rank == rank
+        rows = np.array([[1.0, 0.0], [1.0, math.sqrt(2.0 * share * 2.0 * RANK_TOLERANCE)]])
+        assert null_space(rows).shape == (2, 2 - rank)
+        assert ranked(rows @ rows.T).rank == rank
 
 
 def test_what_lies_on_either_side_of_the_threshold() -> None:
@@ -102,9 +102,9 @@ def test_what_lies_on_either_side_of_the_threshold() -> None:
 
 
 def test_lines_that_vanish_stay_zero_and_restrict_nothing() -> None:
-    lines = np.array([[0.0, 0.0], [3.0, 4.0]])
-    assert_allclose(scaled_lines(lines), [[0.0, 0.0], [0.6, 0.8]])
-    assert null_space(lines).shape == (2, 1)
+    rows = np.array([[0.0, 0.0], [3.0, 4.0]])
+    assert_allclose(scaled_rows(rows), [[0.0, 0.0], [0.6, 0.8]])
+    assert null_space(rows).shape == (2, 1)
 
 
 ELSEWHERE = {

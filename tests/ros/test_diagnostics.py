@@ -1,4 +1,4 @@
-"""What the watches find is on /diagnostics and in the log, until a reset; without a process."""
+"""What the checks find is on /diagnostics and in the log, until a reset; without a process."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from rb_sim.ros.diagnostics import Diagnostics, Watched
+from rb_sim.ros.diagnostics import Diagnostics, Monitored
 from rb_sim.ros.pacing import Pacer, Priority
-from rb_sim.ros.topics.topic_sink import BATCH, WatchSink
+from rb_sim.ros.topics.topic_sink import BATCH, CheckSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
 from tests.checks.test_check_list import TOP
@@ -57,26 +57,26 @@ def simulation_of(**options: Any) -> Simulation:
     return Simulation(scene_from_mapping(TOP | {"simulation": TOP["simulation"] | options}))
 
 
-def fed(watches: WatchSink, simulation: Simulation, duration: float) -> None:
+def fed(check_list: CheckSink, simulation: Simulation, duration: float) -> None:
     """One sample at a time, as the node does."""
     for _ in range(round(duration * 500)):
         simulation.advance(1.0 / 500)
-        watches.write_row(simulation.sample_row())
+        check_list.write_row(simulation.sample_row())
 
 
-def told_of() -> tuple[Any, FakeNode, WatchSink, Diagnostics]:
+def told_of() -> tuple[Any, FakeNode, CheckSink, Diagnostics]:
     """A simulation that blows up, the node that tells of it, what watches it and what reports."""
     simulation, node = simulation_of(method="euler", step=1e-3, tolerance=None), FakeNode()
-    watches = WatchSink(simulation)
+    check_list = CheckSink(simulation)
     stepper = SimpleNamespace(t=0.3, samples=150, last=None, take_times=lambda: (0.0, 0.0))
     commands = SimpleNamespace(refused={}, applied=0, received=0)
-    watched: Any = Watched(stepper, Pacer(1.0), Priority(0), commands, None, watches)  # type: ignore[arg-type]
-    return simulation, node, watches, Diagnostics(node, "top", watched)  # type: ignore[arg-type]
+    monitored: Any = Monitored(stepper, Pacer(1.0), Priority(0), commands, None, check_list)  # type: ignore[arg-type]
+    return simulation, node, check_list, Diagnostics(node, "top", monitored)  # type: ignore[arg-type]
 
 
 def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
     """Level, message, values and log after a run that blows up, after its failure and reset."""
-    simulation, node, watches, diagnostics = told_of()
+    simulation, node, check_list, diagnostics = told_of()
     seen = []
 
     def report(state: str, failure: str = "") -> None:
@@ -86,10 +86,10 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
         seen.append((status.level, status.message, values, list(node.said)))
 
     report("paused")
-    fed(watches, simulation, 0.3)
+    fed(check_list, simulation, 0.3)
     report("running")
     report("error", "stopped")
-    watches.reset()
+    check_list.reset()
     report("paused")
     return seen
 
@@ -97,13 +97,13 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
 def looked_at() -> tuple[int, int]:
     """Samples looked at while nobody asks, before a batch is full and after."""
     simulation = simulation_of()
-    watches = WatchSink(simulation)
+    check_list = CheckSink(simulation)
     row = simulation.sample_row()
     for _ in range(BATCH - 1):
-        watches.write_row(row)
-    before = watches._watches.ledger.samples
-    watches.write_row(row)
-    return before, watches._watches.ledger.samples
+        check_list.write_row(row)
+    before = check_list._check_list.ledger.samples
+    check_list.write_row(row)
+    return before, check_list._check_list.ledger.samples
 
 
 def test_a_broken_balance_is_a_warning_until_reset() -> None:
@@ -129,9 +129,9 @@ def test_samples_that_wait_are_bounded() -> None:
 
 def unheard() -> tuple[int, list[str], int]:
     """Reports to nobody, what is said on the log of a broken balance, and reports to somebody."""
-    simulation, node, watches, diagnostics = told_of()
+    simulation, node, check_list, diagnostics = told_of()
     node.listeners = 0
-    fed(watches, simulation, 0.3)
+    fed(check_list, simulation, 0.3)
     diagnostics.tick("running", "", real_time_factor=1.0)
     to_nobody, said = len(node.published), list(node.said)
     node.listeners = 1
@@ -150,14 +150,20 @@ def by_thread_and_at_once() -> list[tuple[int, list[str], dict[str, Any] | None]
     found = []
     for threaded in (False, True):
         simulation = simulation_of(method="euler", step=1e-3, tolerance=None)
-        watches = WatchSink(simulation)
+        check_list = CheckSink(simulation)
         if threaded:
-            watches.open(simulation.scene, simulation.layout)
-        fed(watches, simulation, 2.3)
-        watches.look()
-        watches.close()
-        findings = [str(finding) for finding in watches.look()]
-        found.append((watches._watches.ledger.samples, findings, watches._watches.ledger.energy()))
+            check_list.open(simulation.scene, simulation.layout)
+        fed(check_list, simulation, 2.3)
+        check_list.look()
+        check_list.close()
+        findings = [str(finding) for finding in check_list.look()]
+        found.append(
+            (
+                check_list._check_list.ledger.samples,
+                findings,
+                check_list._check_list.ledger.energy(),
+            )
+        )
     return found
 
 
@@ -171,7 +177,7 @@ def quick_controller() -> tuple[bytes, str]:
     """The last report where commands overtake each other all the time."""
     _, node, _, diagnostics = told_of()
     for k in range(3):
-        diagnostics._watched.commands.refused = Counter(overtaken=10 * k)
+        diagnostics._monitored.commands.refused = Counter(overtaken=10 * k)
         diagnostics.tick("paused" if k % 2 else "running", "", real_time_factor=1.0)
     (status,) = node.published[-1].status
     return status.level, {pair.key: pair.value for pair in status.values}["commands overtaken"]

@@ -174,7 +174,7 @@ class Loop(SimulationLoop):
             t=0.0, t_next=PERIOD, reset=self._sampled, settle=lambda: None,
             set_state=lambda *_, **__: self._sampled(),
         )  # fmt: skip
-        self._watches: Any = SimpleNamespace(reset=lambda: None)
+        self._check_list: Any = SimpleNamespace(reset=lambda: None)
 
     def _sampled(self) -> None:
         self._stepper.t += PERIOD

@@ -12,8 +12,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 
-from rb_sim.ros import build_interfaces
-from rb_sim.ros.services import optional
+from rb_sim.ros import build_interfaces, services
 from tests.ros.client import Client, seconds
 from tests.ros.conftest import importable
 
@@ -138,11 +137,11 @@ def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, mo
     # what is imported here is gone afterwards, and one that was there before is there again
     monkeypatch.setitem(sys.modules, "simulation_interfaces", None)
     monkeypatch.delitem(sys.modules, "simulation_interfaces")
-    monkeypatch.setattr(optional, "OWN", "not_installed_anywhere")
+    monkeypatch.setattr(services, "OWN", "not_installed_anywhere")
     said: list[str] = []
     node: Any = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=said.append))
     nothing: Any = None
-    optional.offer_services(node, nothing, nothing, nothing, may_quit=True)
+    services.offer_services(node, nothing, nothing, nothing, may_quit=True)
     (line,) = said
     assert line.startswith("no services of simulation_interfaces: ") and words in line
     assert "\n" not in line

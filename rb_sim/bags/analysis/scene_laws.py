@@ -1,6 +1,6 @@
 """What a scene says of a motion, many instants at a time: errors of constraints, energies, loads.
 
-The lines of the constraints and the laws of the effects are those that the engine integrates,
+The rows of the constraints and the laws of the effects are those that the engine integrates,
 traced once and evaluated on arrays. Where they come from poses alone, the velocities are those of
 the filter that differentiates the poses.
 """
@@ -44,9 +44,9 @@ class Found(NamedTuple):
     """At n instants."""
 
     gap: Array
-    """g of each line; 0 where it is not holonomic, shape (n, lines)."""
+    """g of each row; 0 where it is not holonomic, shape (n, rows)."""
     slip: Array
-    """G u - b of each line, shape (n, lines)."""
+    """G u - b of each row, shape (n, rows)."""
     overlap: Array
     """how deep each point of contact lies in its support [m], negative where it is apart;
     shape (n, points)."""
@@ -65,7 +65,7 @@ class Found(NamedTuple):
 class SceneLaws:
     """The laws of a scene's constraints and effects; commands count as zero.
 
-    lines, points: what the columns of `Found` belong to. length, speed: the scene's scales, as in
+    rows, points: what the columns of `Found` belong to. length, speed: the scene's scales, as in
     the residual of a run. Laws that decide by branches are called instant by instant.
     Raises SceneError as compiling does.
     """
@@ -250,7 +250,7 @@ class ConstraintFigures:
         self._relative = 0.0
 
     def _of(self, name: str, holonomic: bool = False) -> list[int]:
-        """The lines of a constraint; those that are holonomic."""
+        """The rows of a constraint; those that are holonomic."""
         lines = enumerate(self._laws.lines)
         return [k for k, x in lines if x.constraint == name and (x.holonomic or not holonomic)]
 

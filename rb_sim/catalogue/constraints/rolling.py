@@ -106,7 +106,7 @@ def levelled(axis: Vec3, normal: Vec3) -> Vec3:
 
 
 class RollingRow(NamedTuple):
-    """The surface touches the parent's plane and its contact point is at rest on it: 3 lines."""
+    """The surface touches the parent's plane and its contact point is at rest on it: 3 rows."""
 
     surface: tuple
     r_A: Vec3

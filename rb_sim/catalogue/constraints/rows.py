@@ -34,7 +34,7 @@ passes few arguments."""
 
 @dispatch
 def fill(row, t, B, A, G, k):
-    """Write the rows of one constraint into G from line k on."""
+    """Write the rows of one constraint into G from row k on."""
 
 
 @dispatch
@@ -43,14 +43,14 @@ def anchor(row, B, A):
 
 
 COUNT: dict[type, int] = {}
-"""Number of lines that each row class fills."""
+"""Number of rows that each row class fills."""
 ANGLES: set[type] = set()
 """Row classes whose errors and rates are of angles, not of lengths."""
 
 
 @inline
 def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
-    """One line: force direction (world) on the body, -force on the parent, and their torques."""
+    """One row: force direction (world) on the body, -force on the parent, and their torques."""
     for i in range(3):
         G[k, i] = force[i]
         G[k, 3 + i] = torque_B[i]
@@ -75,7 +75,7 @@ def material_point(S, r):
 
 @inline
 def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
-    """The line d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that frame.
+    """The row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that frame.
 
     p, c: position and centripetal acceleration of r_B; rho = p - p_A; v_rel relative velocity.
     """
@@ -98,7 +98,7 @@ def relative_motion(B, A, r_B):
 
 @inline
 def hold_along(row, B, A, G, k, directions):
-    """r_B stays at r_A along directions of the parent: a line each, from k on."""
+    """r_B stays at r_A along directions of the parent: a row each, from k on."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     for i in range(len(directions)):
@@ -107,7 +107,7 @@ def hold_along(row, B, A, G, k, directions):
 
 
 class PointRow(NamedTuple):
-    """r_B of the body stays at r_A of the parent: 3 lines along the world's axes."""
+    """r_B of the body stays at r_A of the parent: 3 rows along the world's axes."""
 
     r_B: Vec3
     r_A: Vec3
@@ -130,7 +130,7 @@ def fill_point(row, t, B, A, G, k):
 
 
 class SeatRow(NamedTuple):
-    """As PointRow, the 3 lines along the parent's axes and seen from there, as a slot is.
+    """As PointRow, the 3 rows along the parent's axes and seen from there, as a slot is.
 
     Beside a slot on the same bodies both are made of the same products, so that they ask for the
     same where a stage of a step is off the manifold and its quaternions are not of length 1.
@@ -150,7 +150,7 @@ def fill_seat(row, t, B, A, G, k):
 
 
 class SlotRow(NamedTuple):
-    """r_B of the body stays on the parent's line through r_A normal to t1_A and t2_A: 2 lines."""
+    """r_B of the body stays on the parent's line through r_A normal to t1_A and t2_A: 2 rows."""
 
     r_B: Vec3
     r_A: Vec3
@@ -168,7 +168,7 @@ def fill_slot(row, t, B, A, G, k):
 
 
 class PlaneRow(NamedTuple):
-    """r_B of the body stays in the parent's plane through r_A with normal n_A: 1 line."""
+    """r_B of the body stays in the parent's plane through r_A with normal n_A: 1 row."""
 
     r_B: Vec3
     r_A: Vec3
@@ -186,7 +186,7 @@ def fill_plane(row, t, B, A, G, k):
 
 @inline
 def put_normal(G, k, b, a, B, A):
-    """The line b . a = 0 for b fixed in the body and a fixed in the parent (world axes here)."""
+    """The row b . a = 0 for b fixed in the body and a fixed in the parent (world axes here)."""
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     turn = cross(b, a)
     turn_rate = add(cross(cross(spin_B, b), a), cross(b, cross(spin_A, a)))
@@ -196,7 +196,7 @@ def put_normal(G, k, b, a, B, A):
 
 
 class ParallelRow(NamedTuple):
-    """The body's axis a_B stays normal to t1_A and t2_A of the parent: 2 lines."""
+    """The body's axis a_B stays normal to t1_A and t2_A of the parent: 2 rows."""
 
     a_B: Vec3
     t1_A: Vec3
@@ -215,7 +215,7 @@ def fill_parallel(row, t, B, A, G, k):
 
 
 class LockRow(NamedTuple):
-    """The body does not turn relative to its parent: 3 lines."""
+    """The body does not turn relative to its parent: 3 rows."""
 
     q_AB: Quaternion
     """body axes to parent axes, kept as it is at the start."""
@@ -244,7 +244,7 @@ def com_anchor(row, B, A):
 
 
 class DistanceRow(NamedTuple):
-    """r_B of the body keeps its distance from r_A of the parent: 1 line."""
+    """r_B of the body keeps its distance from r_A of the parent: 1 row."""
 
     r_B: Vec3
     r_A: Vec3
@@ -270,7 +270,7 @@ def fill_distance(row, t, B, A, G, k):
 
 
 class VelocityRow(NamedTuple):
-    """l . v_P + a . w = b with l and a fixed in the body (in_body) or in the world: 1 line."""
+    """l . v_P + a . w = b with l and a fixed in the body (in_body) or in the world: 1 row."""
 
     r_B: Vec3
     linear: Vec3
@@ -302,7 +302,7 @@ def fill_velocity(row, t, B, A, G, k):
 
 
 class CurveRow(NamedTuple):
-    """r_B of the body stays on a curve fixed in the world: 2 lines."""
+    """r_B of the body stays on a curve fixed in the world: 2 rows."""
 
     r_B: Vec3
     curve: tuple

@@ -99,8 +99,8 @@ class ContactRow(NamedTuple):
     """(stiffness, damping) of a compliant support, or () for a rigid one."""
 
 
-def contact_lines(row: ContactRow) -> int:
-    """Lines of one point of contact: normal and two tangents; three more if it resists turning."""
+def contact_rows(row: ContactRow) -> int:
+    """Rows of one point of contact: normal and two tangents; three more if it resists turning."""
     return 3 if isinstance(row.resistance, friction.NoResistance) else 6
 
 

@@ -144,7 +144,7 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     """The scene from the first pose of its bodies on, at the instants at which A saw them."""
     from rb_sim.bags.compare import shown_offset
     from rb_sim.bags.tracks import tracks_of_blocks
-    from rb_sim.checks.check_list import Watched
+    from rb_sim.checks.check_list import CheckedSamples
     from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.simulation.simulation import Simulation
@@ -154,9 +154,9 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     warn(left_out)
     note(recording.notes)
     simulation = Simulation(scene)
-    watched = Watched(simulation, followed(simulation, recording))
-    found = tracks_of_blocks(watched, scene, simulation.layout, options.b)
-    warn(str(finding) for finding in watched.findings)
+    checked = CheckedSamples(simulation, followed(simulation, recording))
+    found = tracks_of_blocks(checked, scene, simulation.layout, options.b)
+    warn(str(finding) for finding in checked.findings)
     start = float(recording.times[0])
     first = shown_offset(start)
     note([f"{options.b} starts as the scene says, at the first pose, t = {first}"])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rb_sim.checks.check import Effort
-    from rb_sim.checks.check_list import WatchList
+    from rb_sim.checks.check_list import CheckList
     from rb_sim.cli.summary import Clocks
     from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
@@ -160,7 +160,7 @@ FAILED = 1
 """Exit code of a simulation that could not go on and of a log that is not complete."""
 
 INACCURATE = 3
-"""Exit code with --strict of a run to its end in which a watch saw accuracy lost."""
+"""Exit code with --strict of a run to its end in which a check saw accuracy lost."""
 
 
 def run(options: RunOptions) -> int:
@@ -187,7 +187,7 @@ class _Run:
         """whether the failure names a step that would do, or says that none does."""
 
     def run(self) -> int:
-        from rb_sim.checks.check_list import WatchList
+        from rb_sim.checks.check_list import CheckList
         from rb_sim.checks.second_run import SecondRun
         from rb_sim.simulation.outputs import choose, refuse_logs
         from rb_sim.simulation.simulation import compiled
@@ -212,10 +212,10 @@ class _Run:
         if outputs:
             self.interruption.left_over = lambda: "the logs are not finished; use rb_sim recover"
         self._open(outputs, simulation)
-        watches = WatchList(scene, simulation.layout, simulation.compiled)
+        check_list = CheckList(scene, simulation.layout, simulation.compiled)
         self.second = SecondRun(simulation)
-        clocks = self._integrate(simulation, watches)
-        return self._finish(simulation, watches, clocks)
+        clocks = self._integrate(simulation, check_list)
+        return self._finish(simulation, check_list, clocks)
 
     def _open(self, outputs: dict[str, Output], simulation: Simulation) -> None:
         """Open all outputs, or none. Raises SinkError."""
@@ -228,7 +228,7 @@ class _Run:
                     opened.close()
                 raise
 
-    def _integrate(self, simulation: Simulation, watches: WatchList) -> Clocks:
+    def _integrate(self, simulation: Simulation, check_list: CheckList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure."""
         from rb_sim.checks.check import effort_of
         from rb_sim.checks.step_search import forecast_for
@@ -254,7 +254,7 @@ class _Run:
             try:
                 for block in simulation.blocks(settings.duration, settings.rate, watch):
                     entered = time.thread_time()
-                    self._log(block, watches, partial(effort_of, simulation))
+                    self._log(block, check_list, partial(effort_of, simulation))
                     logging += time.thread_time() - entered
             except SimulationError as error:
                 self.failure, self.advised = str(error), isinstance(error, StepTooLargeError)
@@ -262,15 +262,15 @@ class _Run:
         integrating = time.thread_time() - integrating - logging - watching
         return Clocks(max(integrating, 0.0), time.perf_counter() - began)
 
-    def _log(self, block: SampleBlock, watches: WatchList, effort: Callable[[], Effort]) -> None:
-        watches.add(block, effort)
+    def _log(self, block: SampleBlock, check_list: CheckList, effort: Callable[[], Effort]) -> None:
+        check_list.add(block, effort)
         self.second.add(block)
         for output in self.outputs.values():
             output.write(block)
         if self.options.npz is not None:
             self.kept.append(block)
 
-    def _finish(self, simulation: Simulation, watches: WatchList, clocks: Clocks) -> int:
+    def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
         """Close the logs, say what the run showed; the exit code."""
         from rb_sim.checks.step_search import quiet_step
         from rb_sim.cli.summary import print_summary, summarize
@@ -280,10 +280,10 @@ class _Run:
             outcome = f"interrupted by {cause.name}"
         error = None
         if not self.failure and cause is None:
-            error = self.second.result(self.options.check, self._look, watches.singular)
-            watches.check(error, simulation)
-            watches.advise(quiet_step(simulation, watches.findings, self._undisturbed))
-        summary = summarize(simulation, watches, clocks, outcome, error, timed=cause is None)
+            error = self.second.result(self.options.check, self._look, check_list.singular)
+            check_list.check(error, simulation)
+            check_list.advise(quiet_step(simulation, check_list.findings, self._undisturbed))
+        summary = summarize(simulation, check_list, clocks, outcome, error, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
             summary["certificate"] = self._certified(simulation)
         self._close(summary)
@@ -293,7 +293,7 @@ class _Run:
         if not self.options.quiet:
             print_summary(summary, _console())
             self._say_what_is_written()
-        return self._exit_code(watches, complete)
+        return self._exit_code(check_list, complete)
 
     def _close(self, summary: dict[str, Any]) -> None:
         """Finish the logs; plots, which take seconds, are left out where somebody wants an end."""
@@ -330,20 +330,20 @@ class _Run:
         except WatchEndedError:
             return None
 
-    def _exit_code(self, watches: WatchList, complete: bool) -> int:
-        """Say what the watches saw, and how the run ended if it did not run to its end."""
+    def _exit_code(self, check_list: CheckList, complete: bool) -> int:
+        """Say what the checks found, and how the run ended if it did not run to its end."""
         where = f"; the samples up to then are in {self.options.out}" if self.options.out else ""
-        for finding in watches.findings:
+        for finding in check_list.findings:
             _say(f"warning: {finding.seen if self.advised else finding}")
         if self.failure:
             _say(f"error: {self.failure}{where}")
             return FAILED
         if self.interruption.cause is not None:
-            _say(f"interrupted at t = {watches.ledger.end or 0.0:.6g} s{where}")
+            _say(f"interrupted at t = {check_list.ledger.end or 0.0:.6g} s{where}")
             return self.interruption.exit_code
         if not complete:
             return FAILED
-        return INACCURATE if self.options.strict and watches.findings else 0
+        return INACCURATE if self.options.strict and check_list.findings else 0
 
     def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
         """summary.json and the .npz; whether both could be written."""

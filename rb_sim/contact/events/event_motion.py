@@ -25,11 +25,11 @@ from rb_sim.contact.events.instant import (
     DONE,
     IMPACTS,
     LEAVE,
-    LINES,
     NOTE,
     PASS,
     SETTLE,
     STRIKE,
+    WRITE_ROWS,
     Instant,
     Tasks,
     as_simulation_error,
@@ -132,7 +132,7 @@ from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
-from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_lines
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_rows
 from rb_sim.scene.compiled import Compiled
 
 # Contacts that lift off at one instant: their pushes vanish together, and none may be reported
@@ -185,8 +185,8 @@ def refuse_to_leave(
 
 # What is left of a slip or a rolling that has ended, and whether it may be taken away.
 #
-# Where a contact comes to rest beside others, its lines and theirs may nearly depend on each other:
-# two corners of a box on compliant points are at rest along the line through both only if that line
+# Where a contact comes to rest beside others, its rows and theirs may nearly depend on each other:
+# two corners of a box on compliant points are at rest along the line through both only if it
 # does not tilt.  To take away a slip that has but turned then stops the tilt: by the slip over the
 # sine of the lean, which is another motion.
 
@@ -196,7 +196,7 @@ MOVED = 10.0
 would by more, and by more than errors do, it has not ended, but turned."""
 
 DEPENDENT = 1e-5
-"""Singular value of the lines at rest, relative to the largest, from which on their pivots, which
+"""Singular value of the rows at rest, relative to the largest, from which on their pivots, which
 are its squares, tell that they do not depend on each other."""
 
 
@@ -233,10 +233,10 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
 
 
 def nearly_depend(at: Instant) -> bool:
-    """True where lines that hold are taken to depend on each other, but do not to the last: forces
+    """True where rows that hold are taken to depend on each other, but do not to the last: forces
     that keep all of them at rest are none, or without bound."""
     held = at.workspace.used[: find_held(at.system, at.workspace)]
-    rows = scaled_lines(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    rows = scaled_rows(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
     _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 
@@ -315,7 +315,9 @@ class ContactMotion(GridMotion):
         super().reset(y, time)
         system = self.compiled.system
         # tables that outlast an evaluation: another motion of the scene has its own
-        own = {name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "lines")}
+        own = {
+            name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "row_table")
+        }
         self.system = system._replace(**own, **slow_slips(system, self.method))
         self._packed: Any = None
         self._made: tuple[Any, Tasks] | None = None
@@ -361,7 +363,7 @@ class ContactMotion(GridMotion):
     def warm(self) -> None:
         """As Motion.warm, and what the first event needs."""
         super().warm()
-        self._call(LINES, self.time, self._grid.y)
+        self._call(WRITE_ROWS, self.time, self._grid.y)
         self._warm = True
         importlib.import_module("rb_sim.numerics.cone_program")  # which shares of a load need
 

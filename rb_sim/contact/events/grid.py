@@ -34,8 +34,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIP_ENDS,
     STATIC,
     STIFF,
+    first_row_of,
     least_slip,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.contact.event_functions import (
@@ -110,10 +110,10 @@ def lightness(system, y, b, p):
 def own_rate(system, y, c, i):
     """a, what friction itself gives the slip or the rolling of contact c, in the units of its event
     function i [1/s]."""
-    touch, k = system.touch, line_of(system, c)
+    touch, k = system.touch, first_row_of(system, c)
     p = vec(touch, c, POINT)
-    moves_B, turns_B = lightness(system, y, system.lines[k, BODY], p)
-    moves_A, turns_A = lightness(system, y, system.lines[k, PARENT], p)
+    moves_B, turns_B = lightness(system, y, system.row_table[k, BODY], p)
+    moves_A, turns_A = lightness(system, y, system.row_table[k, PARENT], p)
     push = abs(touch[c, EVENT_FUNCTIONS_BEFORE]) * natural_force(system)
     if i == AT_SLIP:
         return SHARP / system.speed * touch[c, STATIC] * push * (moves_B + moves_A)

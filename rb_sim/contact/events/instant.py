@@ -23,7 +23,7 @@ from rb_sim.contact.problem.assembly import (
     inverse_mass,
     set_velocities,
     velocities,
-    write_lines,
+    write_all_rows,
 )
 from rb_sim.contact.problem.event_workspace import (
     CHANGES,
@@ -82,12 +82,12 @@ from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
 
 
 (
-    WRITE, LINES, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
+    WRITE, WRITE_ROWS, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
     LEAVE, PASS, OVER,
 ) = range(14)  # fmt: skip
-"""Tasks: write the lines of what is closed, or all of them as dense matrices; multipliers and
+"""Tasks: write the rows of what is closed, or all of them as dense matrices; multipliers and
 accelerations; bring y back to the manifold; begin a step; arrive at an event (keep the modes before
-it, write all lines); rounds of impacts, or one of what the workspace names; add the impulses of the
+it, write all rows); rounds of impacts, or one of what the workspace names; add the impulses of the
 room, or note them; choose the modes; leave (note what has changed, find the time within which
 flights end); pass an event whole, where nothing but the laws is asked; impulses over a short
 time.
@@ -108,7 +108,7 @@ def pass_through(system, workspace, t, y, contact, fixed):
     """What PASS does after the touch-down of a contact: (how far it has come, time within which the
     flights that begin end)."""
     take_before(system, workspace)
-    write_lines(system, t, y, workspace)
+    write_all_rows(system, t, y, workspace)
     status, _ = strike_in_rounds(system, workspace, t, y, 0, AT_ONCE, 0)
     if status != NOTHING:
         return AT_IMPACTS, math.inf
@@ -137,8 +137,8 @@ def do_task(places):
     status = 0
     if task == WRITE:
         write_rows(system, t, y)
-    elif task == LINES:
-        write_lines(system, t, y, workspace)
+    elif task == WRITE_ROWS:
+        write_all_rows(system, t, y, workspace)
     elif task == ACCELERATE:
         contact_accelerations(system, t, y)
     elif task == SETTLE:
@@ -148,7 +148,7 @@ def do_task(places):
         begin_step(system, t, y, view(pointer_to(places, DIGITS), 0, places[LENGTH]))
     elif task == ARRIVE:
         take_before(system, workspace)
-        write_lines(system, t, y, workspace)
+        write_all_rows(system, t, y, workspace)
     elif task == IMPACTS:
         status, n = strike_in_rounds(system, workspace, t, y, first, second, third)
         numbers[FOUND] = n
@@ -302,20 +302,20 @@ class Instant:
     """
 
     def __init__(
-        self, laws: Sequence[ContactLaw], call: Tasks, t: float, y: Array, task: int = LINES
+        self, laws: Sequence[ContactLaw], call: Tasks, t: float, y: Array, task: int = WRITE_ROWS
     ) -> None:
-        """task: that writes the lines."""
+        """task: that writes the rows."""
         self.system, self.laws, self.t, self.y = call.system, laws, t, y
         self.call, self.workspace = call, call.workspace
         self.still = speed_that_is_none(self.system)
         """Speed that is none [m/s]."""
         self.first: list[int] = self.system.first_row[self.system.joints :].tolist()
-        """First line of each contact; all before that of contact 0 are the joints'."""
+        """First row of each contact; all before that of contact 0 are the joints'."""
         call(task, t, y)
 
     def refresh(self) -> None:
-        """Write the lines again, after y or the modes have changed."""
-        self.call(LINES, self.t, self.y)
+        """Write the rows again, after y or the modes have changed."""
+        self.call(WRITE_ROWS, self.t, self.y)
 
     @cached_property
     def inverse_mass(self) -> Array:
@@ -336,8 +336,8 @@ class Instant:
         self.call(APPLY, self.t, self.y)
 
     def taken_by_joints(self, rows: Array) -> Array:
-        """Minus the impulses on the joints' lines per unit of impulse along each of `rows`, (joint
-        lines, rows)."""
+        """Minus the impulses on the joints' rows per unit of impulse along each of `rows`, (joint
+        rows, rows)."""
         held = self.workspace.J[: self.first[0]]
         if not len(held):
             return np.zeros((0, len(rows)))
@@ -472,18 +472,18 @@ def _after_slip(A: Array, v: Array, friction: float) -> Array:
     return direction * max(0.0, -v[0] / rise) if rise > 0.0 else np.zeros(3)
 
 
-# What stops a slip that jams (Painleve's paradox): the impulses of all lines.
+# What stops a slip that jams (Painleve's paradox): the impulses of all rows.
 
 
 def impulses_of_jam(at: Instant, c: int) -> Array | None:
-    """Impulses of all lines for the impulse process of contact c, joints taking part; None if the
+    """Impulses of all rows for the impulse process of contact c, joints taking part; None if the
     process has no end."""
     k, joints = at.first[c], at.first[0]
     J = at.workspace.J
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
     v = own @ velocities(at.system, at.y)
-    v = v - at.workspace.line_rate[k : k + 3]
+    v = v - at.workspace.row_rate[k : k + 3]
     law = at.laws[c]
     x = impulse_process(A, v, law.kinetic, law.restitution)
     if x is None:
@@ -496,10 +496,10 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
 def least_lifted(at: Instant) -> int | None:
     """The touching contact that its own push and the friction that follows it lift least; None if
     there is none."""
-    lines = [at.first[c] for c in at.touching()]
-    if not lines:
+    normal_rows = [at.first[c] for c in at.touching()]
+    if not normal_rows:
         return None
-    J, W = at.workspace.J[lines], at.workspace.W[lines]
+    J, W = at.workspace.J[normal_rows], at.workspace.W[normal_rows]
     lifted, alone = (np.einsum("ij,jk,ik->i", J, at.inverse_mass, P) for P in (W, J))
     return at.touching()[int(np.argmin(lifted / alone))]
 
@@ -514,7 +514,7 @@ def least_lifted(at: Instant) -> int | None:
 
 
 def leap(at: Instant, duration: float) -> Array | None:
-    """Impulses of all lines [N s] over `duration` [s]; y becomes the state after it, off the
+    """Impulses of all rows [N s] over `duration` [s]; y becomes the state after it, off the
     manifold by the square of the duration, and the table has the modes that it ends in.  Impulses
     and contact forces work on the mean velocity.  None if the laws have no solution here either."""
     touching, touch = at.touching(), at.system.touch

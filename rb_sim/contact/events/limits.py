@@ -265,7 +265,7 @@ def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:
         size = float(np.linalg.norm(direction))
         if size <= least:
             continue
-        q = state_of(at.y, int(at.system.lines[at.first[c], BODY])).q_WB
+        q = state_of(at.y, int(at.system.row_table[at.first[c], BODY])).q_WB
         low = np.array(unrotate(q, tuple(direction / size)))
         if np.linalg.norm(np.cross(low, touch[c, LOW : LOW + 3])) > AIMED:
             touch[c, LEAN_BEFORE : LEAN_BEFORE + 3], moved = low, True

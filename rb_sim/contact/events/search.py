@@ -57,9 +57,9 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPIN_SIGN,
     STATIC,
     STILL,
+    first_row_of,
     keep,
     least_slip,
-    line_of,
     may_creep,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
@@ -243,8 +243,8 @@ def add_low_digits(system, c):
     than the coordinates that it is the difference of, they are digits that count."""
     touch = system.touch
     for i in range(touch.shape[0]):
-        n, k = vec(touch, i, NORMAL), line_of(system, i)
-        b, a = WIDTH * system.lines[k, BODY], system.lines[k, PARENT]
+        n, k = vec(touch, i, NORMAL), first_row_of(system, i)
+        b, a = WIDTH * system.row_table[k, BODY], system.row_table[k, PARENT]
         low = (c[b], c[b + 1], c[b + 2])
         if a >= 0:
             low = sub(low, (c[WIDTH * a], c[WIDTH * a + 1], c[WIDTH * a + 2]))
@@ -279,7 +279,7 @@ def corner_of(a, ra, b, rb, width):
 @inline
 def normal_on_parent(system, y, i, n):
     """The normal n of contact i in the state y, in axes of its parent."""
-    a = system.lines[line_of(system, i), PARENT]
+    a = system.row_table[first_row_of(system, i), PARENT]
     if a < 0:
         return n
     q = WIDTH * a + 3
@@ -311,10 +311,10 @@ def way_of_surfaces(system, grid, ends, i):
     By the speeds at its ends and by how far it has taken them: what begins at rest and comes to
     rest, as a pendulum does that swings over, was fast in between.
     """
-    width, k = grid.t1 - grid.t0, line_of(system, i)
-    apart = way_apart(grid.y1, grid.y0, system.lines[k, BODY], system.length)
-    if system.lines[k, PARENT] >= 0:
-        apart += way_apart(grid.y1, grid.y0, system.lines[k, PARENT], system.length)
+    width, k = grid.t1 - grid.t0, first_row_of(system, i)
+    apart = way_apart(grid.y1, grid.y0, system.row_table[k, BODY], system.length)
+    if system.row_table[k, PARENT] >= 0:
+        apart += way_apart(grid.y1, grid.y0, system.row_table[k, PARENT], system.length)
     return (ends[i, FASTEST_BEFORE] + ends[i, FASTEST]) * width + DETOUR * apart
 
 
@@ -632,8 +632,8 @@ def note_slow_slips(system, kept, arms, grid):
 @inline
 def lighter(system, c):
     """The one of the two bodies of contact c whose mass is smaller; the world has none."""
-    line = line_of(system, c)
-    b, parent = system.lines[line, BODY], system.lines[line, PARENT]
+    line = first_row_of(system, c)
+    b, parent = system.row_table[line, BODY], system.row_table[line, PARENT]
     if parent >= 0 and system.bodies[parent, MASS] < system.bodies[b, MASS]:
         return parent
     return b

@@ -145,7 +145,7 @@ LEAST_MARGIN = 1e-11
 
 
 class Reactions(NamedTuple):
-    """x = x0 + Z y on the lines that hold, over the unit of force."""
+    """x = x0 + Z y on the rows that hold, over the unit of force."""
 
     held: list[int]
     least: Array
@@ -188,7 +188,7 @@ def reactions_of(at: Instant) -> Reactions | None:
         return None
     held, workspace = at.workspace.used[:count].tolist(), at.workspace
     A = workspace.J[held] @ at.inverse_mass @ workspace.W[held].T
-    b = workspace.J[held] @ workspace.free_accelerations + workspace.line_bias[held]
+    b = workspace.J[held] @ workspace.free_accelerations + workspace.row_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)

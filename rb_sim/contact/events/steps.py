@@ -46,8 +46,8 @@ from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  #
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving, rubs
 from rb_sim.mechanics.contact.constraint_tables import carry_inputs, write_joints
 from rb_sim.mechanics.contact.contact_bodies import (
-    AMONG_LINES,
     AMONG_POSITIONS,
+    AMONG_ROWS,
     AT_JAM,
     CHANGING,
     CLOSED,
@@ -65,8 +65,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     REDUNDANT,
     SLIP,
     STEP_RANK,
+    first_row_of,
     least_slip,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_laws import rate_of_change
 from rb_sim.mechanics.contact.event_functions import before_swing
@@ -230,27 +230,27 @@ def stepping_of(compiled: Compiled, method: Any, rubs: bool) -> Stepping:
 # The call.
 
 
-# Which lines of joints in loops get a multiplier in the next step, as
-# `mechanics.systems.elimination` has it for scenes without contacts; and the rank of all lines in
+# Which rows of joints in loops get a multiplier in the next step, as
+# `mechanics.systems.elimination` has it for scenes without contacts; and the rank of all rows in
 # it.
 
 
 @inline
 def find_changing(system):
-    """Number the lines that are chosen anew as those that hold; (how many, how many are chosen)."""
+    """Number the rows that are chosen anew as those that hold; (how many, how many are chosen)."""
     count, rank = 0, 0
-    for k in range(line_of(system, 0)):
-        flags = system.lines[k, DEPENDENT]
+    for k in range(first_row_of(system, 0)):
+        flags = system.row_table[k, DEPENDENT]
         if flags & CHANGING != 0:
-            system.lines[count, HOLDS] = k
+            system.row_table[count, HOLDS] = k
             count += 1
-            if flags & AMONG_LINES == 0:
+            if flags & AMONG_ROWS == 0:
                 rank += 1
     return count, rank
 
 
 @inline
-def choose_lines(system, t, y):
+def choose_rows(system, t, y):
     """Choose anew at (t, y), a state on the manifold, where a step begins."""
     count, rank = find_changing(system)
     if count == 0:
@@ -261,20 +261,20 @@ def choose_lines(system, t, y):
     matrix, chosen = pointer(workspace), part(pointer(workspace), count * count)
     for i in range(count):
         for j in range(count):
-            matrix[i * count + j] = system.square[0, i, j]
+            matrix[i * count + j] = system.delassus[0, i, j]
     left, factors = part(chosen, count), part(chosen, 2 * count)
     least, _ = largest_pivots(count, rank, matrix, chosen, left, factors)
     if not least > 0.0:
         return
     for m in range(count):
-        left_out = 0 if chosen[m] == 1.0 else AMONG_LINES + AMONG_POSITIONS
-        system.lines[system.lines[m, HOLDS], DEPENDENT] = CHANGING + left_out
+        left_out = 0 if chosen[m] == 1.0 else AMONG_ROWS + AMONG_POSITIONS
+        system.row_table[system.row_table[m, HOLDS], DEPENDENT] = CHANGING + left_out
 
 
 @inline
 def free_rank(system):
     """Let each state have the rank that it is found to have."""
-    system.lines[0, MOST_RANK] = system.lines.shape[0]
+    system.row_table[0, MOST_RANK] = system.row_table.shape[0]
 
 
 @inline
@@ -282,13 +282,13 @@ def choose_rank(system, t, y):
     """Choose the rank that all stages of the next step have at most: that at (t, y), a state on the
     manifold, where it lasts.
 
-    More contacts than are needed to hold a body, as four wheels do, have lines that depend on each
+    More contacts than are needed to hold a body, as four wheels do, have rows that depend on each
     other on the manifold alone: at the stages they contradict each other, by little, and each would
     push with a force that is the larger the less that is.  A rank that is less at one instant only,
     as of a mechanism that passes a singular position, is none to keep: it is more a moment later.
     """
     free_rank(system)
-    if system.lines[0, REDUNDANT] == 0:
+    if system.row_table[0, REDUNDANT] == 0:
         return
     kept = system.touch.copy()
     rank, holding = moving(system, t, y, False)
@@ -300,7 +300,7 @@ def choose_rank(system, t, y):
         settle(system, t + nudge, later)
         soon, _ = moving(system, t + nudge, later, False)
         if soon == rank:
-            system.lines[0, MOST_RANK] = int(rank)
+            system.row_table[0, MOST_RANK] = int(rank)
     for c in range(kept.shape[0]):
         for j in range(kept.shape[1]):
             system.touch[c, j] = kept[c, j]
@@ -401,7 +401,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
     status = FINE
     reached = 0
     if grid.t0 < grid.t1:  # samples of the step taken last are steps of the same law
-        system.lines[0, MOST_RANK] = system.lines[0, STEP_RANK]
+        system.row_table[0, MOST_RANK] = system.row_table[0, STEP_RANK]
     # a step costs as much as there are contacts, and a signal waits for the end of the piece
     last_step = grid.steps + max(1, PIECE_STEPS // system.touch.shape[0])
     for i in range(times.shape[0]):
@@ -414,7 +414,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 status = UNFINISHED
                 break
             carry_inputs(system, grid.t1, grid.y1)
-            choose_lines(system, grid.t1, grid.y1)
+            choose_rows(system, grid.t1, grid.y1)
             choose_rank(system, grid.t1, grid.y1)
             grid, status = advance_grid(method, system, grid, stop, work)
             if status == STEP_UNDERFLOW:
@@ -454,7 +454,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
         if sampling:
             sample(system, t, y, out[i])
         reached += 1
-    system.lines[0, STEP_RANK] = system.lines[0, MOST_RANK]
+    system.row_table[0, STEP_RANK] = system.row_table[0, MOST_RANK]
     free_rank(system)
     return grid, status, reached, code
 

@@ -1,13 +1,13 @@
-"""The contact problem w = A r + b at one instant: A = J M^-1 W^T of the lines that hold.
+"""The contact problem w = A r + b at one instant: A = J M^-1 W^T of the rows that hold.
 
     level          w                        b                                  r
     VELOCITY       velocities after         J u - rate                         impulses
     ACCELERATION   accelerations            J a_free + bias                    forces
     STEP           mean accelerations       J a_free + bias + (J u - rate)/h   impulses over h
 
-r and w obey the laws that the lines were laid out with (see numerics.complementarity).  W is J but
+r and w obey the laws that the rows were laid out with (see numerics.complementarity).  W is J but
 for the normals of slipping contacts, which push along n + T/N; impacts bound friction by itself.
-u and accelerations are (v_WC, w_WB_B) of all bodies, one after another; a line has 6 columns of its
+u and accelerations are (v_WC, w_WB_B) of all bodies, one after another; a row has 6 columns of its
 body and 6 of its parent.
 """
 
@@ -32,7 +32,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPRING,
     STATIC,
     ContactBodies,
-    line_of,
+    first_row_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
@@ -88,25 +88,25 @@ def along(J, k, i, a):
 @inline
 def fill_in_loops(system, J, W, used, n, A):
     """`fill_delassus` as loops compile it: only rows that share a body are multiplied."""
-    lines = system.lines
+    row_table = system.row_table
     for q in range(n):
         j = used[q]
-        b, a = lines[j, BODY], lines[j, PARENT]
+        b, a = row_table[j, BODY], row_table[j, PARENT]
         of_body = accelerated(system, b, W, j)
         of_parent = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if a >= 0:
             of_parent = accelerated(system, a, W, j)
         for p in range(n):
             i, s = used[p], 0.0
-            if lines[i, BODY] == b or lines[i, PARENT] == b:
+            if row_table[i, BODY] == b or row_table[i, PARENT] == b:
                 s += along(J, i, b, of_body)
-            if a >= 0 and (lines[i, BODY] == a or lines[i, PARENT] == a):
+            if a >= 0 and (row_table[i, BODY] == a or row_table[i, PARENT] == a):
                 s += along(J, i, a, of_parent)
             A[p, q] = s
 
 
 def fill_delassus(system, J, W, used, n, A):
-    """A of the first n lines of `used`, into its first n rows and columns."""
+    """A of the first n rows of `used`, into its first n rows and columns."""
     some = used[:n]
     A[:n, :n] = J[some] @ inverse_mass(system) @ W[some].T
 
@@ -115,9 +115,9 @@ fill_delassus.compiled_as = fill_in_loops  # type: ignore[attr-defined]
 
 
 @inline
-def line_times(system, J, k, u):
-    """Line k times u."""
-    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+def row_times(system, J, k, u):
+    """Row k times u."""
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     s = 0.0
     for j in range(6):
         s += J[k, 6 * b + j] * u[6 * b + j]
@@ -129,8 +129,8 @@ def line_times(system, J, k, u):
 
 @inline
 def size_of_terms(system, J, k, u):
-    """|line k| times |u|: the size of what `line_times` sums."""
-    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+    """|row k| times |u|: the size of what `row_times` sums."""
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     s = 0.0
     for j in range(6):
         s += abs(J[k, 6 * b + j] * u[6 * b + j])
@@ -142,12 +142,12 @@ def size_of_terms(system, J, k, u):
 
 @inline
 def momentum_of(system, J, x, p):
-    """p = J^T x, of all lines."""
+    """p = J^T x, of all rows."""
     for j in range(p.shape[0]):
         p[j] = 0.0
     for k in range(x.shape[0]):
         if x[k] != 0.0:
-            b, a = system.lines[k, BODY], system.lines[k, PARENT]
+            b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
             for j in range(6):
                 p[6 * b + j] += J[k, 6 * b + j] * x[k]
             if a >= 0:
@@ -174,14 +174,14 @@ def read_velocities(system, y, u):
             u[6 * i + j] = y[WIDTH * i + 7 + j]
 
 
-# The lines of constraints and contacts as dense matrices on the velocities of all bodies.
+# The rows of constraints and contacts as dense matrices on the velocities of all bodies.
 
 
 @inline
-def write_lines(system, t, y, workspace):
-    """The lines at (t, y) into the workspace: the Jacobian with every contact closed and stuck, the
+def write_all_rows(system, t, y, workspace):
+    """The rows at (t, y) into the workspace: the Jacobian with every contact closed and stuck, the
     pushes and loads in the modes that the table of contacts has."""
-    touch, n = system.touch, system.lines.shape[0]
+    touch, n = system.touch, system.row_table.shape[0]
     modes = np.empty((touch.shape[0], 4))
     for c in range(touch.shape[0]):
         for j in range(4):
@@ -192,14 +192,14 @@ def write_lines(system, t, y, workspace):
         touch[c, SPIN] = STUCK
     write_rows(system, t, y)
     for k in range(n):
-        spread_line(system, system.rows, k, workspace.J)
-        workspace.line_bias[k], workspace.line_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
+        spread_row(system, system.rows, k, workspace.J)
+        workspace.row_bias[k], workspace.row_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
     for c in range(touch.shape[0]):
         for j in range(4):
             touch[c, CLOSED + j] = modes[c, j]
     unconstrained(system, t, y)
     for k in range(n):
-        spread_line(system, system.pushes, k, workspace.W)
+        spread_row(system, system.pushes, k, workspace.W)
         size = 0.0
         for j in range(12):
             size += abs(system.pushes[k, j])
@@ -212,9 +212,9 @@ def write_lines(system, t, y, workspace):
 
 
 @inline
-def spread_line(system, columns, k, out):
-    """Line k of 12 columns (body, parent) as a line of 6N."""
-    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+def spread_row(system, columns, k, out):
+    """Row k of 12 columns (body, parent) as a row of 6N."""
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     for j in range(out.shape[1]):
         out[k, j] = 0.0
     for j in range(6):
@@ -242,11 +242,11 @@ def spread(system: ContactBodies, columns: Array) -> Array:
     n = len(columns)
     out = np.empty((n, 6 * system.bodies.shape[0]))
     for k in range(n):
-        spread_line(system, columns, k, out)
+        spread_row(system, columns, k, out)
     return out
 
 
-# The problem between lines and laws, in the workspace: which lines take part, what each is bound
+# The problem between rows and laws, in the workspace: which rows take part, what each is bound
 # to, and its solution (see numerics.complementarity).
 
 
@@ -256,8 +256,8 @@ none."""
 
 
 @inline
-def add_line(workspace, n, k, rule):
-    """Let line k take part as the n-th, with the rule; returns how many there are now."""
+def add_row(workspace, n, k, rule):
+    """Let row k take part as the n-th, with the rule; returns how many there are now."""
     workspace.used[n], workspace.place_of[k] = k, n
     workspace.rules[n], workspace.least[n] = rule, 0.0
     return n + 1
@@ -265,7 +265,7 @@ def add_line(workspace, n, k, rule):
 
 @inline
 def add_bound(workspace, m, places, limit, move):
-    """Let the lines at places (first, second or -1, push) have the m-th bound, for the move
+    """Let the rows at places (first, second or -1, push) have the m-th bound, for the move
     (contact, way); returns how many there are now."""
     workspace.bounds[m, FIRST], workspace.bounds[m, SECOND], workspace.bounds[m, OF_PUSH] = places
     workspace.limits[m] = limit
@@ -275,7 +275,7 @@ def add_bound(workspace, m, places, limit, move):
 
 @inline
 def solve_in(workspace, n, m, A, b, terms, x):
-    """Into x the solution of n lines and m bounds; returns what has become of it."""
+    """Into x the solution of n rows and m bounds; returns what has become of it."""
     none = pointer(x)
     p = Equations(
         n, m, pointer(A), pointer(b), none, integers(workspace.rules), pointer(workspace.least),
@@ -312,30 +312,30 @@ def bound_at_rest(workspace, c, way, static, kinetic):
 
 @inline
 def lay_out_forces(system, workspace):
-    """The lines that hold, and their laws; the last lines are the given forces of pressed contacts,
-    each with a value of its own. Returns (lines, bounds)."""
+    """The rows that hold, and their laws; the last rows are the given forces of pressed contacts,
+    each with a value of its own. Returns (rows, bounds)."""
     touch, n, m, ease = system.touch, 0, 0, easing(workspace)
-    for k in range(line_of(system, 0)):
-        n = add_line(workspace, n, k, HOLDS)
+    for k in range(first_row_of(system, 0)):
+        n = add_row(workspace, n, k, HOLDS)
     for c in range(touch.shape[0]):
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         if workspace.taking_part[c] == CANDIDATE:
-            n = add_line(workspace, n, k, HOLDS if touch[c, BILATERAL] == 1.0 else PUSHES)
+            n = add_row(workspace, n, k, HOLDS if touch[c, BILATERAL] == 1.0 else PUSHES)
         if workspace.taking_part[c] != 0:
             if touch[c, SLIDE] == STUCK:
-                n = add_line(workspace, n, k + 1, RUBS)
-                n = add_line(workspace, n, k + 2, RUBS)
+                n = add_row(workspace, n, k + 1, RUBS)
+                n = add_row(workspace, n, k + 2, RUBS)
             if touch[c, ROLL] == STUCK:
-                n = add_line(workspace, n, k + 3, RUBS)
-                n = add_line(workspace, n, k + 4, RUBS)
+                n = add_row(workspace, n, k + 3, RUBS)
+                n = add_row(workspace, n, k + 4, RUBS)
             if touch[c, SPIN] == STUCK:
-                n = add_line(workspace, n, k + 5, RUBS)
+                n = add_row(workspace, n, k + 5, RUBS)
     for c in range(touch.shape[0]):
         if workspace.taking_part[c] == 0:
             continue
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         if workspace.taking_part[c] == PRESSED:
-            n = add_line(workspace, n, k, HOLDS)
+            n = add_row(workspace, n, k, HOLDS)
         push, at = workspace.place_of[k], workspace.place_of
         if touch[c, SLIDE] == STUCK:
             limit = ease * bound_at_rest(workspace, c, 0, touch[c, STATIC], touch[c, KINETIC])
@@ -351,7 +351,7 @@ def lay_out_forces(system, workspace):
 
 @inline
 def given_forces(workspace):
-    """How many of the last lines are given forces."""
+    """How many of the last rows are given forces."""
     count = 0
     for c in range(workspace.taking_part.shape[0]):
         count += 1 if workspace.taking_part[c] == PRESSED else 0
@@ -368,40 +368,40 @@ class Velocities(NamedTuple):
     u: Any
     """of the bodies, (6 N,)."""
     v: Any
-    """along all lines, J u - rate, (n,)."""
+    """along all rows, J u - rate, (n,)."""
 
 
 @inline
-def along_lines(system, workspace, u, v):
-    """v = J u - rate, of all lines."""
+def along_rows(system, workspace, u, v):
+    """v = J u - rate, of all rows."""
     for k in range(v.shape[0]):
-        v[k] = line_times(system, workspace.J, k, u) - workspace.line_rate[k]
+        v[k] = row_times(system, workspace.J, k, u) - workspace.row_rate[k]
 
 
 @inline
 def assemble(system, workspace, level, n, now, duration, A, b, terms):
-    """A, b and the sizes of the terms of b, of the n lines laid out; now: Velocities, which
+    """A, b and the sizes of the terms of b, of the n rows laid out; now: Velocities, which
     accelerations do not need; duration: of a step [s]."""
-    lines = n - given_forces(workspace)
-    for i in range(lines, n):
+    rows_of_joints = n - given_forces(workspace)
+    for i in range(rows_of_joints, n):
         for j in range(n):
             A[i, j], A[j, i] = 0.0, 0.0
         A[i, i] = 1.0
     if level == VELOCITY:
-        fill_delassus(system, workspace.J, workspace.J, workspace.used, lines, A)
+        fill_delassus(system, workspace.J, workspace.J, workspace.used, rows_of_joints, A)
     else:
-        fill_delassus(system, workspace.J, workspace.W, workspace.used, lines, A)
-    for i in range(lines):
+        fill_delassus(system, workspace.J, workspace.W, workspace.used, rows_of_joints, A)
+    for i in range(rows_of_joints):
         k, loads = workspace.used[i], workspace.free_accelerations
         b[i], terms[i] = 0.0, 0.0
         if level != VELOCITY:
-            b[i] = line_times(system, workspace.J, k, loads) + workspace.line_bias[k]
-            terms[i] = size_of_terms(system, workspace.J, k, loads) + abs(workspace.line_bias[k])
+            b[i] = row_times(system, workspace.J, k, loads) + workspace.row_bias[k]
+            terms[i] = size_of_terms(system, workspace.J, k, loads) + abs(workspace.row_bias[k])
         if level != ACCELERATION:
             b[i] += now.v[k] / duration
-            size = size_of_terms(system, workspace.J, k, now.u) + abs(workspace.line_rate[k])
+            size = size_of_terms(system, workspace.J, k, now.u) + abs(workspace.row_rate[k])
             terms[i] += size / duration
-    i = lines
+    i = rows_of_joints
     for c in range(system.touch.shape[0]):
         if workspace.taking_part[c] == PRESSED:
             b[i], terms[i] = -system.touch[c, SPRING], system.touch[c, SPRING]
@@ -410,7 +410,7 @@ def assemble(system, workspace, level, n, now, duration, A, b, terms):
 
 @inline
 def velocity_after(A, b, i, x):
-    """w = A x + b of the i-th line."""
+    """w = A x + b of the i-th row."""
     w = b[i]
     for j in range(x.shape[0]):
         w += A[i, j] * x[j]
@@ -435,14 +435,12 @@ def find_moving(system, workspace, m, w, duration):
 
 @inline
 def answer_over(system, workspace, y, duration):
-    """The impulses of all lines over a short time into the workspace, all contacts that take part
+    """The impulses of all rows over a short time into the workspace, all contacts that take part
     closed and at rest in the table, y the state before; those that move at its end slide in the
     table then. Returns what becomes of it."""
-    now = Velocities(
-        np.empty_like(workspace.free_accelerations), np.empty_like(workspace.line_rate)
-    )
+    now = Velocities(np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate))
     read_velocities(system, y, now.u)
-    along_lines(system, workspace, now.u, now.v)
+    along_rows(system, workspace, now.u, now.v)
     modes = np.empty((system.touch.shape[0], 3))
     for c in range(modes.shape[0]):
         for way in range(3):

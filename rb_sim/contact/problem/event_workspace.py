@@ -29,7 +29,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     STILL,
     ContactBodies,
-    line_of,
+    first_row_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
@@ -95,8 +95,8 @@ def turning(system, c):
     return sub(turn, scale(about, n)), about
 
 
-# Workspace between the calls of the loop, as compiled functions see it: the lines as
-# dense matrices, one problem between lines and laws, and what is reported to whoever runs a scene.
+# Workspace between the calls of the loop, as compiled functions see it: the rows as
+# dense matrices, one problem between rows and laws, and what is reported to whoever runs a scene.
 
 
 MODES_WIDTH = SLIP_DIRECTION + 3
@@ -108,23 +108,23 @@ WAYS = 3
 
 
 class Workspace(NamedTuple):
-    """Tables of n lines, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
+    """Tables of n rows, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
 
     J: np.ndarray
-    """lines of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
+    """rows of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
     W: np.ndarray
     """pushes: J, but for the normals of slipping contacts, (n, 6 N)."""
-    line_bias: np.ndarray
-    line_rate: np.ndarray
+    row_bias: np.ndarray
+    row_rate: np.ndarray
     """b of J u = b, (n,)."""
     free_accelerations: np.ndarray
     """from the loads alone, (6 N,)."""
     impulses: np.ndarray
-    """of every line, (n,)."""
+    """of every row, (n,)."""
     used: np.ndarray
-    """lines of the problem, (n + C,)."""
+    """rows of the problem, (n + C,)."""
     place_of: np.ndarray
-    """of each line among those, (n,)."""
+    """of each row among those, (n,)."""
     rules: np.ndarray
     """(n + C,)."""
     least: np.ndarray
@@ -166,14 +166,14 @@ class Workspace(NamedTuple):
 
 
 _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "J": (REAL, ("lines", "velocities")),
-    "W": (REAL, ("lines", "velocities")),
-    "line_bias": (REAL, ("lines",)),
-    "line_rate": (REAL, ("lines",)),
+    "J": (REAL, ("rows", "velocities")),
+    "W": (REAL, ("rows", "velocities")),
+    "row_bias": (REAL, ("rows",)),
+    "row_rate": (REAL, ("rows",)),
     "free_accelerations": (REAL, ("velocities",)),
-    "impulses": (REAL, ("lines",)),
+    "impulses": (REAL, ("rows",)),
     "used": (INTEGER, ("places",)),
-    "place_of": (INTEGER, ("lines",)),
+    "place_of": (INTEGER, ("rows",)),
     "rules": (INTEGER, ("places",)),
     "least": (REAL, ("places",)),
     "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
@@ -199,10 +199,10 @@ WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _
 
 def workspace_for(system: ContactBodies) -> Workspace:
     """Tables for the system, not filled yet."""
-    lines, contacts = len(system.lines), len(system.touch)
+    rows, contacts = len(system.row_table), len(system.touch)
     lengths = {
-        "lines": lines, "velocities": 6 * len(system.bodies), "contacts": contacts,
-        "bodies": len(system.bodies), "places": lines + contacts, "bounds": WAYS * contacts,
+        "rows": rows, "velocities": 6 * len(system.bodies), "contacts": contacts,
+        "bodies": len(system.bodies), "places": rows + contacts, "bounds": WAYS * contacts,
         "counts": contacts + 1, "notes": 64 + 8 * contacts,
     }  # fmt: skip
     tables = {}
@@ -253,9 +253,9 @@ def note_impulses(system, workspace, t, kind):
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))
     for c in range(system.touch.shape[0]):
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > NO_PUSH * most:
-            b = 6 * system.lines[k, BODY]
+            b = 6 * system.row_table[k, BODY]
             note(
                 workspace, t, c, kind,
                 (

@@ -21,16 +21,16 @@ from rb_sim.contact.problem.assembly import (
     VELOCITY,
     Velocities,
     add_bound,
-    add_line,
-    along_lines,
+    add_row,
+    along_rows,
     assemble,
     inverse_mass_times,
-    line_times,
     momentum_of,
     read_velocities,
+    row_times,
     solve_in,
     velocity_after,
-    write_lines,
+    write_all_rows,
 )
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
@@ -61,7 +61,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     ROLLING_ARM,
     SPINNING_ARM,
     STATIC,
-    line_of,
+    first_row_of,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, PUSH, WIDTH
 from rb_sim.numerics.complementarity import HOLDS, PUSHES, RUBS
@@ -140,9 +140,9 @@ def forget_bounces(workspace: Workspace) -> None:
 
 @inline
 def acceleration_along(system, workspace, k):
-    """Of line k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
-    s = workspace.line_bias[k]
-    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+    """Of row k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
+    s = workspace.row_bias[k]
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     for j in range(6):
         s += workspace.J[k, 6 * b + j] * system.bodies[b, PUSH + j]
     if a >= 0:
@@ -158,7 +158,7 @@ def free_normal_acceleration(system, workspace, t, y, c):
     system.touch[c, CLOSED] = 0.0
     contact_accelerations(system, t, y)
     system.touch[c, CLOSED] = mode
-    return acceleration_along(system, workspace, line_of(system, c))
+    return acceleration_along(system, workspace, first_row_of(system, c))
 
 
 @inline
@@ -263,7 +263,7 @@ def time_of_flights(system, workspace, t, y, fixed):
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] != 0.0 or abs(touch[c, GAP]) > near:
             continue
-        fall = -acceleration_along(system, workspace, line_of(system, c))
+        fall = -acceleration_along(system, workspace, first_row_of(system, c))
         rise = touch[c, GAP_RATE]
         if fall > 0.0 and rise > speed_that_is_none(system):
             hidden = fixed or 0.5 * rise * rise < TOUCHING * fall * system.length
@@ -305,46 +305,46 @@ class Rule(NamedTuple):
 def grips(system, c, v):
     """True if contact c is perfectly rough and does not part."""
     rough = system.touch[c, KINETIC] == math.inf
-    return rough and v[line_of(system, c)] <= speed_that_is_none(system)
+    return rough and v[first_row_of(system, c)] <= speed_that_is_none(system)
 
 
 @inline
 def rubs_up_to(system, c, v):
     """Largest tangential over normal impulse of contact c: what its law gives at the slip before
     the impact."""
-    k = line_of(system, c)
+    k = first_row_of(system, c)
     return traction_over_push(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
 @inline
 def lay_out_impact(system, workspace, v, together, loose):
-    """The lines and laws of an impact of what takes part; returns (lines, bounds).
+    """The rows and laws of an impact of what takes part; returns (rows, bounds).
 
     loose: what is perfectly rough and does not part has no friction but holds.
     """
     touch, n, m = system.touch, 0, 0
-    for k in range(line_of(system, 0)):
-        n = add_line(workspace, n, k, HOLDS)
+    for k in range(first_row_of(system, 0)):
+        n = add_row(workspace, n, k, HOLDS)
     for c in range(touch.shape[0]):
         if workspace.taking_part[c] != 1:
             continue
-        k, push = line_of(system, c), n
+        k, push = first_row_of(system, c), n
         both = touch[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
-        n = add_line(workspace, n, k, HOLDS if both else PUSHES)
+        n = add_row(workspace, n, k, HOLDS if both else PUSHES)
         coefficient = rubs_up_to(system, c, v)
         if coefficient > 0.0:
             held = loose and grips(system, c, v)
             rule = HOLDS if held else RUBS
-            n = add_line(workspace, n, k + 1, rule)
-            n = add_line(workspace, n, k + 2, rule)
+            n = add_row(workspace, n, k + 1, rule)
+            n = add_row(workspace, n, k + 2, rule)
             if not held:
                 m = add_bound(workspace, m, (n - 2, n - 1, push), coefficient, (c, 0))
         if touch[c, ROLLING_ARM] > 0.0:
-            n = add_line(workspace, n, k + 3, RUBS)
-            n = add_line(workspace, n, k + 4, RUBS)
+            n = add_row(workspace, n, k + 3, RUBS)
+            n = add_row(workspace, n, k + 4, RUBS)
             m = add_bound(workspace, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
         if touch[c, SPINNING_ARM] > 0.0:
-            n = add_line(workspace, n, k + 5, RUBS)
+            n = add_row(workspace, n, k + 5, RUBS)
             m = add_bound(workspace, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
     return n, m
 
@@ -437,7 +437,7 @@ def try_impulses(system, workspace, before, rule, loose, x):
     assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
     for c in range(system.touch.shape[0]):
         if workspace.taking_part[c] == 1:
-            i = workspace.place_of[line_of(system, c)]
+            i = workspace.place_of[first_row_of(system, c)]
             b[i] *= 1.0 + rule.rebound[c]
             workspace.least[i] = rule.least[c]
     status = solve_in(workspace, n, m, A, b, terms, found)
@@ -452,7 +452,7 @@ def try_impulses(system, workspace, before, rule, loose, x):
 
 @inline
 def impulses_with(system, workspace, before, rule, x):
-    """Into x the impulses with w = A x + v + e v-, of all lines; returns SOLVED, UNSOLVED or
+    """Into x the impulses with w = A x + v + e v-, of all rows; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
     holding = False
     for c in range(system.touch.shape[0]):
@@ -477,7 +477,7 @@ def gains_energy(system, workspace, u, x):
         work += p[j] * (u[j] + 0.5 * du[j])
         size += abs(p[j]) * abs(u[j])
     for k in range(x.shape[0]):
-        work -= x[k] * workspace.line_rate[k]
+        work -= x[k] * workspace.row_rate[k]
     return work > ROUND_OFF * size
 
 
@@ -490,12 +490,12 @@ def poisson_impulses(system, workspace, before, rebound, x):
     if status != SOLVED:
         return status
     for c in range(least.shape[0]):
-        least[c] = rebound[c] * first[line_of(system, c)]
+        least[c] = rebound[c] * first[first_row_of(system, c)]
     momentum_of(system, workspace.J, first, p)
     inverse_mass_times(system, p, du)
     after = np.empty_like(x)
     for k in range(x.shape[0]):
-        after[k] = before.v[k] + line_times(system, workspace.J, k, du)
+        after[k] = before.v[k] + row_times(system, workspace.J, k, du)
     compressed = Velocities(before.u, after)
     status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
     for k in range(x.shape[0]):
@@ -534,7 +534,7 @@ def apply_impulses(system, workspace, t, y, x):
             y[WIDTH * i + 7 + j] = u[k] + du[k]
             work += p[k] * (u[k] + 0.5 * du[k])
     y[WIDTH * system.bodies.shape[0]] += work
-    write_lines(system, t, y, workspace)
+    write_all_rows(system, t, y, workspace)
 
 
 @inline
@@ -547,7 +547,7 @@ def impulses_of_strike(system, workspace, before, fastest, x):
     for c in range(contacts):
         any_together = any_together or workspace.together[c] == 1
         if workspace.taking_part[c] == 1 and workspace.plastic[c] == 0:
-            if before.v[line_of(system, c)] < 0.0:
+            if before.v[first_row_of(system, c)] < 0.0:
                 rebound[c] = touch[c, RESTITUTION]
     status = UNSOLVED
     if any_together:
@@ -585,9 +585,9 @@ def strike(system, workspace, t, y, alone):
         for c in range(touch.shape[0]):
             as_fast = touch[c, GAP_RATE] <= (1.0 - TIED) * touch[fastest, GAP_RATE]
             workspace.taking_part[c] = 1 if workspace.taking_part[c] == 1 and as_fast else 0
-    u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.line_rate)
+    u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate)
     read_velocities(system, y, u)
-    along_lines(system, workspace, u, v)
+    along_rows(system, workspace, u, v)
     x = workspace.impulses
     status = impulses_of_strike(system, workspace, Velocities(u, v), fastest, x)
     if status == NOT_FINITE:
@@ -601,9 +601,9 @@ def strike(system, workspace, t, y, alone):
             workspace.undetermined[2], workspace.undetermined[3] = t, fastest
     apply_impulses(system, workspace, t, y, x)
     read_velocities(system, y, u)
-    along_lines(system, workspace, u, v)
+    along_rows(system, workspace, u, v)
     for c in range(touch.shape[0]):
-        parts = workspace.taking_part[c] == 1 and v[line_of(system, c)] > still
+        parts = workspace.taking_part[c] == 1 and v[first_row_of(system, c)] > still
         workspace.rebounding[c] = 1 if parts else 0
     return STRUCK
 

@@ -23,7 +23,7 @@ from rb_sim.contact.problem.assembly import (
     lay_out_forces,
     solve_in,
     velocity_after,
-    write_lines,
+    write_all_rows,
 )
 from rb_sim.contact.problem.event_workspace import (
     slip_speed,
@@ -59,8 +59,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPINNING_ARM,
     SPRING,
     STATIC,
+    first_row_of,
     keep,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import settle
@@ -68,26 +68,26 @@ from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.linear_solves import triangular
-from rb_sim.numerics.rank import JUDGED_BY_CONTACT
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
 from rb_sim.numerics.vectors import add, norm, perpendicular, scale
 
-# The lines that hold at rest, and whether they have one set of reactions.
+# The rows that hold at rest, and whether they have one set of reactions.
 
 
 FEW = 20
-"""Lines up to which pivots tell that they do not depend on each other."""
+"""Rows up to which pivots tell that they do not depend on each other."""
 
 
 @inline
 def find_held(system, workspace):
     """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    touch, n = system.touch, line_of(system, 0)
+    touch, n = system.touch, first_row_of(system, 0)
     for k in range(n):
         workspace.used[k] = k
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] == 0.0:
             continue
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         holds = (
             touch[c, COMPLIANT] == 0.0,
             touch[c, SLIDE] == STUCK,
@@ -113,14 +113,14 @@ def may_share(system, workspace):
     for k in range(system.vectors.shape[1]):
         system.vectors[SHARES, k] = 0.0
     n = find_held(system, workspace)
-    if n == line_of(system, 0):
+    if n == first_row_of(system, 0):
         return False
     if n > FEW:
         return True
     A, work = np.empty((n, n)), np.zeros(2 * n)
     fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
     R = pointer(A)
-    rank = triangular(R, n, pointer(work), part(pointer(work), n))
+    rank = triangular(R, n, pointer(work), part(pointer(work), n), LEAST_SINGULAR)
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
     return not smallest > JUDGED_BY_CONTACT * n * 2.0**n * abs(R[0])
 
@@ -200,7 +200,7 @@ def first_guess(system, c, lifts_off):
 
 @inline
 def size_of(w, workspace, i):
-    """|w| of the lines of the i-th bound."""
+    """|w| of the rows of the i-th bound."""
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
@@ -231,7 +231,7 @@ def begin_to_move(system, workspace, i, x, w, size):
 
 @inline
 def read_modes(system, workspace, n, m, x, w):
-    """Modes from forces x and accelerations w of n lines."""
+    """Modes from forces x and accelerations w of n rows."""
     touch, size, most = system.touch, 0.0, 0.0
     for i in range(n):
         size = max(size, abs(w[i]))
@@ -241,7 +241,7 @@ def read_modes(system, workspace, n, m, x, w):
     for c in range(touch.shape[0]):
         if workspace.taking_part[c] != CANDIDATE:
             continue
-        i, both = workspace.place_of[line_of(system, c)], touch[c, BILATERAL] == 1.0
+        i, both = workspace.place_of[first_row_of(system, c)], touch[c, BILATERAL] == 1.0
         if not both and w[i] > BEGINS * size:
             open_contact(touch, c)
         if both and touch[c, SLIDE] != SLIDING:
@@ -265,9 +265,9 @@ def moving(workspace):
 def find_forces(system, workspace, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
-    unread = Velocities(workspace.free_accelerations, workspace.line_rate)
+    unread = Velocities(workspace.free_accelerations, workspace.row_rate)
     for _ in range(MODE_ROUNDS):
-        write_lines(system, t, y, workspace)
+        write_all_rows(system, t, y, workspace)
         n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
@@ -315,7 +315,7 @@ def choose(system, workspace, t, y, code):
             return JAMMED_ONES
     write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
     settle(system, t, y)
-    write_lines(system, t, y, workspace)
+    write_all_rows(system, t, y, workspace)
     still = speed_that_is_none(system)
     for c in range(touch.shape[0]):
         lifts = workspace.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0

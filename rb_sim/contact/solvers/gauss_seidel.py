@@ -14,11 +14,11 @@ import numpy as np
 
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    CONTACT_ROWS,
     FORCE_A,
     GIVE,
     LIGHT_A,
     LIGHT_B,
-    LINES,
     PULLS,
     ROLLS,
     SPINS,
@@ -135,15 +135,15 @@ def one_contact(w, q, mu):
 # The joints of a friction problem, all together: their impulses for the contacts as they are.
 #
 # One after the other, as contacts are taken, joints need hundreds of sweeps along a chain.  Their
-# own block of the Delassus matrix is factorised once a step, L D L^T in the order of the lines; a
-# line that depends on others gets no impulse.  Where sweeps in turn with the contacts do not get
+# own block of the Delassus matrix is factorised once a step, L D L^T in the order of the rows; a
+# row that depends on others gets no impulse.  Where sweeps in turn with the contacts do not get
 # there, few joints follow each contact at once.
 
 
 MOST_TOGETHER = 240
-"""Lines of joints up to which their block is factorised: it costs their cube."""
+"""Rows of joints up to which their block is factorised: it costs their cube."""
 MOST_ELIMINATED = 60
-"""Lines of joints up to which they follow each contact at once: a sweep costs their square a
+"""Rows of joints up to which they follow each contact at once: a sweep costs their square a
 contact, but contacts that push against joints, as of what a guide leads, need few of them."""
 PROXIMAL = 0.001
 """Of the diagonal of a contact's own block, which is added to that with joints that follow."""
@@ -192,7 +192,7 @@ def ease_blocks(graph, bodies):
     without an entry; after `factor_joints`."""
     rows, ends, d, w = graph.rows, graph.ends, graph.spare[1], np.zeros((bodies, 6))
     for c in range(ends.shape[0]):
-        k, b, a, at = LINES * c, ends[c, 0], ends[c, 1], 0
+        k, b, a, at = CONTACT_ROWS * c, ends[c, 0], ends[c, 1], 0
         for p in range(3):
             own = coupled(rows, k + p, k + p, a)
             push(rows, k + p, w, b, a, 1.0)
@@ -243,7 +243,7 @@ def relax_joints(graph, u, x):
 
 @inline
 def sweep_joints(graph, u, x):
-    """Let each line of the joints hold in turn; the largest change [N s]."""
+    """Let each row of the joints hold in turn; the largest change [N s]."""
     rows, ends, most = graph.joint_rows, graph.joint_ends, 0.0
     for k in range(rows.shape[0]):
         b, a = ends[k, BODY], ends[k, PARENT]
@@ -259,7 +259,7 @@ def sweep_joints(graph, u, x):
 @inline
 def fill_block(graph, c):
     """The own block of contact c, with what its support gives."""
-    k, a, block = LINES * c, graph.ends[c, 1], graph.blocks
+    k, a, block = CONTACT_ROWS * c, graph.ends[c, 1], graph.blocks
     block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, GIVE]
     block[c, 1] = coupled(graph.rows, k, k + 1, a)
     block[c, 2] = coupled(graph.rows, k, k + 2, a)
@@ -270,7 +270,7 @@ def fill_block(graph, c):
 
 @inline
 def changed_to(graph, u, x, k, b, a, value):
-    """Set the impulse of line k; the size of the change."""
+    """Set the impulse of row k; the size of the change."""
     change = value - x[k]
     if change != 0.0:
         x[k] = value
@@ -279,8 +279,8 @@ def changed_to(graph, u, x, k, b, a, value):
 
 
 @inline
-def pair_of_lines(graph, u, x, k, b, a, most, give):
-    """Two lines whose impulses together are at most of size `most`; the size of the change."""
+def pair_of_rows(graph, u, x, k, b, a, most, give):
+    """Two rows whose impulses together are at most of size `most`; the size of the change."""
     rows = graph.rows
     A, B = coupled(rows, k, k, a) + give, coupled(rows, k, k + 1, a)
     C = coupled(rows, k + 1, k + 1, a) + give
@@ -296,7 +296,7 @@ def pair_of_lines(graph, u, x, k, b, a, most, give):
 
 @inline
 def push_three(rows, k, u, b, a, d0, d1, d2):
-    """u += M^-1 J^T d of the lines k, k + 1 and k + 2, which share their bodies."""
+    """u += M^-1 J^T d of the rows k, k + 1 and k + 2, which share their bodies."""
     light = rows[k, LIGHT_B]
     for j in range(3):
         u[b, j] += light * (d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j])
@@ -317,7 +317,7 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
 
     Takes the arrays one by one: handed over as a tuple they cost more than the arithmetic.
     """
-    k, b, a = LINES * c, ends[c, 0], ends[c, 1]
+    k, b, a = CONTACT_ROWS * c, ends[c, 0], ends[c, 1]
     r0, r1, r2 = x[k], x[k + 1], x[k + 2]
     q0, q1, q2 = rules[c, GIVE] * r0 - targets[k], -targets[k + 1], -targets[k + 2]
     for j in range(6):
@@ -354,10 +354,10 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     change = changed_to(graph, u, x, k, b, a, value)
     if rules[c, BOUND] > 0.0:
         most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
-        return max(change, pair_of_lines(graph, u, x, k + 1, b, a, most, 0.0))
+        return max(change, pair_of_rows(graph, u, x, k + 1, b, a, most, 0.0))
     viscous = rules[c, VISCOUS_PER_PUSH] * abs(x[k]) + rules[c, VISCOUS]
     if rules[c, BOUND] < 0.0 and viscous > 0.0:
-        change = max(change, pair_of_lines(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
+        change = max(change, pair_of_rows(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
     elif rules[c, BOUND] < 0.0:
         change = max(change, changed_to(graph, u, x, k + 1, b, a, 0.0))
         change = max(change, changed_to(graph, u, x, k + 2, b, a, 0.0))
@@ -369,7 +369,7 @@ def relax(graph, u, x, c, size):
     """Solve contact c with the others as they are; the size of the change [N s]."""
     rules = graph.rules
     if rules[c, PULLS] == 1.0 or rules[c, BOUND] < 0.0:
-        change = relax_in_turn(graph, u, x, c, LINES * c, graph.ends[c, 0], graph.ends[c, 1])
+        change = relax_in_turn(graph, u, x, c, CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1])
     else:
         change = relax_cone(graph.ends, graph.rows, graph.targets, rules, graph.blocks, u, x, c)
     if rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0:
@@ -380,11 +380,11 @@ def relax(graph, u, x, c, size):
 @inline
 def relax_turning(graph, u, x, c, size):
     """Moments against rolling and spinning of contact c; the size of the change [N s]."""
-    k, b, a = LINES * c, graph.ends[c, 0], graph.ends[c, 1]
+    k, b, a = CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1]
     rules, change = graph.rules, 0.0
     if rules[c, ROLLS] > 0.0:
         most = rules[c, ROLLS] * abs(x[k])
-        change = max(change, pair_of_lines(graph, u, x, k + 3, b, a, most, 0.0) / size)
+        change = max(change, pair_of_rows(graph, u, x, k + 3, b, a, most, 0.0) / size)
     if rules[c, SPINS] > 0.0:
         own, most = coupled(graph.rows, k + 5, k + 5, a), rules[c, SPINS] * abs(x[k])
         if own > 0.0:

@@ -1,8 +1,8 @@
 """A friction problem as a graph: contacts and joints between bodies, whose velocities couple them.
 
-Each contact has six lines in `rows`: along its normal and two tangents, then, where it resists
-turning, about both tangents and the normal.  A line's columns are force on B (3, world), torque on
-B (3, body axes), the same on A, then I^-1 torque of both and 1/m of both.  Lines of joints are
+Each contact has six rows in `rows`: along its normal and two tangents, then, where it resists
+turning, about both tangents and the normal.  A row's columns are force on B (3, world), torque on
+B (3, body axes), the same on A, then I^-1 torque of both and 1/m of both.  Rows of joints are
 written alike.
 """
 
@@ -47,7 +47,7 @@ FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = 
     0, 3, 6, 9, 12, 15, 18, 19, 20,
 )  # fmt: skip
 """Columns of Graph.rows."""
-LINES = 6
+CONTACT_ROWS = 6
 """Of each contact."""
 ENOUGH = 1e-7
 """Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
@@ -60,33 +60,33 @@ BLOCK = 6
 
 
 class Graph(NamedTuple):
-    """n contacts and m lines of joints between bodies with velocities u, shape (N, 6)."""
+    """n contacts and m rows of joints between bodies with velocities u, shape (N, 6)."""
 
     ends: np.ndarray
     """bodies of each contact, -1 for the world, shape (n, 2)."""
     rows: np.ndarray
-    """lines of the contacts, shape (LINES n, WIDTH)."""
+    """rows of the contacts, shape (CONTACT_ROWS n, WIDTH)."""
     targets: np.ndarray
-    """what rows u (and give times impulse) has to become [m/s], shape (LINES n,)."""
+    """what rows u (and give times impulse) has to become [m/s], shape (CONTACT_ROWS n,)."""
     rules: np.ndarray
     """shape (n, RULES)."""
     blocks: np.ndarray
     """own block of W of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
     joint_ends: np.ndarray
-    """bodies of each line, and whether it depends on others and gets no impulse, shape (m, 3)."""
+    """bodies of each row, and whether it depends on others and gets no impulse, shape (m, 3)."""
     joint_rows: np.ndarray
     """shape (m, WIDTH)."""
     joint_targets: np.ndarray
     """shape (m,)."""
     joint_factor: np.ndarray
-    """work: factors of their own block of W, shape (m, m); (0, 0) for lines too many for that."""
+    """work: factors of their own block of W, shape (m, m); (0, 0) for rows too many for that."""
     spare: np.ndarray
     """work, shape (2, m)."""
 
 
 @inline
 def rate_of(rows, k, u, b, a):
-    """Rate of line k at the velocities u."""
+    """Rate of row k at the velocities u."""
     s = 0.0
     for j in range(6):
         s += rows[k, j] * u[b, j]
@@ -98,7 +98,7 @@ def rate_of(rows, k, u, b, a):
 
 @inline
 def push(rows, k, u, b, a, x):
-    """u += M^-1 J^T x of line k."""
+    """u += M^-1 J^T x of row k."""
     light = rows[k, LIGHT_B] * x
     for j in range(3):
         u[b, j] += light * rows[k, j]
@@ -112,7 +112,7 @@ def push(rows, k, u, b, a, x):
 
 @inline
 def coupled(rows, i, k, a):
-    """Element of the Delassus matrix of two lines of one contact."""
+    """Element of the Delassus matrix of two rows of one contact."""
     s = 0.0
     for j in range(3):
         s += rows[i, j] * rows[k, LIGHT_B] * rows[k, j]

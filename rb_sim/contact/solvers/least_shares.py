@@ -26,9 +26,9 @@ from rb_sim.contact.solvers.gauss_seidel import (
 )
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    CONTACT_ROWS,
     ENOUGH,
     GIVE,
-    LINES,
     PULLS,
     ROLLS,
     SPINS,
@@ -43,7 +43,7 @@ from rb_sim.numerics.kernels import inline
 MOST_CONTACTS = 20
 """Contacts that bear up to which their least shares are found: it costs their cube."""
 DEPENDENT = 1e-8
-"""What is left of a line of W, relative to its length, that depends on others: above what is left
+"""What is left of a row of W, relative to its length, that depends on others: above what is left
 of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
 ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
 """Of finding least shares and checking them by sweeps; turns of pushes and friction in each; sweeps
@@ -58,7 +58,7 @@ other shares, or slip, relative to what impulses give, that is none: solvers lea
 @inline
 def shares_load(graph, u, x, i, slow):
     """Whether contact i is rigid and bears or could: its push is an unknown."""
-    rules, k = graph.rules, LINES * i
+    rules, k = graph.rules, CONTACT_ROWS * i
     if rules[i, PULLS] != 0.0 or rules[i, GIVE] != 0.0:
         return False
     if rules[i, ROLLS] > 0.0 or rules[i, SPINS] > 0.0:
@@ -87,7 +87,7 @@ def eliminated(graph, u, x, chosen):
     W, r, v = np.empty((3 * n, 3 * n)), np.empty(3 * n), np.empty(3 * n)
     w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
     for m in range(3 * n):
-        i, k = chosen[m // 3], LINES * chosen[m // 3] + m % 3
+        i, k = chosen[m // 3], CONTACT_ROWS * chosen[m // 3] + m % 3
         r[m] = x[k]
         v[m] = rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k]
         for body in range(u.shape[0]):
@@ -98,7 +98,7 @@ def eliminated(graph, u, x, chosen):
             d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
         give_joints(graph, w, d)
         for o in range(3 * n):
-            i, k = chosen[o // 3], LINES * chosen[o // 3] + o % 3
+            i, k = chosen[o // 3], CONTACT_ROWS * chosen[o // 3] + o % 3
             W[o, m] = rate_of(graph.rows, k, w, ends[i, 0], ends[i, 1])
     return W, r, v
 
@@ -121,15 +121,15 @@ def friction_of(graph, i, W, r, v, k, slow):
 
 
 @inline
-def list_unknowns(graph, chosen, W, r, v, slow, lines, along):
-    """Write the line of each unknown impulse, and the impulses along its contact's normal and both
+def list_unknowns(graph, chosen, W, r, v, slow, rows, along):
+    """Write the row of each unknown impulse, and the impulses along its contact's normal and both
     tangents that go with 1 of it; how many there are.  A contact that slips has one: its push, with
     the friction that goes with it."""
     n = 0
     for m in range(chosen.shape[0]):
         sticks, first, second = friction_of(graph, chosen[m], W, r, v, 3 * m, slow)
         for p in range(3 if sticks else 1):
-            lines[n] = 3 * m + p
+            rows[n] = 3 * m + p
             for j in range(3):
                 along[n, j] = 1.0 if j == p else 0.0
             if not sticks:
@@ -139,15 +139,15 @@ def list_unknowns(graph, chosen, W, r, v, slow, lines, along):
 
 
 @inline
-def fill_equations(W, r, v, lines, along, n, G, g):
-    """G x = g: the unknowns with which the lines have no velocity; each line at length 1."""
+def fill_equations(W, r, v, rows, along, n, G, g):
+    """G x = g: the unknowns with which the rows have no velocity; each row at length 1."""
     for o in range(n):
-        s, g[o] = 0.0, -v[lines[o]]
+        s, g[o] = 0.0, -v[rows[o]]
         for m in range(n):
-            first, G[o, m] = lines[m] - lines[m] % 3, 0.0
+            first, G[o, m] = rows[m] - rows[m] % 3, 0.0
             for j in range(3):
-                G[o, m] += W[lines[o], first + j] * along[m, j]
-            g[o] += G[o, m] * r[lines[m]]
+                G[o, m] += W[rows[o], first + j] * along[m, j]
+            g[o] += G[o, m] * r[rows[m]]
             s += G[o, m] * G[o, m]
         size = math.sqrt(s) if s > 0.0 else 1.0
         for m in range(n):
@@ -158,7 +158,7 @@ def fill_equations(W, r, v, lines, along, n, G, g):
 @inline
 def least_with(G, g, n, fixed, x, Q, c, least):
     """Into least the x of minimum norm with G x = g, those that are fixed as they are; the number
-    of free ones that the lines do not determine."""
+    of free ones that the rows do not determine."""
     free, rank = 0, 0
     for m in range(n):
         least[m] = x[m] if fixed[m] else 0.0
@@ -168,7 +168,7 @@ def least_with(G, g, n, fixed, x, Q, c, least):
         for m in range(n):
             c[o] -= G[o, m] * least[m]
             Q[o, m] = 0.0 if fixed[m] else G[o, m]
-    for _ in range(n):  # Gram and Schmidt, the line of which most is left first
+    for _ in range(n):  # Gram and Schmidt, the row of which most is left first
         best, most = -1, DEPENDENT * DEPENDENT
         for o in range(rank, n):
             s = 0.0
@@ -209,31 +209,31 @@ def way_to_bound(mu, at, change):
 
 
 @inline
-def step_within(graph, chosen, lines, n, x, least):
+def step_within(graph, chosen, rows, n, x, least):
     """(part of the way from x to `least` on which all contacts push and stick, unknown of the
     contact that ends it, or -1)."""
     way, ends_it = 1.0, -1
     for m in range(n):
-        if lines[m] % 3 != 0:
+        if rows[m] % 3 != 0:
             continue
         limit, change = 1.0, least[m] - x[m]
         if x[m] + change < 0.0:
             limit = x[m] / -change
-        if m + 1 < n and lines[m + 1] == lines[m] + 1:  # it sticks
+        if m + 1 < n and rows[m + 1] == rows[m] + 1:  # it sticks
             at, d = (x[m], x[m + 1], x[m + 2]), (change, least[m + 1] - x[m + 1], 0.0)
             d = (d[0], d[1], least[m + 2] - x[m + 2])
-            limit = min(limit, way_to_bound(graph.rules[chosen[lines[m] // 3], BOUND], at, d))
+            limit = min(limit, way_to_bound(graph.rules[chosen[rows[m] // 3], BOUND], at, d))
         if limit < way:
             way, ends_it = limit, m
     return way, ends_it
 
 
 @inline
-def find_open(graph, chosen, W, r, lines, along, n, Q, rank, x, spare):
+def find_open(graph, chosen, W, r, rows, along, n, Q, rank, x, spare):
     """(largest change of a velocity that shares leave open, within the laws and relative to what
     impulses change of one, and the number of a contact whose push does it).
 
-    Q: orthonormal lines that determine impulses, of `least_with`; spare: work, shape (n,).
+    Q: orthonormal rows that determine impulses, of `least_with`; spare: work, shape (n,).
     """
     most, found, largest_given = 0.0, 0, 0.0
     for o in range(r.shape[0]):
@@ -243,57 +243,57 @@ def find_open(graph, chosen, W, r, lines, along, n, Q, rank, x, spare):
         largest_given = max(largest_given, abs(given))
     for j in range(n):
         for sign in range(-1, 2, 2):
-            if lines[j] % 3 != 0:
+            if rows[j] % 3 != 0:
                 continue
             for m in range(n):
                 way = 1.0 if m == j else 0.0
                 for o in range(rank):
                     way -= Q[o, j] * Q[o, m]
                 spare[m] = x[m] + (sign * FAR * largest(r) * way if abs(way) > DEPENDENT else 0.0)
-            reach, _ = step_within(graph, chosen, lines, n, x, spare)
+            reach, _ = step_within(graph, chosen, rows, n, x, spare)
             for o in range(r.shape[0]):
                 turned = 0.0
                 for m in range(n):
-                    first = lines[m] - lines[m] % 3
+                    first = rows[m] - rows[m] % 3
                     for k in range(3):
                         turned += W[o, first + k] * along[m, k] * (spare[m] - x[m])
                 if reach * abs(turned) > most:
-                    most, found = reach * abs(turned), chosen[lines[j] // 3]
+                    most, found = reach * abs(turned), chosen[rows[j] // 3]
     return (most / largest_given if most > OPEN * largest_given else 0.0), found
 
 
 @inline
 def even_out(graph, chosen, W, r, v, slow, first_time, look):
-    """Let r be the least impulses with which no line has a velocity, and v follow: (largest change
+    """Let r be the least impulses with which no row has a velocity, and v follow: (largest change
     of one, what `find_open` finds if asked to look).  first_time: change nothing where all are
     determined.
 
     Where a contact would pull, or slip, on the way there it keeps what it then has.
     """
-    lines, along = np.empty(r.shape[0], np.int64), np.empty((r.shape[0], 3))
-    n, moved = list_unknowns(graph, chosen, W, r, v, slow, lines, along), 0.0
+    rows, along = np.empty(r.shape[0], np.int64), np.empty((r.shape[0], 3))
+    n, moved = list_unknowns(graph, chosen, W, r, v, slow, rows, along), 0.0
     G, Q, fixed = np.empty((n, n)), np.empty((n, n)), np.zeros(n, np.int64)
     now, least, g, c = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     figure, of = 0.0, 0
-    fill_equations(W, r, v, lines, along, n, G, g)
+    fill_equations(W, r, v, rows, along, n, G, g)
     for m in range(n):
-        now[m] = r[lines[m]]
+        now[m] = r[rows[m]]
     for turn in range(n):
         free = least_with(G, g, n, fixed, now, Q, c, least)
         if first_time and free == 0:
             break
         if look and turn == 0:
-            figure, of = find_open(graph, chosen, W, r, lines, along, n, Q, n - free, now, c)
-        way, ends_it = step_within(graph, chosen, lines, n, now, least)
+            figure, of = find_open(graph, chosen, W, r, rows, along, n, Q, n - free, now, c)
+        way, ends_it = step_within(graph, chosen, rows, n, now, least)
         for m in range(n):
             now[m] += way * (least[m] - now[m])
         if ends_it < 0:
             break
         for m in range(n):
-            if lines[m] // 3 == lines[ends_it] // 3:
+            if rows[m] // 3 == rows[ends_it] // 3:
                 fixed[m] = 1
     for m in range(n):
-        change, first = now[m] - r[lines[m]], lines[m] - lines[m] % 3
+        change, first = now[m] - r[rows[m]], rows[m] - rows[m] % 3
         moved = max(moved, abs(change))
         for j in range(3):
             change_of(W, r, v, first + j, change * along[m, j])
@@ -342,7 +342,7 @@ def take_over(graph, u, x, chosen, r):
     for m in range(chosen.shape[0]):
         i = chosen[m]
         for p in range(3):
-            k = LINES * i + p
+            k = CONTACT_ROWS * i + p
             push(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[3 * m + p] - x[k])
             x[k] = r[3 * m + p]
 

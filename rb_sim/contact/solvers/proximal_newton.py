@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from rb_sim.contact.solvers.gauss_seidel import ROUGH, gauss_seidel, is_plain, push_three
-from rb_sim.contact.solvers.graph import BOUND, ENOUGH, GIVE, LINES, copy, copy_rows, rate_of
+from rb_sim.contact.solvers.graph import BOUND, CONTACT_ROWS, ENOUGH, GIVE, copy, copy_rows, rate_of
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.numerics.kernels import inline
 
@@ -204,7 +204,7 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     where A and D are of no use."""
     most, largest = 0.0, 0.0
     for i in range(ends.shape[0]):
-        k, b, a = LINES * i, ends[i, 0], ends[i, 1]
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         size, mu = block_size(blocks, i), min(rules[i, BOUND], ROUGH)
         soft, slack = size / stiff, size / grip
         v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, GIVE] * x[k]
@@ -268,7 +268,7 @@ def fill_matrix(ends, rows, bodies, D, H, linked):
     for i in range(ends.shape[0]):
         if D[i, 0] == 0.0:
             continue
-        k = LINES * i
+        k = CONTACT_ROWS * i
         if ends[i, 1] >= 0:
             linked[ends[i, 0], ends[i, 1]] = linked[ends[i, 1], ends[i, 0]] = 1
         for p in range(3):
@@ -291,7 +291,7 @@ def fill_matrix(ends, rows, bodies, D, H, linked):
 @inline
 def by_active_set(rows, targets, A, D, u, i, b, a):
     """Impulses A - D v of contact i at the velocities u."""
-    k = LINES * i
+    k = CONTACT_ROWS * i
     v0 = rate_of(rows, k, u, b, a) - targets[k]
     v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1]
     v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2]
@@ -306,7 +306,7 @@ def by_active_set(rows, targets, A, D, u, i, b, a):
 def add_misfit(ends, rows, targets, A, D, u, x, g):
     """g += J^T (A - D v - r)."""
     for i in range(ends.shape[0]):
-        k, b, a = LINES * i, ends[i, 0], ends[i, 1]
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         f = by_active_set(rows, targets, A, D, u, i, b, a)
         d0, d1, d2 = f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2]
         for j in range(6):
@@ -324,7 +324,7 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
         for j in range(6):
             moved[b, j] += u[b, j]
     for i in range(ends.shape[0]):
-        k, b, a = LINES * i, ends[i, 0], ends[i, 1]
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         f = by_active_set(rows, targets, A, D, moved, i, b, a)
         push_three(rows, k, u, b, a, f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2])
         x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
@@ -371,7 +371,7 @@ def put_into_cones(graph, u, x):
     """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
     turns is along the edge of the cone, and so out of it; u follows."""
     for i in range(graph.ends.shape[0]):
-        k, push_n = LINES * i, max(0.0, x[LINES * i])
+        k, push_n = CONTACT_ROWS * i, max(0.0, x[CONTACT_ROWS * i])
         across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
         bound = min(graph.rules[i, BOUND], ROUGH) * push_n
         if x[k] < 0.0 or across > bound:

@@ -1,4 +1,4 @@
-"""The lines, rules and first impulses of the contacts and joints that take part in a step."""
+"""The rows, rules and first impulses of the contacts and joints that take part in a step."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    CONTACT_ROWS,
     GIVE,
     LIGHT_A,
     LIGHT_B,
-    LINES,
     PULLS,
     ROLLS,
     SPINS,
@@ -84,8 +84,8 @@ def six(a, i, k):
 
 
 @inline
-def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
-    """Line k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
+def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
+    """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
     turn = unrotate(B.q_WB, add(moment, cross(r_B, force)))
     put(rows, k, 0, force)
     put(rows, k, 3, turn)
@@ -102,9 +102,9 @@ def write_line(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
 
 
 @inline
-def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
-    """The lines of contact i of those that take part, which is point c."""
-    k = LINES * i
+def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
+    """The rows of contact i of those that take part, which is point c."""
+    k = CONTACT_ROWS * i
     B, A = state_of(y, b), state_of(y, a)
     n, p = triple(spots, c, NORMAL), triple(spots, c, POINT)
     t1, t2 = perpendicular(n)
@@ -112,18 +112,18 @@ def write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a):
     r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
     moved, spun = triple(spots, c, MOVES), triple(spots, c, TURNS_AT)
     for j in range(3):
-        write_line(rows, k + j, bodies, B, A, b, a, axes[j], none, r_B, r_A)
+        write_row(rows, k + j, bodies, B, A, b, a, axes[j], none, r_B, r_A)
         targets[k + j] = dot(axes[j], moved)
     if laws[c, ROLLING] > 0.0 or laws[c, SPINNING] > 0.0:
         around = (t1, t2, n)
         for j in range(3):
-            write_line(rows, k + 3 + j, bodies, B, A, b, a, none, around[j], none, none)
+            write_row(rows, k + 3 + j, bodies, B, A, b, a, none, around[j], none, none)
             targets[k + 3 + j] = dot(around[j], spun)
 
 
 @inline
 def speed_at(rows, k, y, b, a):
-    """Rate of line k of a contact of these bodies at the velocities of y."""
+    """Rate of row k of a contact of these bodies at the velocities of y."""
     s = 0.0
     for j in range(6):
         s += rows[k, j] * y[STATE * b + 7 + j]
@@ -143,7 +143,7 @@ def write_rules(
     slides: its mode in the step before, negative where there was none; turning: velocities before
     the loads; addresses, constants: of the traced laws; scratch: numbers to work with.
     """
-    k, bend = LINES * i, bends[i, 0]
+    k, bend = CONTACT_ROWS * i, bends[i, 0]
     before = rate_of(rows, k, turning, b, a) - targets[k]
     now = rate_of(rows, k, u, b, a) - targets[k]
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
@@ -260,7 +260,7 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
 
 @inline
 def rates_of(rows, targets, u, k, b, a):
-    """Rates of the first three lines from k on at the velocities u, less their targets."""
+    """Rates of the first three rows from k on at the velocities u, less their targets."""
     return (
         rate_of(rows, k, u, b, a) - targets[k],
         rate_of(rows, k + 1, u, b, a) - targets[k + 1],
@@ -270,7 +270,7 @@ def rates_of(rows, targets, u, k, b, a):
 
 @inline
 def gather(tables, memory, workspace, y, h):
-    """Write lines, rules and first impulses of the points that take part; how many."""
+    """Write rows, rules and first impulses of the points that take part; how many."""
     found, notes = 0, workspace.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
     owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
@@ -293,9 +293,9 @@ def gather(tables, memory, workspace, y, h):
             put(memory, c, IMPULSE, (0.0, 0.0, 0.0))
             put(memory, c, TWIST, (0.0, 0.0, 0.0))
             continue
-        i, k = found, LINES * found
+        i, k = found, CONTACT_ROWS * found
         active[i], ends[i, 0], ends[i, 1] = c, b, a
-        write_lines(spots, laws, bodies, rows, targets, y, i, c, b, a)
+        write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a)
         rates = rates_of(rows, targets, turning, k, b, a)
         find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
         found += 1
@@ -306,7 +306,7 @@ def gather(tables, memory, workspace, y, h):
 
 @inline
 def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
-    """Rules and first impulses of the n points that take part, whose lines are written; ratio:
+    """Rules and first impulses of the n points that take part, whose rows are written; ratio:
     length of the step h over that of the last one."""
     laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, workspace.notes
     spots, rows, targets, rules = (
@@ -317,7 +317,12 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
     )
     bends, turning, x, u = workspace.bends, workspace.turning, workspace.x, workspace.u
     for i in range(n):
-        c, k, b, a = workspace.active[i], LINES * i, workspace.ends[i, 0], workspace.ends[i, 1]
+        c, k, b, a = (
+            workspace.active[i],
+            CONTACT_ROWS * i,
+            workspace.ends[i, 0],
+            workspace.ends[i, 1],
+        )
         slides = -1.0 if notes[FRESH] == 1.0 else memory[c, SLIDE]
         gap = spots[c, GAP]
         write_rules(
@@ -336,7 +341,7 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
 
 @inline
 def gather_joints(tables, workspace, h):
-    """Lines of the joints, and their impulses of the step before."""
+    """Rows of the joints, and their impulses of the step before."""
     ratio = h / workspace.notes[LENGTH] if workspace.notes[LENGTH] > 0.0 else 0.0
     for k in range(tables.joints.shape[0]):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
@@ -362,8 +367,8 @@ def graph_of(tables, workspace, n):
     """The graph of contacts of the solvers: the first n of the workspace, and the joints."""
     return Graph(
         workspace.ends[:n],
-        workspace.rows[: LINES * n],
-        workspace.targets[: LINES * n],
+        workspace.rows[: CONTACT_ROWS * n],
+        workspace.targets[: CONTACT_ROWS * n],
         workspace.rules[:n],
         workspace.blocks[:n],
         tables.joints,

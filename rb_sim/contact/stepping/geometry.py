@@ -235,16 +235,16 @@ def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
 
 @inline
 def find_crowds(laws, active, ends, held, n):
-    """Write CROWD for bodies that touch each other, of which the lines that may hold one are more
+    """Write CROWD for bodies that touch each other, of which the rows that may hold one are more
     than its freedoms; n contacts.  What touches fixed supports alone is none, whatever holds it."""
     for i in range(held.shape[0]):
         held[i] = 0.0
     for i in range(n):
         c, b, a = active[i], ends[i, 0], ends[i, 1]
-        lines = 3.0 if laws[c, TRACTION] != 0.0 or laws[c, STATIC] > 0.0 else 1.0
-        held[b] += lines
+        row_count = 3.0 if laws[c, TRACTION] != 0.0 or laws[c, STATIC] > 0.0 else 1.0
+        held[b] += row_count
         if a >= 0:
-            held[a] += lines
+            held[a] += row_count
     changed = True
     while changed:
         changed = False
@@ -270,7 +270,7 @@ def straighten_crowds(laws, bends, active, ends, held, n):
 
 @inline
 def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
-    """Keep the relative velocity of point c with lines from k on after the impulses."""
+    """Keep the relative velocity of point c with rows from k on after the impulses."""
     n, moved = triple(spots, c, NORMAL), triple(spots, c, MOVES)
     memory[c, THEN] = rate_of(rows, k, u, b, a) - dot(n, moved)
     s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)

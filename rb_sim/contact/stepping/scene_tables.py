@@ -26,7 +26,7 @@ from rb_sim.graph.functions import explored, leaves
 from rb_sim.graph.machine import compile_law, interpreted
 from rb_sim.graph.symbols import Graph
 from rb_sim.integrate.layout import RATE, VELOCITY
-from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, DEPENDENT
+from rb_sim.mechanics.contact.contact_bodies import AMONG_ROWS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import state_from, traction_law, with_packed_hulls
 from rb_sim.mechanics.inputs import numbers, skeleton, with_numbers
 from rb_sim.mechanics.laws import reference
@@ -80,9 +80,9 @@ class Tables(NamedTuple):
     owners: np.ndarray
     """body and parent of each point, shape (C, 2)."""
     joints: np.ndarray
-    """of each line of the joints body, parent, and 1 if it depends on others, shape (n, 3)."""
+    """of each row of the joints body, parent, and 1 if it depends on others, shape (n, 3)."""
     joint_rows: np.ndarray
-    """lines of the joints (see catalogue.constraints.rows), written from Python, shape (n, 16)."""
+    """rows of the joints (see catalogue.constraints.rows), written from Python, shape (n, 16)."""
     scales: np.ndarray
     """length [m] and speed [m/s] of the scene."""
     near: np.ndarray = np.zeros((0, NEAR_WIDTH))
@@ -263,7 +263,7 @@ def tables_of(compiled: Compiled, laws: PointLaws) -> Tables:
         sizes=np.array(sizes).reshape(-1, SIZES),
         laws=laws_of(compiled, contacts, laws),
         owners=np.array([[p.body, p.parent] for p in contacts], np.int64).reshape(-1, 2),
-        joints=joint_ends(system.lines[:rows]),
+        joints=joint_ends(system.row_table[:rows]),
         joint_rows=np.zeros((rows, system.rows.shape[1])),
         scales=np.array([system.length, system.speed]),
     )
@@ -281,10 +281,10 @@ def entry_of(
     return [law, constant, rests], padded(sizes_of_pair(row.pair, length), SIZES)
 
 
-def joint_ends(lines: np.ndarray) -> np.ndarray:
-    """Body, parent, and whether a line depends on others."""
-    dependent = (lines[:, DEPENDENT] & AMONG_LINES) != 0
-    return np.column_stack([lines[:, :2], dependent]).astype(np.int64)
+def joint_ends(row_table: np.ndarray) -> np.ndarray:
+    """Body, parent, and whether a row depends on others."""
+    dependent = (row_table[:, DEPENDENT] & AMONG_ROWS) != 0
+    return np.column_stack([row_table[:, :2], dependent]).astype(np.int64)
 
 
 def padded(numbers: list[float], width: int) -> list[float]:

@@ -30,10 +30,10 @@ from rb_sim.contact.solvers.gauss_seidel import (
 )
 from rb_sim.contact.solvers.graph import (
     BOUND,
+    CONTACT_ROWS,
     ENOUGH,
     LIGHT_A,
     LIGHT_B,
-    LINES,
     TURN_A,
     TURN_B,
     push,
@@ -134,7 +134,7 @@ def quieten(tables, workspace, n, h):
         gained = symmetric_times(six(b, i, INVERSE), triple(b, i, LOAD + 3))
         sizes[2 * i + 1] = h * norm(gained)
     for i in range(n):
-        for k in range(LINES * i, LINES * i + 3):
+        for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + 3):
             x, body, parent = abs(workspace.x[k]), workspace.ends[i, 0], workspace.ends[i, 1]
             sizes[2 * body] += x * workspace.rows[k, LIGHT_B]
             sizes[2 * body + 1] += x * norm(triple(workspace.rows, k, TURN_B))
@@ -155,7 +155,7 @@ def work_done(workspace, n):
     work = 0.0
     for i in range(n):
         b, a = workspace.ends[i, 0], workspace.ends[i, 1]
-        for k in range(LINES * i, LINES * i + LINES):
+        for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + CONTACT_ROWS):
             if workspace.x[k] != 0.0:
                 mean = rate_of(workspace.rows, k, workspace.turning, b, a)
                 mean += rate_of(workspace.rows, k, workspace.u, b, a)
@@ -173,8 +173,8 @@ def gained_by(laws, workspace, n):
         if laws[c, COMPLIANT] == 1.0:
             continue
         moves = triple(workspace.spots, c, MOVES)
-        for j in range(LINES):
-            k = LINES * i + j
+        for j in range(CONTACT_ROWS):
+            k = CONTACT_ROWS * i + j
             if workspace.x[k] != 0.0:
                 mean = rate_of(workspace.rows, k, workspace.turning, b, a) + rate_of(
                     workspace.rows, k, workspace.u, b, a
@@ -191,7 +191,7 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
     pulls its bodies together by more than the impulse along its normal drives them apart, so that
     several impulses fit, or none.  slow: slip that is none."""
-    k, w = LINES * i, blocks
+    k, w = CONTACT_ROWS * i, blocks
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1] - bends[i, 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2] - bends[i, 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
@@ -216,7 +216,7 @@ def keep_impulses(tables, memory, workspace, y, n, h):
     rows, blocks, targets, u = workspace.rows, workspace.blocks, workspace.targets, workspace.u
     slow = LEAVES * tables.scales[1]
     for i in range(n):
-        c, k, b, a = active[i], LINES * i, ends[i, 0], ends[i, 1]
+        c, k, b, a = active[i], CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         bears, mu = x[k] != 0.0, rules[i, BOUND]
         if laws[c, ALONE] != 0.0 and memory[c, CLOSED] != 0.0 and bears:
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
@@ -305,11 +305,11 @@ def bounces(tables, c):
 def made_in(workspace, y, i, c):
     """(energy that friction makes at contact i, which is point c [J], that which its push makes
     [J], what its rebound takes [J]) in an impact; zeros where it does not rebound. y: before it."""
-    b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], LINES * i, 0.0
+    b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], CONTACT_ROWS * i, 0.0
     rebound = workspace.targets[k] - still_of(workspace, i, c)
     if not rebound > 0.0 or not workspace.x[k] > 0.0:
         return 0.0, 0.0, 0.0
-    for j in range(1, LINES):
+    for j in range(1, CONTACT_ROWS):
         if workspace.x[k + j] != 0.0:
             mean = speed_at(workspace.rows, k + j, y, b, a) + rate_of(
                 workspace.rows, k + j, workspace.u, b, a
@@ -346,7 +346,7 @@ def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
         c = workspace.active[i]
-        if bounces(tables, c) and workspace.targets[LINES * i] > still_of(workspace, i, c):
+        if bounces(tables, c) and workspace.targets[CONTACT_ROWS * i] > still_of(workspace, i, c):
             return True
     return False
 
@@ -361,7 +361,7 @@ def note_gains(tables, workspace, y, n, found):
             add_to(total, workspace.ends[i, 0], across + along, taken)
             add_to(total, workspace.ends[i, 1], across + along, taken)
     for i in range(n):
-        c, k = workspace.active[i], LINES * i
+        c, k = workspace.active[i], CONTACT_ROWS * i
         found[i, WHOLE] = 0.0
         across, along, taken = made_in(workspace, y, i, c)
         if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
@@ -376,14 +376,14 @@ def note_gains(tables, workspace, y, n, found):
 def note_pushes(workspace, n, found, at):
     """Note the pushes: those WITHOUT a rebound, or as PUSH those of the last try."""
     for i in range(n):
-        found[i, at] = workspace.x[LINES * i]
+        found[i, at] = workspace.x[CONTACT_ROWS * i]
 
 
 @inline
 def aim_at_poisson(tables, workspace, n, found):
     """Rebounds at which pushes would be 1 + e times those without, by the last try."""
     for i in range(n):
-        c, k = workspace.active[i], LINES * i
+        c, k = workspace.active[i], CONTACT_ROWS * i
         if found[i, WHOLE] == 0.0:
             continue
         more = found[i, PUSH] - found[i, WITHOUT]
@@ -487,14 +487,23 @@ def is_quiet(tables, y):
 
 
 @inline
+def stand_alone(graph):
+    """Whether there are no joints, and no body touches another one."""
+    alone = graph.joint_rows.shape[0] == 0
+    for i in range(graph.ends.shape[0]):
+        alone = alone and graph.ends[i, 1] < 0
+    return alone
+
+
+@inline
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
-    Shares that the laws leave open are the least ones; where the impulses of the step before hold
-    as they are, they are so already.
+    Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
+    before hold as they are, they are so already.
     """
     rest, made = some_impulses(tables, workspace, graph, x, y)
-    if made == 1 or (graph.joint_rows.shape[0] > 0 and not eliminates(graph)):
+    if made == 1 or not (eliminates(graph) or stand_alone(graph)):
         return rest, made
     length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], workspace.notes
     rest, more, figure, of = take_least_shares(
@@ -576,7 +585,7 @@ def solve_step(tables, memory, workspace, y, h):
     graph, u = graph_of(tables, workspace, n), workspace.u
     for i in range(n):
         fill_block(graph, i)
-        for k in range(LINES * i, LINES * i + LINES):
+        for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + CONTACT_ROWS):
             if workspace.x[k] != 0.0:
                 push(
                     workspace.rows, k, u, workspace.ends[i, 0], workspace.ends[i, 1], workspace.x[k]
@@ -592,7 +601,7 @@ def solve_step(tables, memory, workspace, y, h):
         )
     if workspace.joint_factor.shape[0] > 0:
         factor_joints(graph, u.shape[0])
-    x = workspace.x[: LINES * n]
+    x = workspace.x[: CONTACT_ROWS * n]
     rest, made = solve_without_gain(tables, workspace, graph, x, y)
     quieten(tables, workspace, n, h)
     notes = workspace.notes

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from rb_sim.catalogue.types import BodyState
-from rb_sim.contact.solvers.graph import LINES, coupled, push, rate_of
-from rb_sim.contact.stepping.constraint_rows import six, write_line
+from rb_sim.contact.solvers.graph import CONTACT_ROWS, coupled, push, rate_of
+from rb_sim.contact.stepping.constraint_rows import six, write_row
 from rb_sim.contact.stepping.geometry import (
     FAR,
     find_spots,
@@ -100,7 +100,7 @@ def deepest_overlap(tables, workspace):
 
 @inline
 def near_normals(tables, workspace, y, margin):
-    """Write the normal lines of the rigid contacts with a gap below the margin; how many."""
+    """Write the normal rows of the rigid contacts with a gap below the margin; how many."""
     found, none = 0, (0.0, 0.0, 0.0)
     for c in range(tables.owners.shape[0]):
         if tables.laws[c, COMPLIANT] == 1.0 or not workspace.spots[c, GAP] <= margin:
@@ -108,9 +108,9 @@ def near_normals(tables, workspace, y, margin):
         b, a = tables.owners[c, 0], tables.owners[c, 1]
         B, A = state_of(y, b), state_of(y, a)
         n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
-        k = LINES * found
+        k = CONTACT_ROWS * found
         r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
-        write_line(workspace.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
+        write_row(workspace.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
         workspace.ends[found, 0], workspace.ends[found, 1] = b, a
         workspace.targets[k], workspace.x[k] = -workspace.spots[c, GAP], 0.0
         workspace.blocks[found, 0] = coupled(workspace.rows, k, k, a)
@@ -135,7 +135,7 @@ def push_apart(tables, workspace, y):
         change, largest = 0.0, 0.0
         for turn in range(n):
             i = turn if made % 2 == 0 else n - 1 - turn
-            k, b, a = LINES * i, workspace.ends[i, 0], workspace.ends[i, 1]
+            k, b, a = CONTACT_ROWS * i, workspace.ends[i, 0], workspace.ends[i, 1]
             missing = workspace.targets[k] - rate_of(workspace.rows, k, shift, b, a)
             value = max(0.0, workspace.x[k] + missing / workspace.blocks[i, 0])
             push(workspace.rows, k, shift, b, a, value - workspace.x[k])
@@ -204,6 +204,10 @@ def find_supports(tables, memory, links):
                 links[i] = c
 
 
+LEAST_SHARE = 0.05
+"""Of what a body is to pay with its velocity: less is not tried."""
+
+
 @inline
 def bears_more(tables, memory, c, more):
     """Whether the impulse of point c stays in its cone with another one added."""
@@ -238,8 +242,8 @@ def book_lift(tables, memory, workspace, y):
     """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
     counts as made by them with what they made in the step, but where driven supports lift.
 
-    Bodies pay for it with their velocities instead, so that they come to rest, if the cones of the
-    contacts that bear them to the world have room for the impulse: it is part of what these are
+    Bodies pay for it with their velocities instead, so that they come to rest, as much as the cones
+    of the contacts that bear them to the world have room for: the impulse is part of what these are
     reported to have given, which is the change of momenta.  Before `note_aims`.
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
@@ -256,10 +260,15 @@ def book_lift(tables, memory, workspace, y):
             spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
             kinetic = 0.5 * (m * dot(B.v_WC, B.v_WC) + dot(B.w_WB_B, spin))
             slower = math.sqrt(1.0 - lifted / kinetic) if kinetic > lifted else 0.0
-            impulse = scale(m * (slower - 1.0), B.v_WC)
-            if led_to_world(tables, memory, links, i, impulse, False):
-                led_to_world(tables, memory, links, i, impulse, True)
-                lifted -= min(lifted, kinetic)
+            loss, share = scale(m * (slower - 1.0), B.v_WC), 1.0
+            while share > LEAST_SHARE and not led_to_world(
+                tables, memory, links, i, scale(share, loss), False
+            ):
+                share *= 0.5
+            if share > LEAST_SHARE:
+                led_to_world(tables, memory, links, i, scale(share, loss), True)
+                slower = 1.0 - share * (1.0 - slower)
+                lifted -= min(lifted, (1.0 - slower * slower) * kinetic)
                 for j in range(7, STATE):
                     y[k + j] *= slower
         y[y.shape[0] - 1] += lifted

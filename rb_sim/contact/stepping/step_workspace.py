@@ -8,7 +8,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
-from rb_sim.contact.solvers.graph import BLOCK, LINES, RULES, WIDTH
+from rb_sim.contact.solvers.graph import BLOCK, CONTACT_ROWS, RULES, WIDTH
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
@@ -111,13 +111,13 @@ class Workspace(NamedTuple):
     active: np.ndarray
     """points that take part, shape (C,)."""
     rows: np.ndarray
-    """shape (LINES C, WIDTH)."""
+    """shape (CONTACT_ROWS C, WIDTH)."""
     targets: np.ndarray
     rules: np.ndarray
     bends: np.ndarray
     """see `bends`, of the points that take part, shape (C, 4)."""
     held: np.ndarray
-    """lines that hold each body, shape (N,)."""
+    """rows that hold each body, shape (N,)."""
     blocks: np.ndarray
     ends: np.ndarray
     x: np.ndarray
@@ -127,7 +127,7 @@ class Workspace(NamedTuple):
     """impulses of the joints, also those of the step before."""
     joint_back: np.ndarray
     """impulses of the joints that bring velocities back to their manifold at the end of a step:
-    their lines turn from its middle on, where `joint_x` holds them."""
+    their rows turn from its middle on, where `joint_x` holds them."""
     joint_factor: np.ndarray
     joint_spare: np.ndarray
     u: np.ndarray
@@ -151,7 +151,7 @@ class Workspace(NamedTuple):
 
 
 def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
-    """Work space for so many bodies, points of contact and lines of joints."""
+    """Work space for so many bodies, points of contact and rows of joints."""
     together = joints if joints <= MOST_TOGETHER else 0
     notes = np.zeros(NOTES)
     notes[FRESH] = 1.0
@@ -159,14 +159,14 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
         np.zeros((points, SPOT)),
         np.zeros((4, 12, 5)),
         np.zeros(points, np.int64),
-        np.zeros((LINES * points, WIDTH)),
-        np.zeros(LINES * points),
+        np.zeros((CONTACT_ROWS * points, WIDTH)),
+        np.zeros(CONTACT_ROWS * points),
         np.zeros((points, RULES)),
         np.zeros((points, 4)),
         np.zeros(bodies),
         np.zeros((points, BLOCK)),
         np.zeros((points, 2), np.int64),
-        np.zeros(LINES * points),
+        np.zeros(CONTACT_ROWS * points),
         np.zeros((joints, WIDTH)),
         np.zeros(joints),
         np.zeros(joints),

@@ -49,7 +49,7 @@ from rb_sim.contact.stepping.step_workspace import (
 from rb_sim.contact.tunnelling import run_looking
 from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
-from rb_sim.mechanics.contact.contact_bodies import AMONG_LINES, AMONG_POSITIONS, DEPENDENT
+from rb_sim.mechanics.contact.contact_bodies import AMONG_POSITIONS, AMONG_ROWS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.inputs import kept_inputs, with_kept
 from rb_sim.mechanics.laws import CompiledLaws, reference
@@ -57,8 +57,8 @@ from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.elimination import Dependent
 from rb_sim.mechanics.systems.many_bodies import (
-    LINE_COLUMNS,
     MULTIPLIERS,
+    ROW_TABLE_COLUMNS,
     MultiBody,
     anchor_all,
     energetics,
@@ -69,13 +69,13 @@ from rb_sim.motion.motion import Motion
 from rb_sim.numerics.vectors import add, cross, rotate, sub
 from rb_sim.scene.compiled import Compiled
 
-# The joints of a scene under time stepping: their lines, and the way back to their manifold.
+# The joints of a scene under time stepping: their rows, and the way back to their manifold.
 #
 # Both are laws compiled for the scene, as those of scenes without contacts.
 
 
 class Joints:
-    """The lines of the constraints of a system that are no contacts.
+    """The rows of the constraints of a system that are no contacts.
 
     system: these alone, as MultiBody, with tables of its own.
     """
@@ -83,17 +83,17 @@ class Joints:
     def __init__(self, system: Any) -> None:
         count = int(system.first_row[len(system.constraints)])
         self.system = joint_system(system, count)
-        flags = system.lines[:count, DEPENDENT]
+        flags = system.row_table[:count, DEPENDENT]
         left_out = (
             frozenset(np.flatnonzero(flags & among).tolist())
-            for among in (AMONG_LINES, AMONG_POSITIONS)
+            for among in (AMONG_ROWS, AMONG_POSITIONS)
         )
         self.laws = MultiBodyLaws(self.system, 0, bool(flags.any()), (), Dependent(*left_out))
         self._inputs = np.array([*self.laws.inputs.values(self.system, 0.0), 0.0])
 
     @cached_property
     def _written(self) -> CompiledLaws:
-        """The law of the lines."""
+        """The law of the rows."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             write_rows(system, t, y)
@@ -102,13 +102,13 @@ class Joints:
         return self.laws.traced(kernel)
 
     def rows(self, t: float, y: Array) -> Array:
-        """The lines at (t, y), shape (n, ROW_WIDTH)."""
-        n = self.system.lines.shape[0]
+        """The rows at (t, y), shape (n, ROW_WIDTH)."""
+        n = self.system.row_table.shape[0]
         return self.value(self._written, t, y, n * ROW_WIDTH).reshape(n, ROW_WIDTH)
 
     @cached_property
     def _hastened(self) -> CompiledLaws:
-        """The law of admissible velocities: y, then the impulse of each line that gives them."""
+        """The law of admissible velocities: y, then the impulse of each row that gives them."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             return [*self.laws.hastened(system, t, y), *system.vectors[MULTIPLIERS]]
@@ -136,7 +136,7 @@ def joint_system(system: Any, rows: int) -> MultiBody:
     joints = len(system.constraints)
     return MultiBody(
         bodies=system.bodies.copy(),
-        lines=system.lines[:rows, :LINE_COLUMNS].copy(),
+        row_table=system.row_table[:rows, :ROW_TABLE_COLUMNS].copy(),
         rows=np.zeros((rows, system.rows.shape[1])),
         vectors=np.zeros((2, rows)),
         first_row=system.first_row[: joints + 1].copy(),
@@ -455,7 +455,7 @@ class SteppedContacts(GridMotion):
         for members in self.system.members:
             main = int(members[0])
             if 0 <= main < len(system.constraints):
-                b = int(system.lines[first[main], 0])
+                b = int(system.row_table[first[main], 0])
                 B, anchor = state_of(y, b), tuple(system.anchors[main])
                 force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
                 for part in np.flatnonzero(members[1 : 1 + len(system.constraints)]):

@@ -1,6 +1,6 @@
 """Accelerations and multipliers of bodies with contacts, some of which slip.
 
-A line that slips pushes along another direction than it enforces, so that the matrix of the lines,
+A row that slips pushes along another direction than it enforces, so that the matrix of the rows,
 G M^-1 W^T, is not symmetric.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.integrate.layout import PackedSystem, address
-from rb_sim.mechanics.contact.constraint_tables import load_effects, write_lines
+from rb_sim.mechanics.contact.constraint_tables import load_effects, write_all_rows
 from rb_sim.mechanics.contact.contact_bodies import (
-    AMONG_LINES,
+    AMONG_ROWS,
     AT_SLIP,
     CLOSED,
     COMPLIANT,
@@ -38,8 +38,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIP_DIRECTION,
     STATIC,
     ContactBodies,
+    first_row_of,
     keep,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.systems.many_bodies import (
@@ -137,9 +137,9 @@ def add_direct(system, y):
     for c in range(touch.shape[0]):
         if touch[c, CLOSED] == 0.0:
             continue
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
-        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         B = state_of(y, b)
         add_load(system.bodies, b, f, unrotate(B.q_WB, add(m, cross(sub(p, B.p_WC), f))))
         if a >= 0:
@@ -150,7 +150,7 @@ def add_direct(system, y):
 
 @inline
 def push_of(system, i, j, column):
-    """M_i^-1 of the push of line j on body i, whose columns start at `column`."""
+    """M_i^-1 of the push of row j on body i, whose columns start at `column`."""
     force = scale(1.0 / system.bodies[i, 0], vec(system.pushes, j, column))
     s = system.bodies
     k = vec(system.pushes, j, column + 3)
@@ -164,62 +164,62 @@ def push_of(system, i, j, column):
 
 @inline
 def find_holding(system, dependent):
-    """Number the lines that hold, those that are not zero; returns how many there are.
+    """Number the rows that hold, those that are not zero; returns how many there are.
 
-    dependent: lines that depend on others like this are left out.
+    dependent: rows that depend on others like this are left out.
     """
     holding = 0
-    for k in range(system.lines.shape[0]):
-        if system.lines[k, DEPENDENT] & dependent != 0:
+    for k in range(system.row_table.shape[0]):
+        if system.row_table[k, DEPENDENT] & dependent != 0:
             continue
         size = 0.0
         for j in range(12):
             size += abs(system.rows[k, j])
         if size > 0.0:
-            system.lines[holding, HOLDS] = k
+            system.row_table[holding, HOLDS] = k
             holding += 1
     return holding
 
 
 @inline
 def fill_pushed_matrix(system, holding):
-    """A = G M^-1 W^T of the lines that hold."""
-    lines = system.lines
+    """A = G M^-1 W^T of the rows that hold."""
+    row_table = system.row_table
     for n in range(holding):
-        j = lines[n, HOLDS]
-        b, a = lines[j, BODY], lines[j, PARENT]
+        j = row_table[n, HOLDS]
+        b, a = row_table[j, BODY], row_table[j, PARENT]
         fb, kb = push_of(system, b, j, 0)
         fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if a >= 0:
             fa, ka = push_of(system, a, j, 6)
         for m in range(holding):
-            i = lines[m, HOLDS]
-            system.square[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
+            i = row_table[m, HOLDS]
+            system.delassus[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
 
 
 @inline
 def spread_multipliers(system, holding):
-    """From the lines that hold, in order, to all lines; the others are zero."""
+    """From the rows that hold, in order, to all rows; the others are zero."""
     x = system.vectors[MULTIPLIERS]
     for k in range(holding, x.shape[0]):
         x[k] = 0.0
     for m in range(holding - 1, -1, -1):
         value = x[m]
         x[m] = 0.0
-        x[system.lines[m, HOLDS]] = value
+        x[system.row_table[m, HOLDS]] = value
 
 
 @inline
 def joints_share(system, joints, at, column):
-    """What the joints take of the rise at contact line `at` (counted among those that hold) per
-    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the line
+    """What the joints take of the rise at contact row `at` (counted among those that hold) per
+    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the row
     itself."""
-    A, spare = system.square[0], system.square[1]
+    A, spare = system.delassus[0], system.delassus[1]
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
         b[j] = A[j, column] if column >= 0 else A[at, j]
-    lines = system.lines
-    solve_unsymmetric(A, b, x, spare, lines[:, ORDER], lines[:, SECOND_ORDER], joints)
+    row_table = system.row_table
+    solve_unsymmetric(A, b, x, spare, row_table[:, ORDER], row_table[:, SECOND_ORDER], joints)
     share = 0.0
     for j in range(joints):
         share += A[at, j] * x[j]
@@ -234,26 +234,26 @@ def pivots(system, holding):
     A contact's pivot is the rise of its two points away from each other per unit of push.
     """
     touch, joints = system.touch, 0
-    while joints < holding and system.lines[joints, HOLDS] < line_of(system, 0):
+    while joints < holding and system.row_table[joints, HOLDS] < first_row_of(system, 0):
         joints += 1
     at = joints
     for c in range(touch.shape[0]):
-        k = line_of(system, c)
+        k = first_row_of(system, c)
         touch[c, PIVOT] = 1.0
         if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
             continue
         touch[c, NORMAL_FORCE] = system.vectors[MULTIPLIERS, k]
         if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
             continue
-        while at < holding and system.lines[at, HOLDS] < k:
+        while at < holding and system.row_table[at, HOLDS] < k:
             at += 1
-        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         force, turn = inverse_mass_row(system, b, k, 0)
         alone = coupling(system.rows, k, 0, force, turn)
         if a >= 0:
             force, turn = inverse_mass_row(system, a, k, 6)
             alone += coupling(system.rows, k, 6, force, turn)
-        ideal, effective = alone, system.square[0, at, at]
+        ideal, effective = alone, system.delassus[0, at, at]
         if joints > 0:
             ideal -= joints_share(system, joints, at, -1)
             effective -= joints_share(system, joints, at, at)
@@ -292,7 +292,7 @@ def drop_rounding(system):
 
 @dispatch
 def unconstrained(system, t, y):
-    """Write the lines, and push = accelerations from loads and given contact forces alone."""
+    """Write the rows, and push = accelerations from loads and given contact forces alone."""
 
 
 @unconstrained.register(ContactBodies)
@@ -303,10 +303,10 @@ def unconstrained_here(system, t, y):
 
 @inline
 def unconstrained_in(system, t, y, everywhere):
-    """As `unconstrained`; everywhere: as in `write_lines`."""
+    """As `unconstrained`; everywhere: as in `write_all_rows`."""
     clear_loads(system)
     load_effects(system, t, y)
-    write_lines(system, t, y, everywhere)
+    write_all_rows(system, t, y, everywhere)
     add_direct(system, y)
     free_accelerations(system, y)
 
@@ -321,18 +321,18 @@ edge to spare the guide a torque."""
 def least_reactions(system, rank, holding):
     """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep; joints
     count by OF_JOINTS."""
-    A, right, shares = system.square[0], system.vectors[RIGHT], system.vectors[SHARES]
-    x, lines, first = system.vectors[MULTIPLIERS], system.lines, line_of(system, 0)
+    A, right, shares = system.delassus[0], system.vectors[RIGHT], system.vectors[SHARES]
+    x, row_table, first = system.vectors[MULTIPLIERS], system.row_table, first_row_of(system, 0)
     for m in range(holding):
         for n in range(holding):
-            right[m] -= A[m, n] * shares[lines[n, HOLDS]]
-            if lines[n, HOLDS] < first:
+            right[m] -= A[m, n] * shares[row_table[n, HOLDS]]
+            if row_table[n, HOLDS] < first:
                 A[m, n] /= OF_JOINTS
     least_norm(A, right, x, rank, holding)
     for m in range(holding):
-        if lines[m, HOLDS] < first:
+        if row_table[m, HOLDS] < first:
             x[m] /= OF_JOINTS
-        x[m] += shares[lines[m, HOLDS]]
+        x[m] += shares[row_table[m, HOLDS]]
 
 
 @unconstrained.register(PackedSystem)
@@ -343,7 +343,7 @@ def unconstrained_by_address(system, t, y):
 
 @dispatch
 def contact_accelerations(system, t, y):
-    """Fill multipliers, contact forces and push = accelerations; returns (rank, lines that hold).
+    """Fill multipliers, contact forces and push = accelerations; returns (rank, rows that hold).
 
     Where reactions are not determined, those nearest to the SHARES.
     """
@@ -363,8 +363,8 @@ def accelerations_here(system, t, y):
 
 @dispatch
 def moving(system, t, y, everywhere):
-    """As `contact_accelerations`; everywhere: as in `write_lines`, and with reactions of all lines,
-    for which the state has to be on the manifold."""
+    """As `contact_accelerations`; everywhere: as in `write_all_rows`, and with reactions of all
+    rows, for which the state has to be on the manifold."""
 
 
 @moving.register(PackedSystem)
@@ -384,32 +384,32 @@ def accelerations_in(system, t, y, everywhere):
     full rank the multipliers nearest to the SHARES.
     """
     unconstrained_in(system, t, y, everywhere)
-    n = system.lines.shape[0]
-    holding = find_holding(system, NOWHERE if everywhere else AMONG_LINES)
+    n = system.row_table.shape[0]
+    holding = find_holding(system, NOWHERE if everywhere else AMONG_ROWS)
     fill_pushed_matrix(system, holding)
     right, multipliers = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
     for m in range(holding):
-        k = system.lines[m, HOLDS]
+        k = system.row_table[m, HOLDS]
         right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
-    lines = system.lines
+    row_table = system.row_table
     rank = solve_unsymmetric(
-        system.square[0],
+        system.delassus[0],
         right,
         multipliers,
-        system.square[1],
-        lines[:, ORDER],
-        lines[:, SECOND_ORDER],
+        system.delassus[1],
+        row_table[:, ORDER],
+        row_table[:, SECOND_ORDER],
         holding,
     )
-    rank = min(rank, lines[0, MOST_RANK])
-    lines[0, RANK] = rank
+    rank = min(rank, row_table[0, MOST_RANK])
+    row_table[0, RANK] = rank
     if rank < holding:
-        lines[0, REDUNDANT] = 1
+        row_table[0, REDUNDANT] = 1
         least_reactions(system, rank, holding)
     spread_multipliers(system, holding)
     note_sizes(system)
     for k in range(n):
-        x, b, a = multipliers[k], system.lines[k, BODY], system.lines[k, PARENT]
+        x, b, a = multipliers[k], system.row_table[k, BODY], system.row_table[k, PARENT]
         if x != 0.0:
             force, turn = push_of(system, b, k, 0)
             add_term(system.bodies, b, force, turn, x)
@@ -428,9 +428,9 @@ def power_of_contacts(system, y):
     for c in range(system.touch.shape[0]):
         if system.touch[c, CLOSED] == 0.0:
             continue
-        k = line_of(system, c)
-        last = line_of(system, c + 1)
-        b, a = system.lines[k, BODY], system.lines[k, PARENT]
+        k = first_row_of(system, c)
+        last = first_row_of(system, c + 1)
+        b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         B, A = state_of(y, b), state_of(y, a)
         for i in range(k, last):
             x = system.vectors[MULTIPLIERS, i]

@@ -1,4 +1,4 @@
-"""The tables of bodies with contacts brought up to date: lines, loads, anchors and energies.
+"""The tables of bodies with contacts brought up to date: rows, loads, anchors and energies.
 
 Traced laws give them in loops; interpreted, the same Python is called as it is.
 """
@@ -34,9 +34,9 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SPIN_SIGN,
     SPRING,
     ContactBodies,
+    first_row_of,
     keep,
     least_slip,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
 from rb_sim.mechanics.systems.many_bodies import (
@@ -56,7 +56,7 @@ from rb_sim.numerics.vectors import norm
 # Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
 #
 # A contact's law gets ARGUMENTS numbers and gives those of its geometry and, where it is closed, of
-# its lines; the columns of `touch` that it fills lie as the law gives them.
+# its rows; the columns of `touch` that it fills lie as the law gives them.
 
 
 KEPT = 26
@@ -68,9 +68,9 @@ GEOMETRY = GEOMETRY_WIDTH + 2 + LEAN_WIDTH + 1
 Lean (7), place round the rim."""
 FORCES = GEOMETRY + FORCES_WIDTH
 """Of a closed one besides: forces that do not wait for N (3, 3), force; from here on 16 numbers of
-each line, then 12 of each push."""
-MOST_LINES = 6
-OUTPUTS = FORCES + 28 * MOST_LINES
+each row, then 12 of each push."""
+MOST_ROWS = 6
+OUTPUTS = FORCES + 28 * MOST_ROWS
 WORKSPACE = ARGUMENTS + OUTPUTS
 
 OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER = range(5)
@@ -82,9 +82,9 @@ slip, and where the constants of that begin."""
 LAYOUT = Layout(
     {
         "bodies": (REAL, 2),
-        "lines": (INTEGER, 2),
+        "row_table": (INTEGER, 2),
         "rows": (REAL, 2),
-        "square": (REAL, 3),
+        "delassus": (REAL, 3),
         "vectors": (REAL, 2),
         "first_row": (INTEGER, 1),
         "members": (INTEGER, 2),
@@ -117,7 +117,7 @@ laws of the scene; functions compiled once (see compiled)."""
 
 @inline
 def clear_contact(G, W, k, last, touch, c):
-    """No lines and no forces of a contact that is open."""
+    """No rows and no forces of a contact that is open."""
     for i in range(k, last):
         for j in range(ROW_WIDTH):
             G[i, j] = 0.0
@@ -142,8 +142,8 @@ def put_geometry(touch, c, out):
 
 @inline
 def put_forces(system, c, out):
-    """Lines, pushes and forces of a closed contact into the tables."""
-    first, last = line_of(system, c), line_of(system, c + 1)
+    """Rows, pushes and forces of a closed contact into the tables."""
+    first, last = first_row_of(system, c), first_row_of(system, c + 1)
     for j in range(FORCES_WIDTH):
         system.touch[c, DIRECT + j] = out[GEOMETRY + j]
     pushes = FORCES + ROW_WIDTH * (last - first)
@@ -155,7 +155,7 @@ def put_forces(system, c, out):
 
 
 def write_contact(placed, t, system, y, c):
-    """Geometry, lines and pushes of contact c at (t, y)."""
+    """Geometry, rows and pushes of contact c at (t, y)."""
     touch, at = system.touch, LEAN_BEFORE
     lean = Lean(vec(touch, c, at), vec(touch, c, at + 3), touch[c, at + 6])
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -163,7 +163,12 @@ def write_contact(placed, t, system, y, c):
     put_geometry(touch, c, list(leaves(found)))
     if touch[c, CLOSED] == 0.0:
         clear_contact(
-            system.rows, system.pushes, line_of(system, c), line_of(system, c + 1), touch, c
+            system.rows,
+            system.pushes,
+            first_row_of(system, c),
+            first_row_of(system, c + 1),
+            touch,
+            c,
         )
         return
     kept = Kept(
@@ -210,7 +215,7 @@ def write_contact_by_law(system, t, y, c):
     if system.touch[c, CLOSED] == 0.0:
         call_law(system.contacts[c, OPEN_LAW], t, arguments, constants, out)
         put_geometry(system.touch, c, out)
-        first, last = line_of(system, c), line_of(system, c + 1)
+        first, last = first_row_of(system, c), first_row_of(system, c + 1)
         clear_contact(system.rows, system.pushes, first, last, system.touch, c)
     else:
         call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
@@ -263,18 +268,18 @@ def write_contacts(groups, t, system, y, c, everywhere):
             c += 1
 
 
-def _write_lines(system, t, y, everywhere):
-    """Write the lines of all constraints at (t, y), and what is known of every contact; or, where
-    the lines of open ones are zero already, of the closed ones alone, which is all that a rate
+def _write_all_rows(system, t, y, everywhere):
+    """Write the rows of all constraints at (t, y), and what is known of every contact; or, where
+    the rows of open ones are zero already, of the closed ones alone, which is all that a rate
     needs."""
 
 
-write_lines = dispatch(_write_lines)
+write_all_rows = dispatch(_write_all_rows)
 
 
 @dispatch
 def write_joints(system, t, y):
-    """Write the lines of the joints at (t, y)."""
+    """Write the rows of the joints at (t, y)."""
 
 
 @write_joints.register(ContactBodies)
@@ -290,16 +295,16 @@ def write_joints_by_law(system, t, y):
         call_law(system.lines_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
 
 
-@write_lines.register(ContactBodies)
-def write_lines_plainly(system, t, y, everywhere):
+@write_all_rows.register(ContactBodies)
+def write_all_rows_plainly(system, t, y, everywhere):
     """Interpreted: the rows of joints and contacts, then their directions of push."""
     write_joints(system, t, y)
     write_contacts(system.contacts, t, system, y, 0, everywhere)
     push_joints_along(system)
 
 
-@write_lines.register(PackedSystem)
-def write_lines_by_law(system, t, y, everywhere):
+@write_all_rows.register(PackedSystem)
+def write_all_rows_by_law(system, t, y, everywhere):
     """Compiled: the same by laws; a contact that is open is written only if `everywhere`."""
     write_joints(system, t, y)
     for c in range(system.touch.shape[0]):
@@ -311,13 +316,13 @@ def write_lines_by_law(system, t, y, everywhere):
 @write_rows.register(ContactBodies, PackedSystem)
 def write_contact_rows(system, t, y):
     """The rows of joints and of all contacts, open or closed."""
-    write_lines(system, t, y, True)
+    write_all_rows(system, t, y, True)
 
 
 @inline
 def push_joints_along(system):
-    """A joint pushes along the line that it enforces."""
-    for k in range(line_of(system, 0)):
+    """A joint pushes along the row that it enforces."""
+    for k in range(first_row_of(system, 0)):
         for j in range(12):
             system.pushes[k, j] = system.rows[k, j]
 

@@ -1,7 +1,7 @@
 """N bodies with contacts that open, slip, stick and roll.
 
-A contact owns lines of the same table as every other constraint: normal, two tangents and, where it
-resists turning, two rolling lines and one of spin.  Its mode says which of them hold; the others
+A contact owns rows of the same table as every other constraint: normal, two tangents and, where it
+resists turning, two rolling rows and one of spin.  Its mode says which of them hold; the others
 are zero and drop out of every solve.  A slipping contact pushes along n + T(s)/N, not along n: the
 directions of push are a table of their own.  Scenes without contact know nothing of all this.
 """
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.mechanics.system import EVENT_DRIVEN
-from rb_sim.mechanics.systems.many_bodies import LINE_COLUMNS
+from rb_sim.mechanics.systems.many_bodies import ROW_TABLE_COLUMNS
 from rb_sim.numerics.kernels import inline
 
 # The table of contacts, `ContactBodies.touch`: one row per point of contact, its columns by name.
@@ -189,11 +189,11 @@ class ContactBodies(NamedTuple):
     """As MultiBody, with contacts; y has WIDTH coordinates per body, then the contacts' work."""
 
     bodies: np.ndarray
-    lines: np.ndarray
-    """body, parent, work space, ANGLE and DEPENDENT; integers, shape (n, LINE_WIDTH)."""
+    row_table: np.ndarray
+    """body, parent, work space, ANGLE and DEPENDENT; integers, shape (n, ROW_TABLE_WIDTH)."""
     rows: np.ndarray
-    square: np.ndarray
-    """A = G M^-1 W and work space, of the lines that hold, shape (2, n, n)."""
+    delassus: np.ndarray
+    """A = G M^-1 W and work space, of the rows that hold, shape (2, n, n)."""
     vectors: np.ndarray
     first_row: np.ndarray
     members: np.ndarray
@@ -207,7 +207,7 @@ class ContactBodies(NamedTuple):
     touch: np.ndarray
     """the table of contacts, see above, shape (contacts, TOUCH_WIDTH)."""
     pushes: np.ndarray
-    """direction of push of each line: as the 12 columns of its Jacobian, shape (n, 12)."""
+    """direction of push of each row: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float
     """of all bodies [kg]."""
     still: float
@@ -226,16 +226,16 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-SECOND_ORDER, HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, LINE_WIDTH = range(
-    LINE_COLUMNS, LINE_COLUMNS + 8
+SECOND_ORDER, HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
+    ROW_TABLE_COLUMNS, ROW_TABLE_COLUMNS + 8
 )
-"""Columns of ContactBodies.lines for the solver's column order, the lines that hold, and whether a
-line of a joint depends on other joints': the sum of what it is among.  Of all lines, in the first
+"""Columns of ContactBodies.row_table for the solver's column order, the rows that hold, and whether
+a row of a joint depends on other joints': the sum of what it is among.  Of all rows, in the first
 row: the rank found last, the most that counts, the most that counts in the step taken last, and 1
-if one was less than the lines that hold."""
-NOWHERE, AMONG_LINES, AMONG_POSITIONS, CHANGING = 0, 1, 2, 4
-"""What a line depends on: none, all lines of joints, the holonomic ones alone. Off the manifold,
-where the stages of a step are, such a line contradicts the others.  CHANGING: that is chosen anew
+if one was less than the rows that hold."""
+NOWHERE, AMONG_ROWS, AMONG_POSITIONS, CHANGING = 0, 1, 2, 4
+"""What a row depends on: none, all rows of joints, the holonomic ones alone. Off the manifold,
+where the stages of a step are, such a row contradicts the others.  CHANGING: that is chosen anew
 where a step begins (see choice)."""
 
 
@@ -259,6 +259,6 @@ def least_slip(system, c):
 
 
 @inline
-def line_of(system, c):
-    """First line of contact c."""
+def first_row_of(system, c):
+    """First row of contact c."""
     return system.first_row[system.joints + c]

@@ -1,4 +1,4 @@
-"""What one contact is at an instant: geometry, the lines that hold, the pushes, the friction.
+"""What one contact is at an instant: geometry, the rows that hold, the pushes, the friction.
 
 A function of the states of both bodies, of the modes and of the directions kept from the start of
 the step, and of nothing else; it is traced once for each kind of contact (`contact_laws`), and runs
@@ -89,10 +89,10 @@ class Forces(NamedTuple):
     """that do not wait for N, world axes [N, N m]."""
     force: float
     """N of a compliant support."""
-    lines: tuple
-    """16 numbers of each line (see catalogue.constraints.rows), zero where it does not hold."""
+    rows: tuple
+    """16 numbers of each row (see catalogue.constraints.rows), zero where it does not hold."""
     pushes: tuple
-    """12 numbers of each line."""
+    """12 numbers of each row."""
 
 
 class _Moving(NamedTuple):
@@ -140,17 +140,17 @@ def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tupl
     return found, _Moving(B, A, a_A, alpha_A, driven, at, r, sigma, moved)
 
 
-def line(
+def constraint_row(
     holds: Any, force: Vec3, torque_B: Vec3, torque_A: Vec3, bias: Any, error: Any, rate: Any,
     holonomic: float,
 ) -> tuple:  # fmt: skip
-    """16 numbers of a line; zero where it does not hold."""
+    """16 numbers of a row; zero where it does not hold."""
     numbers = (*force, *torque_B, *neg(force), *torque_A, bias, error, rate, holonomic)
     return where(holds, numbers, (0.0,) * len(numbers))
 
 
 def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
-    """Lines and pushes of a closed contact, and the forces that do not wait for N."""
+    """Rows and pushes of a closed contact, and the forces that do not wait for N."""
     B, A, n, r, sigma = m.B, m.A, m.at.normal, m.r, m.sigma
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     r_dot, sigma_dot = sub(m.at.point_rate, B.v_WC), sub(m.at.point_rate, A.v_WC)
@@ -159,7 +159,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     )
     t1, t2 = perpendicular(n)
     rigid = not row.spring
-    lines = []
+    rows = []
     for i, d in enumerate((n, t1, t2)):
         holds, first = (rigid, 1.0) if i == 0 else (kept.slide > 0.5 * (SLIDING + STUCK), 0.0)
         # what gives way may approach while it sticks, and the tangents turn with the normal
@@ -167,9 +167,9 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
         bias = dot(d, drift) + turning
         turn_B, turn_A = unrotate(B.q_WB, cross(r, d)), unrotate(A.q_WB, cross(d, sigma))
         rate = m.driven * dot(d, m.moved)
-        lines.append(line(holds, d, turn_B, turn_A, bias, first * g.gap, rate, first))
+        rows.append(constraint_row(holds, d, turn_B, turn_A, bias, first * g.gap, rate, first))
     if not isinstance(row.resistance, NoResistance):
-        lines += turn_lines(m, (t1, t2, n), spin_A, g.turn, kept)
+        rows += turn_rows(m, (t1, t2, n), spin_A, g.turn, kept)
     sliding = (kept.slide > 0.5 * SLIDING) & (kept.slide < 0.5 * (SLIDING + STUCK))
     per_normal, direct = traction(row.friction, g.slip, kept.ahead, kept.still, not rigid)
     per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
@@ -178,7 +178,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
         row.resistance, g.turn, n, modes, kept.roll_direction, kept.spin_sign, kept.still_turn
     )
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
-    pushes = [values[:12] for values in lines]
+    pushes = [values[:12] for values in rows]
     if rigid:
         turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
         turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
@@ -188,11 +188,11 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     else:
         direct = add(direct, scale(g.spring, add(n, per_normal)))
         torque = scale(g.spring, torque)
-    return Forces(direct, torque, g.spring, tuple(lines), tuple(pushes))
+    return Forces(direct, torque, g.spring, tuple(rows), tuple(pushes))
 
 
-def turn_lines(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:
-    """Rolling and spinning lines of a contact that resists turning."""
+def turn_rows(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:
+    """Rolling and spinning rows of a contact that resists turning."""
     n, n_dot, about = axes[2], m.at.normal_rate, dot(turn, axes[2])
     found = []
     for i, d in enumerate(axes):
@@ -200,5 +200,7 @@ def turn_lines(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) ->
         drift = dot(n_dot, turn) if d is n else -dot(d, n_dot) * about
         bias, rate = drift - dot(d, m.alpha_A), m.driven * dot(d, spin_A)
         torque_A = neg(unrotate(m.A.q_WB, d))
-        found.append(line(stuck, ZERO, unrotate(m.B.q_WB, d), torque_A, bias, 0.0, rate, 0.0))
+        found.append(
+            constraint_row(stuck, ZERO, unrotate(m.B.q_WB, d), torque_A, bias, 0.0, rate, 0.0)
+        )
     return found

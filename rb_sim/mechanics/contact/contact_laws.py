@@ -1,7 +1,7 @@
 """The laws of bodies in contact, traced: of each kind of contact once, and of the scene's rest.
 
 A contact's constants are inputs of its law, so contacts of one kind share machine code, in all
-scenes.  Loads of the effects, lines of the joints, anchors and energies are traced scene by scene.
+scenes.  Loads of the effects, rows of the joints, anchors and energies are traced scene by scene.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ from rb_sim.numerics.kernels import by_address, place_of
 
 @by_address
 def free(t, y, p, out):
-    """Lines, and accelerations from loads and given contact forces alone, into the tables."""
+    """Rows, and accelerations from loads and given contact forces alone, into the tables."""
     unconstrained_here(held(p), t, y)
 
 
 @by_address
 def accelerate(t, y, p, out):
     """Multipliers and accelerations into the tables, everywhere where out[0] is not 0; rank and
-    lines that hold into out."""
+    rows that hold into out."""
     rank, holding = accelerations_in(held(p), t, y, out[0] != 0.0)
     out[0], out[1] = float(rank), float(holding)
 
@@ -192,8 +192,8 @@ class ContactLaws:
         return self._law(kernel) if self.inputs.kept(self._system) else self.loads
 
     @cached_property
-    def lines(self) -> Law | None:
-        """The lines of the joints as the table of rows has them."""
+    def joint_rows(self) -> Law | None:
+        """The rows of the joints as the table of rows has them."""
         count = int(self._system.first_row[len(self._system.constraints)])
         if not count:
             return None
@@ -261,7 +261,7 @@ class ContactLaws:
 
         table, constants = self.contacts
         workspace = np.zeros(WORKSPACE + max(6 * len(system.bodies), len(inputs)))
-        laws = (self.loads, self.lines, self.anchors, self.energy, self.carry)
+        laws = (self.loads, self.joint_rows, self.anchors, self.energy, self.carry)
         names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
             **{name: getattr(system, name, None) for name in LAYOUT.fields},

@@ -68,8 +68,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     SWING,
     TOUCH_DOWN,
+    first_row_of,
     keep,
-    line_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, vec
@@ -252,7 +252,7 @@ def roll_level(system, c, roll):
 
 @inline
 def tail(system, k):
-    """Size of the multipliers of lines k and k + 1."""
+    """Size of the multipliers of rows k and k + 1."""
     x, z = system.vectors[MULTIPLIERS, k], system.vectors[MULTIPLIERS, k + 1]
     return (x * x + z * z) ** 0.5
 
@@ -260,7 +260,7 @@ def tail(system, k):
 @inline
 def push_events(system, c):
     """Event functions of the push and of the friction of a closed contact."""
-    touch, k, force = system.touch, line_of(system, c), natural_force(system)
+    touch, k, force = system.touch, first_row_of(system, c), natural_force(system)
     normal = touch[c, NORMAL_FORCE]
     if touch[c, BILATERAL] == 0.0:
         touch[c, EVENT_FUNCTIONS] = normal / force
@@ -358,11 +358,11 @@ def level_rates(system, t, y):
     put_rates(system, y, later)
     for i in range(y.shape[0]):
         later[i] = y[i] + nudge * later[i]
-    lines = system.lines
-    most = lines[0, MOST_RANK]
-    lines[0, MOST_RANK] = lines[0, RANK]  # off the manifold lines contradict each other
+    row_table = system.row_table
+    most = row_table[0, MOST_RANK]
+    row_table[0, MOST_RANK] = row_table[0, RANK]  # off the manifold rows contradict each other
     contact_accelerations(system, t + nudge, later)
-    lines[0, MOST_RANK] = most
+    row_table[0, MOST_RANK] = most
     lowest_level(system)
     for c in range(touch.shape[0]):
         for i in range(EVENT_FUNCTION_KINDS):

@@ -15,10 +15,10 @@ from rb_sim.mechanics.contact.accelerations import (
     moving,
     power_of_contacts,
 )
-from rb_sim.mechanics.contact.constraint_tables import energies, write_anchors, write_lines
+from rb_sim.mechanics.contact.constraint_tables import energies, write_all_rows, write_anchors
 from rb_sim.mechanics.contact.contact_bodies import (
-    AMONG_LINES,
     AMONG_POSITIONS,
+    AMONG_ROWS,
     CLOSED,
     COMPLIANT,
     DIRECT,
@@ -28,7 +28,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     POINT,
     SLIDE,
     ContactBodies,
-    line_of,
+    first_row_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK
 from rb_sim.mechanics.system import rate_into, sample, settle
@@ -59,77 +59,77 @@ from rb_sim.numerics.kernels import call_law, inline, pointer
 from rb_sim.numerics.linear_solves import solve_semidefinite
 from rb_sim.numerics.vectors import add, cross, rotate, scale, sub
 
-# The way back to the manifold of bodies in contact, on the lines that hold alone.
+# The way back to the manifold of bodies in contact, on the rows that hold alone.
 #
-# Most of a body's contacts are open most of the time; their lines are zero, and a factorisation
+# Most of a body's contacts are open most of the time; their rows are zero, and a factorisation
 # that carries them along costs as if they were not.
 
 
 @inline
 def fill_symmetric(system, holding, holonomic_only):
-    """A = G M^-1 G^T of the lines that hold; with holonomic_only the other lines become those of
+    """A = G M^-1 G^T of the rows that hold; with holonomic_only the other rows become those of
     the identity."""
-    rows, lines = system.rows, system.lines
+    rows, row_table = system.rows, system.row_table
     for m in range(holding):
-        i = lines[m, HOLDS]
-        b, a = lines[i, BODY], lines[i, PARENT]
+        i = row_table[m, HOLDS]
+        b, a = row_table[i, BODY], row_table[i, PARENT]
         fb, kb = inverse_mass_times(system, b, i, 0)
         fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if a >= 0:
             fa, ka = inverse_mass_times(system, a, i, 6)
         for n in range(m + 1):
-            j = lines[n, HOLDS]
+            j = row_table[n, HOLDS]
             s = rise_of(system, j, b, a, (fb, kb), (fa, ka))
             if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
                 s = 1.0 if i == j else 0.0
-            system.square[0, m, n] = s
-            system.square[0, n, m] = s
+            system.delassus[0, m, n] = s
+            system.delassus[0, n, m] = s
 
 
 @inline
-def push_of_lines(system, holding, holonomic_only):
+def push_of_rows(system, holding, holonomic_only):
     """push = M^-1 G^T x, with A x = the right side."""
     fill_symmetric(system, holding, holonomic_only)
-    x, lines = system.vectors[MULTIPLIERS], system.lines
+    x, row_table = system.vectors[MULTIPLIERS], system.row_table
     solve_semidefinite(
-        system.square[0],
+        system.delassus[0],
         system.vectors[RIGHT],
         x,
-        system.square[1],
-        lines[:, ORDER],
+        system.delassus[1],
+        row_table[:, ORDER],
         holding,
     )
     clear_push(system)
     for m in range(holding):
-        k = lines[m, HOLDS]
+        k = row_table[m, HOLDS]
         if holonomic_only:
             x[m] *= system.rows[k, HOLONOMIC]
         add_multiplier(system, k, x[m])
 
 
-class HoldingLines(NamedTuple):
-    """The lines of a system that hold."""
+class HoldingRows(NamedTuple):
+    """The rows of a system that hold."""
 
     system: Any
 
 
-@position_error.register(HoldingLines)
+@position_error.register(HoldingRows)
 def error_of_holding(way, t, y):
     """Largest error of the holonomic rows that hold [m], and how many rows hold."""
     system, worst = way.system, 0.0
-    write_lines(system, t, y, False)
+    write_all_rows(system, t, y, False)
     holding = find_holding(system, AMONG_POSITIONS)
     for m in range(holding):
-        k = system.lines[m, HOLDS]
+        k = system.row_table[m, HOLDS]
         system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
         worst = max(worst, abs(system.vectors[RIGHT, m]) * arm_of(system, k))
     return worst, holding
 
 
-@correct_positions.register(HoldingLines)
-def correct_holding(way, t, y, lines):
+@correct_positions.register(HoldingRows)
+def correct_holding(way, t, y, holding):
     """Displace the bodies along the rows that hold, by what their errors demand."""
-    push_of_lines(way.system, lines, True)
+    push_of_rows(way.system, holding, True)
     move_by_push(way.system, y)
 
 
@@ -137,11 +137,11 @@ def correct_holding(way, t, y, lines):
 def bring_positions(system, t, y):
     """y with g(q) = 0, in place; returns the largest error that it met last [m].
 
-    The lines are those of y afterwards.
+    The rows are those of y afterwards.
     """
-    worst, written = return_to_positions(HoldingLines(system), t, y, system.length, 0.0)
+    worst, written = return_to_positions(HoldingRows(system), t, y, system.length, 0.0)
     if not written:
-        write_lines(system, t, y, False)
+        write_all_rows(system, t, y, False)
     return worst
 
 
@@ -155,11 +155,11 @@ def bring_to_manifold(system, t, y):
     move_by_push(system, y)
     if not bring_positions(system, t, y) <= LOST * system.length:
         y[0] = np.nan
-    holding = find_holding(system, AMONG_LINES)
+    holding = find_holding(system, AMONG_ROWS)
     for m in range(holding):
-        k = system.lines[m, HOLDS]
+        k = system.row_table[m, HOLDS]
         system.vectors[RIGHT, m] = system.rows[k, RATE] - row_velocity(system, y, k)
-    push_of_lines(system, holding, False)
+    push_of_rows(system, holding, False)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             y[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
@@ -211,7 +211,7 @@ def put_contact_reactions(system, y, out, first):
     at = first
     for o in range(members.shape[0]):
         main = members[o, 0]
-        b = system.lines[system.first_row[main], BODY] if main >= 0 else -1 - main
+        b = system.row_table[system.first_row[main], BODY] if main >= 0 else -1 - main
         B = state_of(y, b)
         force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for part in range(members.shape[1] - 1):
@@ -259,7 +259,7 @@ def contact_sample(system, t, y, out):
     contact_accelerations(system, t, y)
     at = put_contact_reactions(system, y, out, WIDTH * bodies)
     reaction_power = power_of_contacts(system, y)
-    for k in range(line_of(system, 0)):
+    for k in range(first_row_of(system, 0)):
         reaction_power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
     kinetic = put_momenta(system, y, out, at + 3)
     u, power = energies(system, t, y)

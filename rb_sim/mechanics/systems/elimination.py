@@ -10,71 +10,71 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.compiler.calls import WORK, eigenvectors
 from rb_sim.graph.functions import call, divide, rarely, where
 from rb_sim.graph.symbols import External
 from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
-from rb_sim.numerics.kernels import part, pointer, routine
+from rb_sim.numerics.kernels import inline, part, pointer, routine
+from rb_sim.numerics.linear_solves import of_rank
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
-# Which lines of constraints depend on others: decided once, so that doubles can keep the decision.
+# Which rows of constraints depend on others: decided once, so that doubles can keep the decision.
 #
-# Of lines that depend on each other some are left out, and there is a choice.  Left out in the
+# Of rows that depend on each other some are left out, and there is a choice.  Left out in the
 # order of elimination as soon as a pivot is round-off, what remains may be all but dependent, too:
 # pivots then shrink to 1e-6 of their diagonal elements, the next ones are round-off of 1e-10, and
-# so is the rank.  Here the rank comes from the lines as a whole, and lines are left out whose
+# so is the rank.  Here the rank comes from the rows as a whole, and rows are left out whose
 # pivots are small as long as enough others remain.
 
 
 LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
-"""Shares of the diagonal element up to which a pivot leaves its line out, tried in turn."""
+"""Shares of the diagonal element up to which a pivot leaves its row out, tried in turn."""
 SURE = 1e-3
 """Share of the diagonal element above which pivots cost few digits, so that none is round-off."""
 APART = 1e-7
-"""Eigenvalue of the scaled lines, the largest about 1, that is no round-off by far."""
+"""Eigenvalue of the scaled rows, the largest about 1, that is no round-off by far."""
 MOST = 1500
-"""Lines up to which the rank is asked of all lines as a whole, which takes their number cubed."""
+"""Rows up to which the rank is asked of all rows as a whole, which takes their number cubed."""
 
 
 class Dependent(NamedTuple):
-    """Lines that depend on others for good, and get no multiplier.
+    """Rows that depend on others for good, and get no multiplier.
 
     A stage of a step lies a little off the manifold, where they contradict the others: whoever asks
-    anew there which lines depend on others finds none as soon as the step is long.
+    anew there which rows depend on others finds none as soon as the step is long.
     """
 
-    lines: frozenset[int] = frozenset()
-    """among all lines."""
+    rows: frozenset[int] = frozenset()
+    """among all rows."""
     positions: frozenset[int] = frozenset()
-    """among the holonomic lines alone."""
+    """among the holonomic rows alone."""
 
 
 INDEPENDENT = Dependent()
-"""No line depends on others."""
+"""No row depends on others."""
 
 MOST_CHANGING = 60
-"""Lines in loops up to which it is chosen anew on the way which of them get no multiplier."""
+"""Rows in loops up to which it is chosen anew on the way which of them get no multiplier."""
 
 
-def changing_lines(system: MultiBody, dependent: Dependent, holonomic: list[bool]) -> list[int]:
-    """The holonomic lines in loops of three bodies and more, the world one of them, where some are
+def changing_rows(system: MultiBody, dependent: Dependent, holonomic: list[bool]) -> list[int]:
+    """The holonomic rows in loops of three bodies and more, the world one of them, where some are
     left out.
 
-    In such a loop lines that are left out at one place are needed at another.  Of two bodies the
-    lines turn with the parent, so that one choice serves for good.  Lines that are not holonomic,
+    In such a loop rows that are left out at one place are needed at another.  Of two bodies the
+    rows turn with the parent, so that one choice serves for good.  Rows that are not holonomic,
     as of a drive, are kept, whichever of the others are.  Where they depend on the others positions
     and velocities have choices of their own: none is made anew.
     """
-    found = lines_in_loops(system)
+    found = rows_in_loops(system)
     placed = [k for k in found if holonomic[k]]
-    some, among = dependent.lines & set(found), dependent.positions & set(placed)
+    some, among = dependent.rows & set(found), dependent.positions & set(placed)
     alike = some <= set(placed) and len(some) == len(among)
     return placed if some and alike and len(placed) <= MOST_CHANGING else []
 
 
-def lines_in_loops(system: MultiBody) -> list[int]:
-    """The lines in loops of three bodies and more, the world one of them."""
+def rows_in_loops(system: MultiBody) -> list[int]:
+    """The rows in loops of three bodies and more, the world one of them."""
     pairs = [frozenset((c.body, c.parent)) for c in system.constraints]
     loops, first = set(pairs), system.first_row
     while True:
@@ -92,7 +92,7 @@ def lines_in_loops(system: MultiBody) -> list[int]:
 
 
 def factored(system: MultiBody, order: list[int]) -> Factors:
-    """A = G M^-1 G^T of the lines as written, in this order; what it keeps depends on no others.
+    """A = G M^-1 G^T of the rows as written, in this order; what it keeps depends on no others.
 
     system: its tables hold numbers.
     """
@@ -108,7 +108,7 @@ def factored(system: MultiBody, order: list[int]) -> Factors:
 
 
 def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
-    """The number of eigenvalues of the scaled A that are not zero; `otherwise` where the lines are
+    """The number of eigenvalues of the scaled A that are not zero; `otherwise` where the rows are
     too many, or an eigenvalue is neither round-off nor far from it."""
     if len(order) > MOST:
         return otherwise
@@ -121,11 +121,11 @@ def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
     return int((~zero).sum()) if (values[~zero] > APART).all() else otherwise
 
 
-def dense_matrix(system: MultiBody, lines: Sequence[int]) -> np.ndarray:
-    """A = G M^-1 G^T of these lines as written, with its zeros."""
-    at = {k: i for i, k in enumerate(lines)}
+def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:
+    """A = G M^-1 G^T of these rows as written, with its zeros."""
+    at = {k: i for i, k in enumerate(rows)}
     matrix = np.zeros((len(at), len(at)))
-    for k, row in constraint_matrix(system, lines).items():
+    for k, row in constraint_matrix(system, rows).items():
         for j, value in row.items():
             matrix[at[k], at[j]] = value
     return matrix
@@ -134,12 +134,12 @@ def dense_matrix(system: MultiBody, lines: Sequence[int]) -> np.ndarray:
 # A lambda = b for the sparse A = G M^-1 G^T, written once for numbers and for symbols.
 #
 # L D L^T without pivoting, in an order that fills little in.  A pivot that is round-off of its
-# diagonal element belongs to a line that depends on those before it: it gets no multiplier, which
+# diagonal element belongs to a row that depends on those before it: it gets no multiplier, which
 # for a consistent right side leaves G^T lambda what it is.
 
 
 NEARLY_DEPENDENT = 1e-4
-"""Pivot relative to its diagonal element up to which small errors of a line are not corrected: what
+"""Pivot relative to its diagonal element up to which small errors of a row are not corrected: what
 rounds off of them would move bodies by a hundred times as much and more, and velocities by the
 square of that."""
 
@@ -166,8 +166,8 @@ def elimination_order(neighbours: Sequence[set[int]], last: Sequence[int] = ()) 
     return order
 
 
-def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -> list[int]:
-    """The lines of the parts (their indices each) in the order of elimination.
+def rows_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -> list[int]:
+    """The rows of the parts (their indices each) in the order of elimination.
 
     bodies: those on which a part acts; parts that share one are neighbours.
     """
@@ -176,14 +176,14 @@ def lines_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -
         for body in names:
             on.setdefault(body, set()).add(i)
     near = [set().union(*(on[b] for b in names)) - {i} for i, names in enumerate(bodies)]
-    return [line for i in elimination_order(near) for line in parts[i]]
+    return [pivot_row for i in elimination_order(near) for pivot_row in parts[i]]
 
 
 class Factors:
     """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept.
 
     smallest: share of its diagonal element up to which a pivot is not kept. sure: unknowns that
-    are no lines; their pivots are kept, whatever their sign, and not counted. scales: of lines
+    are no rows; their pivots are kept, whatever their sign, and not counted. scales: of rows
     whose pivots are compared with another number than their diagonal element.
     """
 
@@ -199,7 +199,7 @@ class Factors:
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
         self.shares: dict[int, Any] = {}
-        """each pivot relative to its diagonal element: round-off where a line depends on others."""
+        """each pivot relative to its diagonal element: round-off where a row depends on others."""
         diagonal = {k: scales[k] if k in scales else matrix[k][k] for k in order}
         self.rank: Any = 0.0
         for k in order:
@@ -223,7 +223,7 @@ class Factors:
 
     @property
     def kept(self) -> dict[int, Any]:
-        """The shares of the pivots that are kept, which are numbers, by line."""
+        """The shares of the pivots that are kept, which are numbers, by row."""
         return {k: share for k, share in self.shares.items() if share > self.smallest}
 
     def solve(
@@ -231,7 +231,7 @@ class Factors:
     ) -> dict[int, Any]:
         """x with A x = b; of `sure`, b may be left out where it is zero.
 
-        rounding: of lines, up to which b counts as zero once the lines before are solved, if the
+        rounding: of rows, up to which b counts as zero once the rows before are solved, if the
         pivot is small. Near a singular configuration such a pivot would make a jump of round-off;
         what is left of b goes out beyond it.
         """
@@ -250,7 +250,7 @@ class Factors:
         return x
 
 
-# Tables of bodies and lines that may hold symbols, and what is done with them.
+# Tables of bodies and rows that may hold symbols, and what is done with them.
 
 
 def hasten(system: MultiBody, y: list[Any]) -> None:
@@ -268,16 +268,16 @@ def with_object_tables(system: MultiBody) -> MultiBody:
 
 
 def constraint_matrix(
-    system: MultiBody, lines: Any, besides: frozenset[int] = frozenset()
+    system: MultiBody, rows: Any, besides: frozenset[int] = frozenset()
 ) -> Matrix:
-    """A = G M^-1 G^T of these lines; entries only where two share a body.
+    """A = G M^-1 G^T of these rows; entries only where two share a body.
 
     besides: bodies that are left out, as if nothing could move them.
     """
-    matrix: Matrix = {i: {} for i in lines}
+    matrix: Matrix = {i: {} for i in rows}
     on: dict[int, list[tuple[int, int]]] = {}
-    for i in lines:
-        for body, column in ((system.lines[i, BODY], 0), (system.lines[i, PARENT], 6)):
+    for i in rows:
+        for body, column in ((system.row_table[i, BODY], 0), (system.row_table[i, PARENT], 6)):
             if body >= 0 and body not in besides:
                 on.setdefault(int(body), []).append((i, column))
     for body, members in on.items():
@@ -292,15 +292,15 @@ def constraint_matrix(
 def take_least_norm(system: MultiBody, rank: Any) -> None:
     """Replace the multipliers by those of least norm with the same G^T lambda."""
 
-    lines = range(system.lines.shape[0])
-    matrix = constraint_matrix(system, lines)
-    entries = [matrix[i].get(j, 0.0) for i in lines for j in lines]
+    rows = range(system.row_table.shape[0])
+    matrix = constraint_matrix(system, rows)
+    entries = [matrix[i].get(j, 0.0) for i in rows for j in rows]
     system.vectors[MULTIPLIERS] = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
 
 
-# Which of lines that hold a motion more often than needed get a multiplier, as one function.
+# Which of rows that hold a motion more often than needed get a multiplier, as one function.
 #
-# In loops of bodies a choice that serves at one place loses digits at another: lines are left out
+# In loops of bodies a choice that serves at one place loses digits at another: rows are left out
 # that are needed there.  So it is made anew after every step.  Pivots by value: compiled once and
 # called by address, as the least-norm multipliers are.
 
@@ -311,38 +311,38 @@ comes first is not left to round-off."""
 
 
 def largest_pivots(n, rank, matrix, chosen, left, factors):
-    """(least pivot, its line) of `rank` lines, each in its turn the one with the largest pivot.
+    """(least pivot, its row) of `rank` rows, each in its turn the one with the largest pivot.
 
     Pivots of A = G M^-1 G^T scaled to a diagonal of ones, as L L^T with rows of L as they are
-    found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: becomes 1 for these lines,
+    found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: becomes 1 for these rows,
     0 for the others. left (n) and factors (rank n) are workspace.
     """
     for i in range(n):
         chosen[i], left[i] = 0.0, 1.0
-    least, line = 1.0, 0
+    least, pivot_row = 1.0, 0
     for k in range(rank):
         least = 0.0
         for i in range(n):
             if chosen[i] == 0.0 and left[i] > (1.0 + TIE) * least:
-                line, least = i, left[i]
+                pivot_row, least = i, left[i]
         if not least > 0.0:
-            return 0.0, line
-        chosen[line] = 1.0
-        next_row(n, k, line, matrix, left, factors)
-    return least, line
+            return 0.0, pivot_row
+        chosen[pivot_row] = 1.0
+        next_row(n, k, pivot_row, matrix, left, factors)
+    return least, pivot_row
 
 
-def next_row(n, k, line, matrix, left, factors):
-    """Write row k of L, of the line, and take it from what is left of the diagonal."""
-    row, diagonal = part(factors, k * n), matrix[line * n + line]
+def next_row(n, k, pivot_row, matrix, left, factors):
+    """Write row k of L, of the row, and take it from what is left of the diagonal."""
+    row, diagonal = part(factors, k * n), matrix[pivot_row * n + pivot_row]
     for i in range(n):
-        row[i] = matrix[line * n + i] / math.sqrt(diagonal * matrix[i * n + i])
+        row[i] = matrix[pivot_row * n + i] / math.sqrt(diagonal * matrix[i * n + i])
     for j in range(k):
         before = part(factors, j * n)
-        factor = before[line]
+        factor = before[pivot_row]
         for i in range(n):
             row[i] -= factor * before[i]
-    scale = 1.0 / math.sqrt(left[line])
+    scale = 1.0 / math.sqrt(left[pivot_row])
     for i in range(n):
         row[i] *= scale
         left[i] -= row[i] * row[i]
@@ -350,28 +350,33 @@ def next_row(n, k, line, matrix, left, factors):
 
 @routine
 def choice_routine(arguments, results):
-    """arguments: n, rank, A (n n); results: the choice (n), least pivot, its line."""
+    """arguments: n, rank, A (n n); results: the choice (n), least pivot, its row."""
     n, rank = int(arguments[0]), int(arguments[1])
     workspace = np.empty(n * (rank + 1))
     left, factors = pointer(workspace), part(pointer(workspace), n)
-    least, line = largest_pivots(n, rank, part(arguments, 2), results, left, factors)
-    results[n], results[n + 1] = least, float(line)
+    least, pivot_row = largest_pivots(n, rank, part(arguments, 2), results, left, factors)
+    results[n], results[n + 1] = least, float(pivot_row)
+
+
+def external(name: str, owner: Any, results: int, **more: Any) -> External:
+    """A routine as a function that laws call, of which it is also the plain form."""
+
+    def plain(*arguments: float) -> tuple[float, ...]:
+        found = np.zeros(results)
+        owner.function(np.array(arguments, dtype=float), found)
+        return tuple(found.tolist())
+
+    return External(name, results, plain, lambda: owner.address, **more)
 
 
 @cache
 def choice_external(n: int) -> External:
-    """The function for n lines: arguments n, rank and A by rows."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        results = np.zeros(n + 2)
-        choice_routine.function(np.array(arguments, dtype=float), results)
-        return tuple(results.tolist())
-
-    return External("rb_sim_choice", n + 2, plain, lambda: choice_routine.address)
+    """The function for n rows: arguments n, rank and A by rows."""
+    return external("rb_sim_choice", choice_routine, n + 2)
 
 
-def chosen_lines(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
-    """For n lines 1 if they are chosen and 0 if not; the least pivot, and the number of its line.
+def chosen_rows(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
+    """For n rows 1 if they are chosen and 0 if not; the least pivot, and the number of its row.
 
     entries: A row by row, of this rank.
     """
@@ -379,109 +384,72 @@ def chosen_lines(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
 
 
 def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
-    """Part lines that are not chosen, those with 0, from all others; they keep their own pivots."""
+    """Part rows that are not chosen, those with 0, from all others; they keep their own pivots."""
     for i, row in matrix.items():
         for j, value in row.items():
             if i != j:
                 row[j] = value * chosen.get(i, 1.0) * chosen.get(j, 1.0)
 
 
-# Least-norm multipliers where constraints depend on each other, as one function for all scenes.
-#
-# The only part of a law that pivots by value: it is compiled once and called by address.
+# Least-norm multipliers where constraints depend on each other, as one function for all scenes:
+# P x, P = A+ A. The only part of a law that pivots by value: it is compiled once and called by
+# address.
 
 
-def projected(matrix: np.ndarray, x: np.ndarray, rank: int) -> np.ndarray:
-    """The part of x in the span of the eigenvectors of the `rank` largest eigenvalues."""
-    _, vectors = np.linalg.eigh(matrix)
-    kept = vectors[:, matrix.shape[0] - rank :]
-    return kept @ (kept.T @ x)
+@inline
+def times(matrix, x, n, result):
+    """A x."""
+    for i in range(n):
+        result[i] = 0.0
+        for j in range(n):
+            result[i] += matrix[i * n + j] * x[j]
 
 
 @routine
 def least_norm_routine(arguments, results):
     """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
     n, rank = int(arguments[0]), int(arguments[1])
-    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 1 + WORK))
-    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
-    for i in range(n * n):
-        vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 1)))
-    for i in range(n):
-        results[i] = 0.0
-    for k in range(n - rank, n):
-        share = 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * x[i]
-        for i in range(n):
-            results[i] += share * vectors[k * n + i]
-
-
-def changed(
-    matrix: np.ndarray, x: np.ndarray, rank: int, d_matrix: np.ndarray, d_x: np.ndarray
-) -> np.ndarray:
-    """The change of P x, P = A A+ the projector of `projected`, as A changes and keeps its rank.
-
-    dP = (1 - P) dA A+ + A+ dA (1 - P)  (Golub & Pereyra 1973).
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    first = matrix.shape[0] - rank
-    kept, values = vectors[:, first:], values[first:]
-    shares = kept.T @ x
-    outward = d_matrix @ (kept @ (shares / values))
-    inward = d_matrix @ (x - kept @ shares)
-    return outward + kept @ (kept.T @ (d_x - outward) + (kept.T @ inward) / values)
+    matrix, x, workspace = part(arguments, 2), part(arguments, 2 + n * n), np.empty(n * (n + 5))
+    right, work = pointer(workspace), part(pointer(workspace), n)
+    times(matrix, x, n, right)
+    of_rank(matrix, right, n, rank, results, work)
 
 
 @routine
 def changed_routine(arguments, results):
-    """As `changed`; arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers."""
+    """The change of P x as A changes and keeps its rank:
+
+        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973).
+
+    arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers.
+    """
     n, rank = int(arguments[0]), int(arguments[1])
-    x, workspace = part(arguments, 2 + n * n), np.empty(n * (n + 5 + WORK))
+    matrix, x, workspace = part(arguments, 2), part(arguments, 2 + n * n), np.empty(n * (n + 8))
     d_matrix, d_x = part(arguments, 2 + n * n + n), part(arguments, 2 + 2 * n * n + n)
-    vectors, values = pointer(workspace), part(pointer(workspace), n * n)
-    solved, rest = part(pointer(workspace), n * (n + 1)), part(pointer(workspace), n * (n + 2))
-    outward, inward = part(pointer(workspace), n * (n + 3)), part(pointer(workspace), n * (n + 4))
-    for i in range(n * n):
-        vectors[i] = arguments[2 + i]
-    eigenvectors(n, vectors, values, part(pointer(workspace), n * (n + 5)))
+    right, rest = pointer(workspace), part(pointer(workspace), n)
+    outward, inward = part(pointer(workspace), 2 * n), part(pointer(workspace), 3 * n)
+    work = part(pointer(workspace), 4 * n)
+    times(matrix, x, n, right)
+    of_rank(matrix, right, n, rank, rest, work)
     for i in range(n):
-        solved[i], rest[i] = 0.0, x[i]
-    for k in range(n - rank, n):
-        share = 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * x[i]
-        for i in range(n):
-            solved[i] += share / values[k] * vectors[k * n + i]
-            rest[i] -= share * vectors[k * n + i]
+        rest[i] = x[i] - rest[i]
+    times(d_matrix, rest, n, inward)
+    of_rank(matrix, x, n, rank, right, work)
+    times(d_matrix, right, n, outward)
     for i in range(n):
-        outward[i], inward[i] = 0.0, 0.0
-        for j in range(n):
-            outward[i] += d_matrix[i * n + j] * solved[j]
-            inward[i] += d_matrix[i * n + j] * rest[j]
-        results[i] = outward[i]
-    for k in range(n - rank, n):
-        share, other = 0.0, 0.0
-        for i in range(n):
-            share += vectors[k * n + i] * (d_x[i] - outward[i])
-            other += vectors[k * n + i] * inward[i]
-        for i in range(n):
-            results[i] += (share + other / values[k]) * vectors[k * n + i]
+        rest[i] = d_x[i] - outward[i]
+    times(matrix, rest, n, right)
+    for i in range(n):
+        right[i] += inward[i]
+    of_rank(matrix, right, n, rank, results, work)
+    for i in range(n):
+        results[i] += outward[i]
 
 
 @cache
 def changed_external(n: int) -> External:
     """The function for n multipliers: arguments n, rank, A by rows, x, dA by rows and dx."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        numbers = np.array(arguments[2:], dtype=float)
-        if not np.isfinite(numbers).all():
-            return (float("nan"),) * n
-        matrix, x, d_matrix, d_x = np.split(numbers, np.cumsum([n * n, n, n * n]))
-        square = matrix.reshape(n, n), x, int(arguments[1]), d_matrix.reshape(n, n), d_x
-        return tuple(changed(*square).tolist())
-
-    return External("rb_sim_least_norm_changed", n, plain, lambda: changed_routine.address)
+    return external("rb_sim_least_norm_changed", changed_routine, n)
 
 
 def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
@@ -494,21 +462,7 @@ def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
 @cache
 def least_norm_external(n: int) -> External:
     """The function for n multipliers: arguments n, rank, A by rows and x."""
-
-    def plain(*arguments: float) -> tuple[float, ...]:
-        matrix = np.array(arguments[2 : 2 + n * n], dtype=float).reshape(n, n)
-        x = np.array(arguments[2 + n * n :], dtype=float)
-        if not (np.isfinite(matrix).all() and np.isfinite(x).all()):
-            return (float("nan"),) * n
-        return tuple(projected(matrix, x, int(arguments[1])).tolist())
-
-    return External(
-        "rb_sim_least_norm",
-        n,
-        plain,
-        lambda: least_norm_routine.address,
-        along=changes_of_least_norm,
-    )
+    return external("rb_sim_least_norm", least_norm_routine, n, along=changes_of_least_norm)
 
 
 def least_norm(entries: list[Any], x: list[Any], rank: Any) -> tuple[Any, ...]:

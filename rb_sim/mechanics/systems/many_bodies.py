@@ -21,14 +21,14 @@ WIDTH = 13
 """Coordinates of one body: p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
 MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
 """Columns of MultiBody.bodies."""
-BODY, PARENT, ORDER, ANGLE, LINE_COLUMNS = 0, 1, 2, 3, 4
-"""Columns of MultiBody.lines; ANGLE is 1 where a line's error is an angle, else 0."""
+BODY, PARENT, ORDER, ANGLE, ROW_TABLE_COLUMNS = 0, 1, 2, 3, 4
+"""Columns of MultiBody.row_table; ANGLE is 1 where a row's error is an angle, else 0."""
 RIGHT, MULTIPLIERS = 0, 1
 """Rows of MultiBody.vectors."""
 
 
 class MultiBody(NamedTuple):
-    """N bodies with n constraint lines; y has WIDTH coordinates per body.
+    """N bodies with n constraint rows; y has WIDTH coordinates per body.
 
     Few, wide arrays: every array that a kernel passes on costs compile time.
     """
@@ -36,15 +36,15 @@ class MultiBody(NamedTuple):
     bodies: np.ndarray
     """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then work space: push =
     M^-1 (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
-    lines: np.ndarray
-    """body and parent (-1: world) of each line, work space, and whether its error is an angle;
-    integers, shape (n, LINE_COLUMNS)."""
+    row_table: np.ndarray
+    """body and parent (-1: world) of each row, work space, and whether its error is an angle;
+    integers, shape (n, ROW_TABLE_COLUMNS)."""
     rows: np.ndarray
     """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
     vectors: np.ndarray
     """right side (in contact) and multipliers, shape (2, n)."""
     first_row: np.ndarray
-    """first line of each part of a constraint, the total at the end; integers (parts + 1,)."""
+    """first row of each part of a constraint, the total at the end; integers (parts + 1,)."""
     members: np.ndarray
     """per reaction: the part it is about, then 1 for each part that counts; (K, 1 + parts)."""
     anchors: np.ndarray
@@ -58,19 +58,19 @@ class MultiBody(NamedTuple):
     spins: tuple = ()
     """what keeps the spins of bodies without torque where they belong (see `FreeSpin` in free)."""
     chosen: Any = ()
-    """in laws, of lines in loops that hold more than they need: {line: 1, or 0 for one that gets no
+    """in laws, of rows in loops that hold more than they need: {row: 1, or 0 for one that gets no
     multiplier now}."""
 
 
 def without_work_space(system):
     """The system with zeros in its work space."""
-    bodies, lines = system.bodies.copy(), system.lines.copy()
+    bodies, row_table = system.bodies.copy(), system.row_table.copy()
     bodies[:, PUSH:] = 0.0
-    lines[:, ORDER] = 0
+    row_table[:, ORDER] = 0
     workspace = {
         name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")
     }
-    return system._replace(bodies=bodies, lines=lines, **workspace)
+    return system._replace(bodies=bodies, row_table=row_table, **workspace)
 
 
 CLEARED[MultiBody] = without_work_space
@@ -142,7 +142,7 @@ def fill_one(placed, t, system, y, part):
 
 
 def fill_all(constraints, t, system, y, part):
-    """Write the lines of all constraints, the first of which is this part."""
+    """Write the rows of all constraints, the first of which is this part."""
     for i, placed in enumerate(constraints):
         fill_one(placed, t, system, y, part + i)
 
@@ -192,20 +192,20 @@ def energetics(effects, t, system, y):
 
 
 def arms(rows: Sequence[Any], length: Any) -> list[Any]:
-    """For each line of the rows that of its violation makes a length [m]: 1, but of an angle the
+    """For each row of the rows that of its violation makes a length [m]: 1, but of an angle the
     arm `length` [m] at whose end it is looked at."""
     return [length if angle else 1.0 for angle in angles(rows)]
 
 
 def angles(rows: Sequence[Any]) -> list[int]:
-    """For each line of the rows 1 if its error is an angle, else 0."""
+    """For each row of the rows 1 if its error is an angle, else 0."""
     return [int(type(row) in ANGLES) for row in rows for _ in range(COUNT[type(row)])]
 
 
 @inline
 def arm_of(system, k):
-    """As `arms`, of line k alone."""
-    if system.lines[k, ANGLE] != 0:
+    """As `arms`, of row k alone."""
+    if system.row_table[k, ANGLE] != 0:
         arm = system.length
     else:
         arm = 1.0

@@ -16,12 +16,12 @@ from rb_sim.mechanics.systems.many_bodies import (
     BODY_WIDTH,
     INERTIA,
     INVERSE,
-    LINE_COLUMNS,
     LOAD,
     MASS,
     MULTIPLIERS,
     PARENT,
     PUSH,
+    ROW_TABLE_COLUMNS,
     WIDTH,
     MultiBody,
     anchor_all,
@@ -54,7 +54,7 @@ from rb_sim.numerics.vectors import (
 
 @inline
 def inverse_mass_times(system, i, k, column):
-    """M_i^-1 J^T of line k on body i, whose columns start at `column`."""
+    """M_i^-1 J^T of row k on body i, whose columns start at `column`."""
     force = scale(1.0 / system.bodies[i, MASS], vec(system.rows, k, column))
     inverse = six(system.bodies, i, INVERSE)
     return force, symmetric_times(inverse, vec(system.rows, k, column + 3))
@@ -68,17 +68,17 @@ def coupling(rows, i, column, force, turn):
 
 @inline
 def rise_of(system, j, b, a, of_body, of_parent):
-    """What line j gains by the accelerations (linear, angular) of a push on body b and its parent
+    """What row j gains by the accelerations (linear, angular) of a push on body b and its parent
     a, -1 for the world."""
-    rows, lines, s = system.rows, system.lines, 0.0
-    if lines[j, BODY] == b:
+    rows, row_table, s = system.rows, system.row_table, 0.0
+    if row_table[j, BODY] == b:
         s += coupling(rows, j, 0, of_body[0], of_body[1])
-    if lines[j, PARENT] == b:
+    if row_table[j, PARENT] == b:
         s += coupling(rows, j, 6, of_body[0], of_body[1])
     if a >= 0:
-        if lines[j, BODY] == a:
+        if row_table[j, BODY] == a:
             s += coupling(rows, j, 0, of_parent[0], of_parent[1])
-        if lines[j, PARENT] == a:
+        if row_table[j, PARENT] == a:
             s += coupling(rows, j, 6, of_parent[0], of_parent[1])
     return s
 
@@ -101,8 +101,8 @@ def clear_push(system):
 
 @inline
 def add_multiplier(system, k, x):
-    """push += M^-1 J^T x of line k."""
-    b, a = system.lines[k, BODY], system.lines[k, PARENT]
+    """push += M^-1 J^T x of row k."""
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     force, turn = inverse_mass_times(system, b, k, 0)
     add_push(system.bodies, b, force, turn, x)
     if a >= 0:
@@ -113,14 +113,14 @@ def add_multiplier(system, k, x):
 @inline
 def add_multipliers(system):
     """push += M^-1 G^T lambda."""
-    for k in range(system.lines.shape[0]):
+    for k in range(system.row_table.shape[0]):
         add_multiplier(system, k, system.vectors[MULTIPLIERS, k])
 
 
 @inline
 def row_times_push(system, k):
-    """G push of line k."""
-    bodies, b, a = system.bodies, system.lines[k, BODY], system.lines[k, PARENT]
+    """G push of row k."""
+    bodies, b, a = system.bodies, system.row_table[k, BODY], system.row_table[k, PARENT]
     s = coupling(system.rows, k, 0, vec(bodies, b, PUSH), vec(bodies, b, PUSH + 3))
     if a >= 0:
         s += coupling(system.rows, k, 6, vec(bodies, a, PUSH), vec(bodies, a, PUSH + 3))
@@ -129,16 +129,16 @@ def row_times_push(system, k):
 
 @inline
 def row_velocity(system, y, k):
-    """G u of line k."""
-    B, A = state_of(y, system.lines[k, BODY]), state_of(y, system.lines[k, PARENT])
+    """G u of row k."""
+    B, A = state_of(y, system.row_table[k, BODY]), state_of(y, system.row_table[k, PARENT])
     s = coupling(system.rows, k, 0, B.v_WC, B.w_WB_B)
-    if system.lines[k, PARENT] >= 0:
+    if system.row_table[k, PARENT] >= 0:
         s += coupling(system.rows, k, 6, A.v_WC, A.w_WB_B)
     return s
 
 
 def _write_rows(system, t, y):
-    """Write the lines of all constraints at (t, y)."""
+    """Write the rows of all constraints at (t, y)."""
 
 
 write_rows = dispatch(_write_rows)
@@ -209,7 +209,7 @@ def put_reactions(system, y, out, first):
     at = first
     for o in range(members.shape[0]):
         main = members[o, 0]
-        B = state_of(y, system.lines[system.first_row[main], BODY])
+        B = state_of(y, system.row_table[system.first_row[main], BODY])
         force, torque_B = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for part in range(members.shape[1] - 1):
             if members[o, 1 + part] != 0:
@@ -229,7 +229,7 @@ def put_reactions(system, y, out, first):
 
 @inline
 def violation_of(system, y, k):
-    """|g| / length or |G u - b| / speed of line k, an angle or spin at the end of its arm."""
+    """|g| / length or |G u - b| / speed of row k, an angle or spin at the end of its arm."""
     arm = arm_of(system, k)
     gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC] * arm
     slip = abs(row_velocity(system, y, k) - system.rows[k, RATE]) * arm
@@ -237,7 +237,7 @@ def violation_of(system, y, k):
 
 
 def worst_gap(system, holonomic):
-    """The largest error of the holonomic lines as written [m], angles at the end of their arms."""
+    """The largest error of the holonomic rows as written [m], angles at the end of their arms."""
     worst = 0.0
     for k, held in enumerate(holonomic):
         if held:
@@ -247,9 +247,9 @@ def worst_gap(system, holonomic):
 
 @inline
 def residual_of(system, y):
-    """The worst violation over all lines."""
+    """The worst violation over all rows."""
     worst = 0.0
-    for k in range(system.lines.shape[0]):
+    for k in range(system.row_table.shape[0]):
         worst = maximum(worst, violation_of(system, y, k))
     return worst
 
@@ -282,9 +282,9 @@ def put_balances(system, t, y, out, at, reaction_power):
 
 @inline
 def power_of_reactions(system):
-    """Power of the multipliers on lines that prescribe a velocity [W]."""
+    """Power of the multipliers on rows that prescribe a velocity [W]."""
     power = 0.0
-    for k in range(system.lines.shape[0]):
+    for k in range(system.row_table.shape[0]):
         power += system.vectors[MULTIPLIERS, k] * system.rows[k, RATE]
     return power
 
@@ -304,13 +304,13 @@ def multibody(
     for o, (counted, main) in enumerate(outputs):
         members[o, 0] = main
         members[o, [1 + part for part in counted]] = 1
-    lines = np.zeros((n, LINE_COLUMNS), np.int64)
-    lines[:, BODY] = np.repeat(np.array([c.body for c in constraints], np.int64), counts)
-    lines[:, PARENT] = np.repeat(np.array([c.parent for c in constraints], np.int64), counts)
-    lines[:, ANGLE] = angles([c.row for c in constraints])
+    row_table = np.zeros((n, ROW_TABLE_COLUMNS), np.int64)
+    row_table[:, BODY] = np.repeat(np.array([c.body for c in constraints], np.int64), counts)
+    row_table[:, PARENT] = np.repeat(np.array([c.parent for c in constraints], np.int64), counts)
+    row_table[:, ANGLE] = angles([c.row for c in constraints])
     return MultiBody(
         bodies=body_table(bodies),
-        lines=lines,
+        row_table=row_table,
         rows=np.zeros((n, ROW_WIDTH)),
         vectors=np.zeros((2, n)),
         first_row=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),

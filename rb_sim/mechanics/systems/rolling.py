@@ -58,7 +58,7 @@ class RollingBody(NamedTuple):
 
 
 class LineRollingBody(NamedTuple):
-    """A cylinder on its line: y = phi [rad], dphi/dt; phi counts from the initial pose."""
+    """A cylinder on its row: y = phi [rad], dphi/dt; phi counts from the initial pose."""
 
     body: Inertial
     surface: tuple

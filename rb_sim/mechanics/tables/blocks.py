@@ -14,9 +14,9 @@ from rb_sim.graph.table_program import Field, Program
 from rb_sim.mechanics.systems.elimination import elimination_order
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
-# Which constraint lines are neighbours, which bodies stay unknowns, and what goes out when.
+# Which constraint rows are neighbours, which bodies stay unknowns, and what goes out when.
 #
-# Nodes are the constraints between one pair of bodies, up to six lines each, and the bodies that
+# Nodes are the constraints between one pair of bodies, up to six rows each, and the bodies that
 # stay: *hubs*, which would make all of their many constraints neighbours of each other (star of n
 # arms: n^3).  The unknowns of a hub are its six accelerations:
 #
@@ -24,7 +24,7 @@ from rb_sim.numerics.rank import RANK_TOLERANCE
 #     [G_h^T -M_h] [ a_h  ] = [      -f_h      ],   A = G M^-1 G^T over all other bodies.
 
 
-MOST_LINES = 6
+MOST_ROWS = 6
 """Of one node."""
 HUB = 5
 """Constraints from which on a body may stay an unknown."""
@@ -40,7 +40,7 @@ class Node(NamedTuple):
     parts: tuple[int, ...]
     """parts of constraints; () for a hub."""
     size: int
-    """lines, or 6."""
+    """rows, or 6."""
 
 
 class Plan(NamedTuple):
@@ -60,7 +60,7 @@ def constraint_nodes(
     nodes = []
     for part in parts:
         pair = bodies[part]
-        if sum(sizes[k] for k in on.get(pair, ())) + sizes[part] > MOST_LINES:
+        if sum(sizes[k] for k in on.get(pair, ())) + sizes[part] > MOST_ROWS:
             own = tuple(on.pop(pair))
             nodes.append(Node(*pair, own, sum(sizes[k] for k in own)))
         on.setdefault(pair, []).append(part)
@@ -72,7 +72,7 @@ def hubs_of(nodes: Sequence[Node]) -> frozenset[int]:
     """Bodies that may stay unknowns.
 
     Without the hubs and the world the joints must fall into trees that touch these at one place
-    only: then the lines are independent already on the other bodies, and no pivot is lost that
+    only: then the rows are independent already on the other bodies, and no pivot is lost that
     the hub would have made up for.
     """
     degree: dict[int, int] = {}
@@ -158,7 +158,7 @@ def at(i: int, j: int) -> int:
 
 
 def inverse_of(matrix: tuple[Any, ...], diagonal: tuple[Any, ...], hub: bool) -> tuple[list, Any]:
-    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, without the lines whose pivots are lost."""
+    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, without the rows whose pivots are lost."""
     n = len(diagonal)
     left = {(i, j): matrix[at(i, j)] for i in range(n) for j in range(i + 1)}
     inverse: list[Any] = []
@@ -222,11 +222,11 @@ def reduced_block(block: Any, W: Any, C: Any, s: int, r: int, n: int) -> list[An
     ]
 
 
-# Kernels on the blocks of lines, by their sizes alone.
+# Kernels on the blocks of rows, by their sizes alone.
 
 
 def pushed(n: int) -> Any:
-    """push + M^-1 G^T lambda, for n lines."""
+    """push + M^-1 G^T lambda, for n rows."""
 
     def kernel(t: Any, push: Any, responses: Any, found: Any) -> list[Any]:
         return [
@@ -251,7 +251,7 @@ def coupled(n: int, m: int, more: bool) -> Any:
 
 
 def transposed(n: int) -> Any:
-    """G^T of n lines, 6 by n."""
+    """G^T of n rows, 6 by n."""
 
     def kernel(t: Any, gradient: Any) -> list[Any]:
         return [[gradient[6 * k + j] for j in range(6) for k in range(n)]]

@@ -143,7 +143,7 @@ def energy(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def power(t: Any, found: Any, rates: Any, so_far: Any) -> list[Any]:
-    """Power of the multipliers on lines that prescribe a velocity, added."""
+    """Power of the multipliers on rows that prescribe a velocity, added."""
     return [[so_far[0] + sum(x * b for x, b in zip(found, rates, strict=True))]]
 
 
@@ -151,17 +151,17 @@ def reaction(thing: Any, t: Any, *fields: Any) -> list[Any]:
     """Force, torque about the anchor, anchor; world axes.
 
     thing: the row that tells the anchor, whether it has a parent. fields: states, then of every
-    part its lines and its multipliers.
+    part its rows and its multipliers.
     """
     row, parent = thing
     count = 2 if parent else 1
     y = [x for state in fields[:count] for x in state]
     B, A = state_of(y, 0), state_of(y, 1 if parent else -1)
     force, torque_B = NO_TORQUE, NO_TORQUE
-    for lines, found in zip(fields[count::2], fields[count + 1 :: 2], strict=True):
+    for rows, found in zip(fields[count::2], fields[count + 1 :: 2], strict=True):
         for k, x in enumerate(found):
-            force = add(force, scale(x, lines[6 * k : 6 * k + 3]))
-            torque_B = add(torque_B, scale(x, lines[6 * k + 3 : 6 * k + 6]))
+            force = add(force, scale(x, rows[6 * k : 6 * k + 3]))
+            torque_B = add(torque_B, scale(x, rows[6 * k + 3 : 6 * k + 6]))
     point = anchor(row, B, A)
     torque = add(rotate(B.q_WB, torque_B), cross(sub(B.p_WC, point), force))
     return [[*force, *torque, *point]]
@@ -172,17 +172,17 @@ def kept(t: Any, y: Any) -> list[Any]:
     return [y]
 
 
-# The lines between a body and its parent: what the elimination over tables takes of them.
+# The rows between a body and its parent: what the elimination over tables takes of them.
 #
 # Functions are as in `local`: first a thing, the time, then fields.
 
 
 BARRED = 1e300
-"""Added to that with which a pivot is compared, of a line that gets no multiplier."""
+"""Added to that with which a pivot is compared, of a row that gets no multiplier."""
 
 
 class Rows:
-    """The lines of a node, written."""
+    """The rows of a node, written."""
 
     def __init__(self, thing: Any, t: Any, states: Any) -> None:
         body, parent, rows, self.hubs, self.barred = thing
@@ -204,11 +204,11 @@ class Rows:
         return list(self.system.rows[:, name])
 
     def gradient(self, side: int) -> list[Any]:
-        """G on one body by lines, 6 n numbers."""
+        """G on one body by rows, 6 n numbers."""
         return self.system.rows[:, 6 * side : 6 * side + 6].ravel().tolist()
 
     def responses(self, side: int) -> list[Any]:
-        """M^-1 G^T by lines, 6 n numbers."""
+        """M^-1 G^T by rows, 6 n numbers."""
         made = []
         for k in range(self.n):
             force, turn = inverse_mass_times(self.system, side, k, 6 * side)
@@ -232,7 +232,7 @@ class Rows:
         return made
 
     def diagonal(self) -> list[Any]:
-        """The diagonal elements with which pivots are compared; lines on hubs alone count as if the
+        """The diagonal elements with which pivots are compared; rows on hubs alone count as if the
         hubs were free."""
         own = [side for side in range(self.sides) if not self.hubs[side]]
         packed = self._over(own or list(range(self.sides)))

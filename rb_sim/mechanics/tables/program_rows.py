@@ -1,4 +1,4 @@
-"""The constraint lines of a program: written, solved for their multipliers, and applied."""
+"""The constraint rows of a program: written, solved for their multipliers, and applied."""
 
 from __future__ import annotations
 
@@ -145,11 +145,11 @@ Place = tuple[str, int, int]
 """Base, place and width of a field."""
 
 
-class Lines:
-    """Lines of the nodes of a plan, in one program.
+class ConstraintRows:
+    """Rows of the nodes of a plan, in one program.
 
     constraints: rows with the inputs of the law as symbols; bodies: constants of each; barred: of
-    every part, BARRED for a line that gets no multiplier and 0 for the others, () for none.
+    every part, BARRED for a row that gets no multiplier and 0 for the others, () for none.
     """
 
     def __init__(
@@ -359,21 +359,21 @@ class Lines:
             self.program.run(("same", 6), lambda t, x: [x], found, to)
 
     def of_part(self, part: int) -> list[Place]:
-        """Its lines on the body and its multipliers."""
+        """Its rows on the body and its multipliers."""
         for k, node in self._joints():
             if part in node.parts:
                 before = node.parts[: node.parts.index(part)]
                 first = sum(self._count(other) for other in before)
                 n = self._count(part)
-                lines = self.gradient[k, node.body] + 6 * first
-                return [("frame", lines, 6 * n), ("frame", self.blocks.found[k] + first, n)]
+                gradient = self.gradient[k, node.body] + 6 * first
+                return [("frame", gradient, 6 * n), ("frame", self.blocks.found[k] + first, n)]
         raise KeyError(part)
 
     def _count(self, part: int) -> int:
         return COUNT[type(self.constraints[part].row)]
 
     def power(self, so_far: tuple[str, int]) -> None:
-        """Power of the multipliers on lines that prescribe a velocity."""
+        """Power of the multipliers on rows that prescribe a velocity."""
         for n in sorted({node.size for _, node in self._joints()}):
             nodes = [k for k, node in self._joints() if node.size == n]
             fields = [

@@ -16,8 +16,8 @@ from rb_sim.mechanics.tables import local
 from rb_sim.mechanics.tables.blocks import clear, clear_out, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.tables.local import BARRED
 from rb_sim.mechanics.tables.program_rows import (
+    ConstraintRows,
     Instance,
-    Lines,
     UntabledError,
     leaves_of,
     run,
@@ -40,18 +40,22 @@ class TableLaws(MultiBodyLaws):
         """Mass, inertia and its inverse of each."""
         return [tuple(row) for row in self.system.bodies[: self.n // WIDTH, : local.PUSH].tolist()]
 
-    def _new(self, parts: Sequence[int], left_out: frozenset[int]) -> tuple[Program, Lines]:
-        """A program, and the lines of these parts in it; those left out get no multiplier."""
+    def _new(
+        self, parts: Sequence[int], left_out: frozenset[int]
+    ) -> tuple[Program, ConstraintRows]:
+        """A program, and the rows of these parts in it; those left out get no multiplier."""
         program = Program()
         nodes = constraint_nodes(self._pairs, self._sizes, parts)
         hubs = frozenset() if self.redundant else hubs_of(nodes)
         first = self.system.first_row
         barred = [
-            tuple(BARRED if line in left_out else 0.0 for line in range(first[k], first[k + 1]))
+            tuple(BARRED if row in left_out else 0.0 for row in range(first[k], first[k + 1]))
             for k in self._parts
         ]
         plan, rows = planned(nodes, hubs), self._symbolic.constraints
-        return program, Lines(program, plan, rows, self._bodies, barred if left_out else ())
+        return program, ConstraintRows(
+            program, plan, rows, self._bodies, barred if left_out else ()
+        )
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -68,7 +72,7 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def _position_parts(self) -> list[int]:
-        """Parts whose lines are holonomic."""
+        """Parts whose rows are holonomic."""
         first = self.system.first_row
         found = []
         for k in self._parts:
@@ -93,8 +97,8 @@ class TableLaws(MultiBodyLaws):
         given = [(base, [first + stride * i for i in bodies])]
         program.run((kernel.__name__,), kernel, taken, given)
 
-    def _free_accelerations(self, program: Program, lines: Lines) -> None:
-        """Loads, and the accelerations that they alone would give, in lines.push."""
+    def _free_accelerations(self, program: Program, rows: ConstraintRows) -> None:
+        """Loads, and the accelerations that they alone would give, in rows.push."""
         bodies = range(len(self._bodies))
         load = program.workspace(6 * len(bodies))
         clear(program, 6, [load + 6 * i for i in bodies])
@@ -115,34 +119,36 @@ class TableLaws(MultiBodyLaws):
                 Instance(
                     self._bodies[i],
                     (("y", WIDTH * i, WIDTH), ("frame", load + 6 * i, 6)),
-                    (("frame", lines.push + 6 * i),),
+                    (("frame", rows.push + 6 * i),),
                 )
                 for i in bodies
             ],
         )
-        lines.load = load
+        rows.load = load
 
-    def _accelerations(self, sampled: dict[str, Any] | None = None) -> tuple[Program, Lines]:
-        program, lines = self._new(self._parts, self.dependent.lines)
-        self._free_accelerations(program, lines)
-        lines.write("y", 0, "accelerated", sampled)
+    def _accelerations(
+        self, sampled: dict[str, Any] | None = None
+    ) -> tuple[Program, ConstraintRows]:
+        program, rows = self._new(self._parts, self.dependent.rows)
+        self._free_accelerations(program, rows)
+        rows.write("y", 0, "accelerated", sampled)
         least = sampled is not None and self.redundant
-        dense = lines.dense() if least else 0
-        lines.solve()
+        dense = rows.dense() if least else 0
+        rows.solve()
         if least:
-            lines.least_norm(dense)
-        lines.add_multipliers()
-        return program, lines
+            rows.least_norm(dense)
+        rows.add_multipliers()
+        return program, rows
 
     @cached_property
     def rate(self) -> CompiledLaws:
         """dy/dt."""
-        program, lines = self._accelerations()
+        program, rows = self._accelerations()
         self._each_body(
             program,
             local.slopes,
             ("y", 0, WIDTH, WIDTH),
-            ("frame", lines.push, 6, 6),
+            ("frame", rows.push, 6, 6),
             ("out", 0, WIDTH, WIDTH),
         )
         return program.compiled()
@@ -167,77 +173,77 @@ class TableLaws(MultiBodyLaws):
     @cached_property
     def gap(self) -> CompiledLaws | None:
         """The largest position error [m]."""
-        if not self.lines:
+        if not self.row_count:
             return None
-        program, lines = self._new(self._parts, self.dependent.lines)
+        program, rows = self._new(self._parts, self.dependent.rows)
         clear_out(program, 0, 1)
-        lines.gap("y", 0, ("out", 0, 1), float(self.system.length))
+        rows.gap("y", 0, ("out", 0, 1), float(self.system.length))
         return program.compiled()
 
     @cached_property
     def position(self) -> CompiledLaws | None:
         """y after one step of Newton's iteration on the position errors."""
-        if not self.lines:
+        if not self.row_count:
             return None
-        program, lines = self._new(self._position_parts, self.dependent.positions)
+        program, rows = self._new(self._position_parts, self.dependent.positions)
         worst = program.workspace(1)
         clear(program, 1, [worst])
         length = float(self.system.length)
-        lines.write("y", 0, "displaced", {"worst": ("frame", worst, 1), "length": length})
-        lines.solve()
-        self._from_rest(program, lines)
-        self._moved(program, local.moved, lines, "y", 0, "out")
+        rows.write("y", 0, "displaced", {"worst": ("frame", worst, 1), "length": length})
+        rows.solve()
+        self._from_rest(program, rows)
+        self._moved(program, local.moved, rows, "y", 0, "out")
         return program.compiled()
 
     @cached_property
     def velocity(self) -> CompiledLaws | None:
         """y with the nearest admissible velocities in the metric of M."""
-        if not self.lines:
+        if not self.row_count:
             return None
-        program, lines = self._new(self._parts, self.dependent.lines)
-        lines.write("y", 0, "slipping")
-        lines.solve()
-        self._from_rest(program, lines)
-        self._moved(program, local.hastened, lines, "y", 0, "out")
+        program, rows = self._new(self._parts, self.dependent.rows)
+        rows.write("y", 0, "slipping")
+        rows.solve()
+        self._from_rest(program, rows)
+        self._moved(program, local.hastened, rows, "y", 0, "out")
         return program.compiled()
 
     @cached_property
     def back(self) -> CompiledLaws | None:
         """As MultiBodyLaws.back."""
-        if not self.lines or not all(self.holonomic):
+        if not self.row_count or not all(self.holonomic):
             return None
-        program, lines = self._new(self._parts, self.dependent.lines)
+        program, rows = self._new(self._parts, self.dependent.rows)
         first, then = program.workspace(self.n), program.workspace(self.n)
         self._settle_into(program, "frame", first)
         clear_out(program, self.n, 1)
         length = float(self.system.length)
-        lines.write("frame", first, "displaced", {"worst": ("out", self.n, 1), "length": length})
-        lines.solve()
-        self._from_rest(program, lines)
-        self._moved(program, local.moved, lines, "frame", first, "frame", then)
-        lines.right_again("frame", then)
-        lines.solve_again()
-        self._from_rest(program, lines)
-        self._moved(program, local.hastened, lines, "frame", then, "out")
+        rows.write("frame", first, "displaced", {"worst": ("out", self.n, 1), "length": length})
+        rows.solve()
+        self._from_rest(program, rows)
+        self._moved(program, local.moved, rows, "frame", first, "frame", then)
+        rows.right_again("frame", then)
+        rows.solve_again()
+        self._from_rest(program, rows)
+        self._moved(program, local.hastened, rows, "frame", then, "out")
         return program.compiled()
 
-    def _from_rest(self, program: Program, lines: Lines) -> None:
+    def _from_rest(self, program: Program, rows: ConstraintRows) -> None:
         """push = M^-1 G^T lambda."""
-        clear(program, 6, [lines.push + 6 * i for i in range(len(self._bodies))])
-        lines.add_multipliers()
+        clear(program, 6, [rows.push + 6 * i for i in range(len(self._bodies))])
+        rows.add_multipliers()
 
     def _moved(
         self,
         program: Program,
         kernel: Callable[..., Any],
-        lines: Lines,
+        rows: ConstraintRows,
         base: str,
         first: int,
         to: str,
         then: int = 0,
     ) -> None:
         """The kernel on y (base, first) and push, into (to, then)."""
-        push = ("frame", lines.push, 6, 6)
+        push = ("frame", rows.push, 6, 6)
         fields = ((base, first, WIDTH, WIDTH), push, (to, then, WIDTH, WIDTH))
         self._each_body(program, kernel, *fields)
 
@@ -249,14 +255,14 @@ class TableLaws(MultiBodyLaws):
             "worst": ("out", at + 9, 1),
             "scales": (float(self.system.length), float(self.system.speed)),
         }
-        program, lines = self._accelerations(program_rates)
+        program, rows = self._accelerations(program_rates)
         own = ("y", 0, WIDTH, WIDTH)
         self._each_body(program, local.kept, own, ("out", 0, WIDTH, WIDTH))
-        self._reactions(program, lines)
-        self._balances(program, lines, at)
+        self._reactions(program, rows)
+        self._balances(program, rows, at)
         return program.compiled()
 
-    def _reactions(self, program: Program, lines: Lines) -> None:
+    def _reactions(self, program: Program, rows: ConstraintRows) -> None:
         instances = []
         for o, (main, *counted) in enumerate(self.system.members.tolist()):
             placed = self._symbolic.constraints[main]
@@ -264,12 +270,12 @@ class TableLaws(MultiBodyLaws):
             fields = [("y", WIDTH * i, WIDTH) for i in pair]
             for part, counts in enumerate(counted):
                 if counts:
-                    fields += lines.of_part(part)
+                    fields += rows.of_part(part)
             thing = placed.row, len(pair) == 2
             instances.append(Instance(thing, tuple(fields), (("out", self.n + 9 * o),)))
         run(program, "reaction", local.reaction, instances)
 
-    def _balances(self, program: Program, lines: Lines, at: int) -> None:
+    def _balances(self, program: Program, rows: ConstraintRows, at: int) -> None:
         """Energies, power and momenta."""
         bodies = []
         for i, constants in enumerate(self._bodies):
@@ -285,7 +291,7 @@ class TableLaws(MultiBodyLaws):
             thing = self._bodies[placed.body], placed.row
             effects.append(Instance(thing, (*states, (*to, 1)), (to,)))
         run(program, "energy", local.energy, effects)
-        lines.power(("out", at + 2))
+        rows.power(("out", at + 2))
 
 
 def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
@@ -298,7 +304,7 @@ def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
         for placed in (*made._symbolic.effects, *made._symbolic.constraints):
             shape_of(placed.row)
             leaves_of(placed.row)
-        if made.lines:
+        if made.row_count:
             _ = made._position_parts
     except UntabledError:
         return laws

@@ -17,7 +17,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy
 
 from rb_sim.checks.check import Effort, effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.io.messages.topic_names import CLOCK, CONTACT_EVENTS, TF
 from rb_sim.io.messages.topics import SampleMessages, TopicTable
 from rb_sim.mechanics.samples import block_of_rows, concatenate
@@ -241,13 +241,13 @@ priority, and who listens to the node has none."""
 class Batch(NamedTuple):
     """Samples, who is to look at them, and what they cost up to their end."""
 
-    watches: WatchList
+    check_list: CheckList
     samples: list[SampleRow] | SampleBlock
     effort: Effort
 
 
-class WatchSink:
-    """Keeps samples for a while and hands them to the watches together.
+class CheckSink:
+    """Keeps samples for a while and hands them to the checks together.
 
     simulation: whose steps and rejections count as effort, samples computed ahead included.
     From `open` to `close` a thread looks at them, since a sample is not to wait for that.
@@ -256,7 +256,7 @@ class WatchSink:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._waiting: list[SampleRow] = []
-        self._watches = self._new()
+        self._check_list = self._new()
         self._batches: Queue[Batch | None] = Queue(MOST)
         self._thread: Thread | None = None
         self._error: BaseException | None = None
@@ -283,12 +283,12 @@ class WatchSink:
         self._pass_on()
         if self._error is not None:
             raise self._error
-        return self._watches.findings
+        return self._check_list.findings
 
     def reset(self) -> None:
         """Begin anew: from the initial state on balances and findings are another run's."""
         self._waiting = []
-        self._watches = self._new()
+        self._check_list = self._new()
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """End the thread, when it has looked at everything."""
@@ -297,9 +297,9 @@ class WatchSink:
             self._thread.join()
             self._thread = None
 
-    def _new(self) -> WatchList:
+    def _new(self) -> CheckList:
         of = self._simulation
-        return WatchList(of.scene, of.layout, of.compiled)
+        return CheckList(of.scene, of.layout, of.compiled)
 
     def _pass_on(self) -> None:
         """Have looked at what waits."""
@@ -310,7 +310,7 @@ class WatchSink:
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
         """Have the samples looked at: by the thread, or at once."""
         effort = effort_of(self._simulation)._replace(ahead=None)  # a thread looks at it
-        batch = Batch(self._watches, samples, effort)
+        batch = Batch(self._check_list, samples, effort)
         if self._thread is None:
             self._add(batch)
         else:
@@ -320,7 +320,7 @@ class WatchSink:
         samples = batch.samples
         if isinstance(samples, list):
             samples = self._block(samples)
-        batch.watches.add(samples, batch.effort)
+        batch.check_list.add(samples, batch.effort)
         self._give_way()
 
     def _block(self, rows: list[SampleRow]) -> SampleBlock:

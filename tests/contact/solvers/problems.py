@@ -8,9 +8,9 @@ from rb_sim.contact.solvers.gauss_seidel import fill_block
 from rb_sim.contact.solvers.graph import (
     BLOCK,
     BOUND,
+    CONTACT_ROWS,
     LIGHT_A,
     LIGHT_B,
-    LINES,
     RULES,
     TURN_A,
     TURN_B,
@@ -25,13 +25,13 @@ def graph_of(ends, points, normals, mu, masses, targets) -> Graph:
     ends: (n, 2); points: (n, 2, 3) arms from the body and the parent; normals (n, 3).
     """
     n = len(ends)
-    rows = np.zeros((LINES * n, WIDTH))
+    rows = np.zeros((CONTACT_ROWS * n, WIDTH))
     for i in range(n):
         d = np.array(normals[i]) / np.linalg.norm(normals[i])
         t1 = np.cross(d, [0.3, 0.5, 0.8])
         t1 /= np.linalg.norm(t1)
         for p, axis in enumerate((d, t1, np.cross(d, t1))):
-            k = LINES * i + p
+            k = CONTACT_ROWS * i + p
             b, a = ends[i]
             arms = points[i]
             rows[k, 0:3], rows[k, 3:6] = axis, np.cross(arms[0], axis)
@@ -43,8 +43,8 @@ def graph_of(ends, points, normals, mu, masses, targets) -> Graph:
                 rows[k, TURN_A : TURN_A + 3] = rows[k, 9:12] / (0.4 * masses[a])
     rules = np.zeros((n, RULES))
     rules[:, BOUND] = mu
-    goal = np.zeros(LINES * n)
-    goal[0::LINES] = targets
+    goal = np.zeros(CONTACT_ROWS * n)
+    goal[0::CONTACT_ROWS] = targets
     none = np.zeros((0, WIDTH))
     graph = Graph(
         np.array(ends, np.int64), rows, goal, rules, np.zeros((n, BLOCK)),
@@ -101,9 +101,9 @@ def dense(graph: Graph, u: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
     and impulses of a graph; u: velocities that x has been pushed into."""
     n, bodies = len(graph.ends), len(u)
     J, P = np.zeros((3 * n, 6 * bodies)), np.zeros((3 * n, 6 * bodies))
-    at = [LINES * i + p for i in range(n) for p in range(3)]
+    at = [CONTACT_ROWS * i + p for i in range(n) for p in range(3)]
     for m, k in enumerate(at):
-        b, a = graph.ends[k // LINES]
+        b, a = graph.ends[k // CONTACT_ROWS]
         row = graph.rows[k]
         J[m, 6 * b : 6 * b + 6] = row[:6]
         P[m, 6 * b : 6 * b + 6] = [*row[LIGHT_B] * row[:3], *row[TURN_B : TURN_B + 3]]

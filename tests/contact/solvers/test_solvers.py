@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.solvers.graph import LINES, WIDTH
+from rb_sim.contact.solvers.graph import CONTACT_ROWS, WIDTH
 from rb_sim.contact.solvers.proximal_newton import fill_matrix
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from tests.contact.solvers.problems import COLLECTION, dense, residual
@@ -43,7 +43,7 @@ def test_gauss_seidel_solves(name: str) -> None:
 
 def bodies_of(graph: Any) -> np.ndarray:
     """Masses and inertias of the balls of a graph, as the table of a system has them."""
-    from rb_sim.contact.solvers.graph import LIGHT_A, LIGHT_B, LINES
+    from rb_sim.contact.solvers.graph import CONTACT_ROWS, LIGHT_A, LIGHT_B
     from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, MASS
 
     table = np.zeros((graph.ends.max() + 1, INVERSE + 6))
@@ -51,7 +51,7 @@ def bodies_of(graph: Any) -> np.ndarray:
     for i, (b, a) in enumerate(graph.ends):
         for body, light in ((b, LIGHT_B), (a, LIGHT_A)):
             if body >= 0:
-                mass = 1.0 / graph.rows[LINES * i, light]
+                mass = 1.0 / graph.rows[CONTACT_ROWS * i, light]
                 table[body, MASS], table[body, INERTIA : INERTIA + 3] = mass, 0.4 * mass
     return table
 
@@ -88,7 +88,7 @@ def test_the_matrix_of_newtons_method_in_velocities_of_bodies() -> None:
     """M + J^T D J, with inertias that are no balls'; of contacts that push, which join bodies."""
     rng = np.random.default_rng(8)
     ends = np.array([[0, -1], [1, 0], [2, 1], [2, 0]])
-    rows, D = rng.normal(size=(4 * LINES, WIDTH)), rng.normal(size=(4, 9))
+    rows, D = rng.normal(size=(4 * CONTACT_ROWS, WIDTH)), rng.normal(size=(4, 9))
     D[3] = 0.0
     bodies = np.zeros((3, max(INERTIA + 6, MASS + 1)))
     bodies[:, MASS], bodies[:, INERTIA : INERTIA + 6] = (1.0, 2.0, 3.0), rng.normal(size=(3, 6))
@@ -100,7 +100,7 @@ def test_the_matrix_of_newtons_method_in_velocities_of_bodies() -> None:
         wanted[o + 3 : o + 6, o + 3 : o + 6] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     for i, (b, a) in enumerate(ends):
         J = np.zeros((3, 18))
-        own = rows[LINES * i : LINES * i + 3]
+        own = rows[CONTACT_ROWS * i : CONTACT_ROWS * i + 3]
         J[:, 6 * b : 6 * b + 6] = own[:, :6]
         if a >= 0:
             J[:, 6 * a : 6 * a + 6] = own[:, 6:12]

@@ -32,7 +32,7 @@ def sent_off(
     **more: Any,
 ) -> tuple[Simulation, np.ndarray, list[str]]:
     """A smooth, elastic ball strikes a round post, fixed or free to move, or passes it: what it
-    does then, and what the watches say."""
+    does then, and what the checks say."""
     ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": RADIUS}}
     contact: dict[str, Any] = {
         "type": "contact", "body": "ball", "restitution": 1.0, "friction": {"type": "smooth"},

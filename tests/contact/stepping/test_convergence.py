@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import body, scene, touch
 from tests.interpreted import interpreted
@@ -54,16 +54,16 @@ def test_a_disk_that_lands_on_its_rim() -> None:
 
 
 def watched(mapping: dict[str, Any]) -> tuple[Simulation, Any, str]:
-    """The simulation after its run, the trajectory, and what the watches say."""
+    """The simulation after its run, the trajectory, and what the checks say."""
     simulation = Simulation(mapping)
-    watches = WatchList(simulation.scene, simulation.layout)
+    check_list = CheckList(simulation.scene, simulation.layout)
     run = simulation.run()
-    watches.add(run.block, effort_of(simulation))
-    return simulation, run, " ".join(str(finding) for finding in watches.findings)
+    check_list.add(run.block, effort_of(simulation))
+    return simulation, run, " ".join(str(finding) for finding in check_list.findings)
 
 
 def told(start: Any, step: float, mu: float) -> tuple[int, str]:
-    """(steps told as too long for a point that runs around its body, what the watches say)."""
+    """(steps told as too long for a point that runs around its body, what the checks say)."""
     mapping = scene(start, touch(mu=mu))
     mapping["simulation"] = stepping(0.2, 40.0, step)
     simulation, _, text = watched(mapping)
@@ -87,7 +87,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
 
 
 def paradox(mu: float, step: float = 1e-3) -> tuple[int, str]:
-    """(steps with Painleve's paradox, what the watches say) of a rod that slides on its end."""
+    """(steps with Painleve's paradox, what the checks say) of a rod that slides on its end."""
     rod = body(
         {"type": "rod", "length": 1.0},
         [0.5 * np.cos(0.8), 0.0, 0.5 * np.sin(0.8)],  # 0.8 rad from the floor, on its lower end
@@ -133,7 +133,7 @@ def test_what_rolls_has_no_paradox() -> None:
 
 
 def rough_slips(shape: dict[str, Any], low: float) -> tuple[int, str, Any]:
-    """(steps in which a perfectly rough contact slips, what the watches say, the run) of a body
+    """(steps in which a perfectly rough contact slips, what the checks say, the run) of a body
     that falls on a sphere by a micrometre, and goes sideways."""
     start = body(shape, [0.06, 0.0, 0.500001 + low], linear_velocity=[0.6, 0.1, 0.0])
     rough = touch(surface={"type": "sphere", "radius": 0.5}) | {"friction": {"type": "rough"}}
@@ -154,7 +154,7 @@ def test_what_may_not_slip_and_does_is_told() -> None:
 
 
 def in_a_bowl(step: float) -> tuple[float, float, float, str]:
-    """Energy at the start, lost, and where contacts bore; what the watches say of a ball that
+    """Energy at the start, lost, and where contacts bore; what the checks say of a ball that
     slides in a bowl without friction, which keeps its energy."""
     bowl = {"type": "sphere", "center": [0.0, 0.0, 1.0], "radius": 1.0, "side": "inside"}
     mapping = scene(

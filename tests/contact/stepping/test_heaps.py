@@ -13,8 +13,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 
 pytestmark = pytest.mark.filterwarnings("error:(?!ambiguous):rb_sim.AccuracyWarning")
-"""A heap that moves may leave shares open, which is told."""
-"""What stands or falls as the laws say is not told as lost."""
+"""A box that slides on its corners leaves their shares open, which is told."""
 
 G = scenes.G
 

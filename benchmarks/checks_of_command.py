@@ -1,6 +1,6 @@
-"""`python -m benchmarks.watches_of_command FILE DURATION`: one `rb_sim run`, and as JSON what its
+"""`python -m benchmarks.checks_of_command FILE DURATION`: one `rb_sim run`, and as JSON what its
 watches cost of it, and what the import of their modules does, which comes with the program
-[s of CPU time]; for `benchmarks.watches`."""
+[s of CPU time]; for `benchmarks.checks`."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pathlib import Path
 from typing import Any
 
 METHODS = ("__init__", "add", "finish")
-"""Of a WatchList, as a run calls them."""
+"""Of a CheckList, as a run calls them."""
 
 MODULES = "rb_sim.checks", "rb_sim.checks.step_doubling", "rb_sim.checks.step_doubling"
-"""Of the watches and what they ask."""
+"""Of the checks and what they ask."""
 
 
 def main() -> int:
     path, duration = sys.argv[1], float(sys.argv[2])
-    from rb_sim.checks.check_list import WatchList
+    from rb_sim.checks.check_list import CheckList
     from rb_sim.cli.verbs.run import RunOptions, run
 
     spent: list[float] = []
     for name in METHODS:
-        setattr(WatchList, name, timed(getattr(WatchList, name), spent))
+        setattr(CheckList, name, timed(getattr(CheckList, name), spent))
     with contextlib.redirect_stdout(io.StringIO()):
         run(RunOptions(scene=Path(path).as_posix(), duration=duration, quiet=True))
     whole = time.process_time()
@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def imports() -> float:
-    """CPU time [s] of importing the modules of the watches, of which all else is there already."""
+    """CPU time [s] of importing the modules of the checks, of which all else is there already."""
     names = [name for name in sys.modules if name.startswith(MODULES)]
     for name in names:
         del sys.modules[name]

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.watches`: CPU time of the watches of a run beside that of the run itself.
+"""`python -m benchmarks.checks`: CPU time of the checks of a run beside that of the run itself.
 
 "command" is a whole `rb_sim run SCENE`, from the start of Python to its end, and "of that" what the
 watches add to it; each in a process of its own, kernels and modules compiled before. Start and
@@ -7,7 +7,7 @@ watches themselves, which come with the program whatever it runs: "imports", not
 
 "bare" is stepping and sampling alone; bare and watched runs take turns, and "pairs" is the median
 of how much more the watched ones take. "inside" is the share that the clock shows around the
-watches' calls of the watched runs, which other programs on the machine disturb less. Of every scene
+checks' calls of the watched runs, which other programs on the machine disturb less. Of every scene
 two runs at its own rate are shown: the one that it asks for, which is short and looked at closely
 all over, and one that goes on for about `--seconds` of CPU time: most of a run's cost may come late
 (a sphere that is pushed rolls ever faster), or early (a ball comes to rest).
@@ -33,7 +33,7 @@ import numpy as np
 from benchmarks import many_body_scenes
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import WatchList
+from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.load import as_run_text
 
 CASES: tuple[tuple[Any, dict[str, Any]], ...] = (
@@ -75,7 +75,7 @@ def long_enough(simulation: Simulation, duration: float, seconds: float) -> floa
 
 
 def bare(simulation: Simulation, duration: float) -> float:
-    """CPU time [s] of a run without watches."""
+    """CPU time [s] of a run without checks."""
     simulation.reset()
     began = time.process_time()
     with np.errstate(all="ignore"):
@@ -85,26 +85,26 @@ def bare(simulation: Simulation, duration: float) -> float:
 
 
 def watched(simulation: Simulation, duration: float) -> tuple[float, float]:
-    """CPU time [s] of a run with its watches, and the share of the watches as seen from inside.
+    """CPU time [s] of a run with its checks, and the share of the checks as seen from inside.
 
     Inside it is the wall's clock, which costs a hundredth of the processor's: what else runs on the
-    machine stops the watches as often as the steps, for the time that each takes.
+    machine stops the checks as often as the steps, for the time that each takes.
     """
     simulation.reset()
     effort, clock, inside = partial(effort_of, simulation), time.perf_counter, 0.0
     began, start = clock(), time.process_time()
     with np.errstate(all="ignore"):
-        watches = WatchList(simulation.scene, simulation.layout, simulation.compiled)
+        check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
         inside += clock() - began
         for block in simulation.blocks(duration, simulation.scene.simulation.rate):
             entered = clock()
-            watches.add(block, effort)
+            check_list.add(block, effort)
             inside += clock() - entered
     return time.process_time() - start, inside / (clock() - began - inside)
 
 
 def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, float, float]:
-    """Medians: bare [s], and the share of the watches by pairs and from inside."""
+    """Medians: bare [s], and the share of the checks by pairs and from inside."""
     bare(simulation, duration)
     both = [(bare(simulation, duration), *watched(simulation, duration)) for _ in range(runs)]
     return (
@@ -115,12 +115,12 @@ def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, 
 
 
 def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, float, float]:
-    """Medians of runs in processes of their own: CPU time [s], the share of the watches, and the
+    """Medians of runs in processes of their own: CPU time [s], the share of the checks, and the
     time [s] of importing them."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
         path.write_text(as_run_text(scene), encoding="utf-8")
-        module = "benchmarks.watches_of_command"
+        module = "benchmarks.checks_of_command"
         line = [sys.executable, "-m", module, str(path), str(duration)]
         compiles = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         kept = compiles | {"PYTHONPYCACHEPREFIX": str(Path(folder) / "modules")}
