@@ -114,6 +114,7 @@ RESULTS = {
 
 def test_a_page_shows_costs_and_ways_in_tables_that_fit_on_it() -> None:
     lines = report.markdown(RESULTS).splitlines()
+    assert lines[:3] == ["---", "search: {exclude: true}", "---"]  # as docs/peers.md begins
     assert "| 1e-01 | 7.3e-03 | 2.0e-04 | 6.0e-06 |" in lines
     assert "| 1e-01 | mujoco RK4 1e-01 | rk4 1e-01 | 1.2e+03 | - |" in lines
     assert "| 1e-02 | none | auto 1e-02 | - | - |" in lines

@@ -11,8 +11,11 @@ import sys
 import pytest
 
 import rb_sim
+from benchmarks.heaps import __main__ as heaps
+from rb_sim.hard_cases import report
 from tests.browser import dom_of
 from tests.docs.blocks import PAGES, ROOT
+from tools import thresholds
 
 WANTED = ("apply_wrench", "revolute", "degrees", "bearing", "tolerance", "quaternion")
 """Words that users look for."""
@@ -101,6 +104,11 @@ def test_the_search_finds_what_users_look_for_and_no_internals(site):
         assert any(word in entry["text"] for entry in entries), word
     pages = {entry["location"].split("#")[0] for entry in entries}
     assert pages and pages.isdisjoint(f"{name}.html" for name in APART)
+
+
+@pytest.mark.parametrize("written", [heaps.HEAD, report.HEAD, thresholds.HEAD])
+def test_pages_of_evidence_are_written_out_of_the_search(written):
+    assert written.startswith("---\nsearch: {exclude: true}\n---\n\n# ")
 
 
 @pytest.mark.parametrize(
