@@ -135,12 +135,13 @@ lint: $(VENV)/.test
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/pyright
 
-# pages of the laws from the sources, then the site in build/site, links checked
+# generated pages and all pictures, then the site in build/site, links checked
 docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.law_pages
 	$(VENV)/bin/python -m tools.thresholds
 	$(VENV)/bin/python -m tools.reference
 	$(VENV)/bin/python -m tools.tutorials
+	$(VENV)/bin/python -m tools.pictures
 	$(VENV)/bin/zensical build --clean --strict
 	@echo "build/site/index.html"
 

@@ -1,16 +1,20 @@
-"""Draws every shipped scene, for docs/gallery.md and docs/ten-scenes.md, and to look at.
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
 
-    python -m tools.gallery [--keep FOLDER] [SCENE ...]
+"""Draws every shipped scene, for docs/gallery.md and docs/ten-scenes.md, as tools/pictures.py asks.
 
 Each scene is run as `rb_sim run` does; the Rerun viewer draws its motion without a window. All of
 them together are docs/pictures/gallery.jpg; those of docs/ten-scenes.md are pictures of their own.
---keep: leave plots and pictures in full size there, and do not draw again what is there.
-With scenes named, only these are drawn, into FOLDER.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +31,6 @@ from rb_sim.scene.listing import shipped_statics
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.picture import save_picture
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 TILE = (480, 320)
 COLUMNS = 4
 COLORS = 128
@@ -44,18 +47,15 @@ MOST_WAY, SHORT_WAY = 40.0, 16.0
 dot, a run is drawn as long as none covers more than the second."""
 
 
-def picture_of(scene, folder: Path, plots: Path | None = None) -> Image.Image:
+def picture_of(scene, folder: Path) -> Image.Image:
     """A run of the scene, drawn at MOMENT in twice the size of a tile."""
     simulation = Simulation(scene)
-    run = simulation.run()
-    block = in_sight(run.block, max(map(reach_of, scene.bodies.values())))
+    block = in_sight(simulation.run().block, max(map(reach_of, scene.bodies.values())))
     recording = folder / f"{scene.name}.rrd"
     sink = RerunSink(recording, motion_only=True)
     sink.open(simulation.scene, simulation.layout)
     sink.write(block)
     sink.close()
-    if plots is not None:
-        run.plot(plots / f"{scene.name}_plots.png")
     drawn = folder / f"{scene.name}.png"
     size = (2 * TILE[0], 2 * TILE[1])
     (data,) = frames(recording, [MOMENT], size)
@@ -98,47 +98,21 @@ def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
     return page
 
 
-def at_rest(name: str, folder: Path) -> Image.Image:
-    """The picture of `rb_sim statics`."""
+def draw_at_rest(name: str, folder: Path) -> None:
+    """Write the picture of `rb_sim statics`."""
     described = load_statics(shipped_statics()[name])
-    path = folder / f"{name}.png"
+    path = folder / "full.png"
     save_picture(described, solve(described), path)
     with Image.open(path) as image:
-        return image.convert("RGB")
+        size = (560, 560 * image.height // image.width)
+        small(image.convert("RGB"), size, folder / f"scene_{name}.png")
 
 
-def drawn(name: str, keep: Path | None, folder: Path) -> Image.Image:
-    """The picture of a scene, from `keep` if it is there."""
-    if keep is not None and (keep / f"{name}.png").exists():
-        with Image.open(keep / f"{name}.png") as image:
-            return image.convert("RGB")
-    image = picture_of(load_scene(name), folder, keep)
-    print(name, flush=True)
-    if keep is not None:
-        image.save(keep / f"{name}.png")
-    return image
-
-
-def main(arguments: list[str]) -> int:
-    """Draw; returns 0."""
-    keep = None
-    if arguments[:1] == ["--keep"]:
-        keep, arguments = Path(arguments[1]), arguments[2:]
-        keep.mkdir(parents=True, exist_ok=True)
-    names = arguments or [scene.name for scene in scenes()]
-    with tempfile.TemporaryDirectory() as folder:
-        tiles = {name: drawn(name, keep, Path(folder)) for name in names}
-        if arguments:
-            return 0
-        for name in AT_REST:
-            image = at_rest(name, Path(folder))
-            small(image, (560, 560 * image.height // image.width), PICTURES / f"scene_{name}.png")
+def draw(folder: Path) -> None:
+    """Write gallery.jpg and the pictures of OWN into the folder."""
+    with tempfile.TemporaryDirectory() as large:
+        tiles = {scene.name: picture_of(load_scene(scene.name), Path(large)) for scene in scenes()}
     for name in OWN:
-        small(tiles[name], OWN_SIZE, PICTURES / f"scene_{name}.jpg")
+        small(tiles[name], OWN_SIZE, folder / f"scene_{name}.jpg")
     page = sheet(tiles)
-    small(page, (page.width * 5 // 6, page.height * 5 // 6), PICTURES / "gallery.jpg")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    small(page, (page.width * 5 // 6, page.height * 5 // 6), folder / "gallery.jpg")

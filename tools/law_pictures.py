@@ -1,6 +1,13 @@
-"""Draws a picture for the page of each law: docs/laws/pictures/KIND.png.
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
 
-    python -m tools.law_pictures [FOLDER]
+"""Draws the picture of the page of each law, docs/laws/pictures/KIND.png.
 
 The example of the page, set moving: its body is thrown and spun as far as the law lets it, under
 gravity. Left the body as a box at three instants, the joint (pivot, axis with bearings, rail, rod,
@@ -11,7 +18,6 @@ force (full) and its torque about the anchor (dashed) over time, world axes.
 from __future__ import annotations
 
 import io
-import sys
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
@@ -27,7 +33,6 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.palette import AXES, GRID, REACTION
 from tools.law_examples import EXAMPLES
 
-FOLDER = Path(__file__).parents[1] / "docs" / "laws" / "pictures"
 THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0]}
 """Of the body, where the law does not hold it [m/s, rad/s]."""
 DURATION, SAMPLES = 2.0, 200
@@ -175,13 +180,6 @@ def _draw_joint(
             axes.plot_surface(x, y, np.full((2, 2), anchor[2]), color=JOINT, alpha=0.12)
 
 
-def main(folder: Path = FOLDER) -> int:
-    """Draw all; returns 0."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for kind in EXAMPLES:
-        picture(kind).save(folder / f"{kind}.png", optimize=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*map(Path, sys.argv[1:2])))
+def draw(kind: str, folder: Path) -> None:
+    """Write KIND.png into the folder."""
+    picture(kind).save(folder / f"{kind}.png", optimize=True)

@@ -1,4 +1,13 @@
-"""The moving picture of README: python -m tools.readme_picture
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""The moving picture of README, docs/pictures/heavy_top.gif; tools/pictures.py calls it.
 
 The heavy top, the way of its centre of mass, the reaction of its fixed point, and how far the run
 is from one with a tolerance of 1e-13.
@@ -19,15 +28,14 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from rb_sim import Simulation, load_scene
 from rb_sim.base.palette import AXES, BLUE, GREY, GRID, REACTION
 
-PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "heavy_top.gif"
 FRAMES, PER_SECOND = 75, 15
 DURATION = 2.0
 ARROW = 1.0 / 1500.0
 """Length of an arrow per force [m/N]."""
 
 
-def main() -> None:
-    """Draw docs/pictures/heavy_top.gif."""
+def draw(folder: Path) -> None:
+    """Draw heavy_top.gif in the folder."""
     run, sharp = (
         Simulation(load_scene("heavy_top", tolerance=tolerance)).run(DURATION, rate=500.0)
         for tolerance in (1e-10, 1e-13)
@@ -64,7 +72,7 @@ def main() -> None:
     space.plot([0], [0], [0], "o", color="black", ms=5)
     space.text(0.0, 0.0, 0.75, "reaction (orange)", color=REACTION, fontsize=8, ha="center")
 
-    def draw(frame: int) -> None:
+    def show(frame: int) -> None:
         k = round(frame / (FRAMES - 1) * (len(t) - 1))
         way.set_data_3d(*centre[: k + 1].T)
         stem.set_data_3d(*np.array([[0, 0, 0], centre[k]]).T)
@@ -78,10 +86,6 @@ def main() -> None:
         for mark in marks:
             mark.set_xdata([t[k], t[k]])
 
-    film = FuncAnimation(figure, draw, frames=FRAMES)
-    film.save(PICTURE, writer=PillowWriter(fps=PER_SECOND))
-    print(f"{PICTURE}: {PICTURE.stat().st_size / 1e3:.0f} kB")
-
-
-if __name__ == "__main__":
-    main()
+    film = FuncAnimation(figure, show, frames=FRAMES)
+    film.save(folder / "heavy_top.gif", writer=PillowWriter(fps=PER_SECOND))
+    plt.close(figure)

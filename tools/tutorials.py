@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """Makes the pictures of the tutorials: python -m tools.tutorials [PAGE ...]
 
 Each page of docs/tutorials is run as the tests run it; pictures that its blocks save and that it
@@ -23,6 +32,7 @@ from PIL import Image
 
 from rb_sim.base.palette import AXES, ORANGE
 from tests.docs.page_run import pictures, run_page
+from tools.pictures import keep
 
 FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
 WIDTH = 1100
@@ -50,7 +60,8 @@ def draw(page: Path) -> None:
             curves = run_page(page)
         kept = FOLDER / "pictures" / page.stem
         for name in pictures(page):
-            small(Path(name), kept / name)
+            small(Path(name), Path("small.png"))
+            keep(Path("small.png"), kept / name)
         rows = [f"{json.dumps(name)}: {json.dumps(curves[name])}"
                 for name in pictures(page) if name in curves]  # fmt: skip
         if rows:
@@ -59,13 +70,11 @@ def draw(page: Path) -> None:
 
 def small(source: Path, target: Path) -> None:
     """Write the picture with WIDTH and COLOURS at most."""
-    target.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(source) as image:
         image = image.convert("RGB")
         if image.width > WIDTH:
             image.thumbnail((WIDTH, image.height), Image.Resampling.LANCZOS)
         image.quantize(COLOURS, kmeans=1).save(target, optimize=True)
-    print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")
 
 
 def main(names: list[str]) -> int:

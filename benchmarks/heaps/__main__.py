@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """`python -m benchmarks.heaps`: heaps in rb_sim beside MuJoCo and Drake, in one run.
 
 Each heap is stepped at 1 ms from its start for two seconds, in four parts. Printed are the CPU time
@@ -37,12 +46,17 @@ HEAPS: dict[str, Callable[[], dict[str, Any]]] = {
 }
 STEPS = (1e-2, 1e-3, 1e-4)
 PAGE = Path(__file__).parents[2] / "docs" / "heaps.md"
-HEAD = """# Heaps beside other programs
+HEAD = """\
+---
+search: {exclude: true}
+---
+
+# Heaps compared with other programs
 
 Every heap falls or stands under weight with friction 0.5; all engines take the same step. MuJoCo
-and Drake are at their default solvers, whose contacts give way; rb_sim's are rigid. Where a heap
-that moves wedges itself its friction problem has no solution near by; what is told as `gave` is how
-far the law of a contact was left then at most, relative to the largest impulse of the step.
+and Drake have their default solvers, whose contacts are compliant; those of rb_sim are rigid. A
+jammed moving heap may have no rigid solution; `gave` is the largest violation of a contact law
+then, relative to the largest impulse of the step.
 """
 WRITTEN = """
 Written by `python -m benchmarks.heaps{arguments}`, all in one run. {machine}. {versions}.

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """Pictures of two motions: one over the other with their differences, and as a Rerun recording."""
 
 from __future__ import annotations
@@ -268,10 +277,12 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
                 entity, values = f"{entity}_rounding", np.zeros(len(values))
             times = rr.TimeColumn(TIMELINE, duration=found.t[name])
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
-    plots = [q for q in UNITS if any(q in series for series in found.series.values())]
+    every = found.series.values()
+    plots = [q for q in UNITS if any(q in s and s[q].max() > found.floors[q] for s in every)]
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
     scene = _view(rrb, "A blue, B orange", center, size)
-    _end(recording, rrb, rrb.Horizontal(scene, rrb.Vertical(*views)))
+    beside = [rrb.Vertical(*views)] if views else []
+    _end(recording, rrb, rrb.Horizontal(scene, *beside))
 
 
 def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float:

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """What the hard cases showed: JSON, a page in Markdown, and a picture."""
 
 from __future__ import annotations
@@ -12,7 +21,11 @@ from typing import Any, NamedTuple
 from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
 from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
 
-HEAD = """# Hard cases
+HEAD = """---
+search: {exclude: true}
+---
+
+# Hard cases
 
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does

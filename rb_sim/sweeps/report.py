@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """What a sweep says: distributions, scatter matrix, Sobol indices, worst runs, basin maps.
 
 One HTML file that opens offline (plotly's own JavaScript is inside), beside it a picture of each

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """Comparison against motions whose difference is known in closed form."""
 
 from __future__ import annotations
@@ -419,14 +428,22 @@ def test_the_only_body_of_another_scene_is_compared_with_a_note():
     assert differences(a, replace(b, length=0.0)).notes == []
 
 
-def test_overlay(tmp_path):
-    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+def test_overlay(tmp_path, monkeypatch):
+    """With a panel for the positions, which differ, and none for what is the same."""
+    blueprint = pytest.importorskip("rerun.blueprint", reason="rerun-sdk is not installed")
     from rb_sim.bags.comparison_views import overlay
 
+    panels, view = [], blueprint.TimeSeriesView
+    monkeypatch.setattr(
+        blueprint, "TimeSeriesView", lambda **given: panels.append(given["name"]) or view(**given)
+    )
     t = np.linspace(0, 2, 101)
     a, b = Tracks("a", {"top": motion(t)}), Tracks("b", {"top": motion(t, (0.1, 0, 0))})
     overlay(a, b, differences(a, b), Path(tmp_path / "o.rrd"))
     assert (tmp_path / "o.rrd").stat().st_size > 5000
+    assert panels == ["position [m]"]
+    overlay(a, a, differences(a, a), Path(tmp_path / "same.rrd"))
+    assert panels == ["position [m]"]
 
 
 def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monkeypatch):

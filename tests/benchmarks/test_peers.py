@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """The peer benchmark measures what it says: scenes, error, choice of the cheapest, skipping."""
 
 import numpy as np
@@ -114,6 +123,7 @@ RESULTS = {
 
 def test_a_page_shows_costs_and_ways_in_tables_that_fit_on_it() -> None:
     lines = report.markdown(RESULTS).splitlines()
+    assert lines[:3] == ["---", "search: {exclude: true}", "---"]  # as docs/peers.md begins
     assert "| 1e-01 | 7.3e-03 | 2.0e-04 | 6.0e-06 |" in lines
     assert "| 1e-01 | mujoco RK4 1e-01 | rk4 1e-01 | 1.2e+03 | - |" in lines
     assert "| 1e-02 | none | auto 1e-02 | - | - |" in lines

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """Every block of Python, YAML and shell in the documentation runs, page by page, as it stands."""
 
 from __future__ import annotations
@@ -12,7 +21,11 @@ from typer.main import get_command
 from rb_sim.cli.main import app
 from tests.docs.blocks import PAGES, ROOT, blocks, name_of
 from tests.docs.page_run import pictures, run_page, same_curves
+from tools.pictures import same
+from tools.tutorials import small
 
+MEASURED = ("costs/accuracy.png",)
+"""Pictures of CPU times, which differ from run to run."""
 RUN = [page for page in PAGES if any(b.language in ("python", "sh", "yaml") for b in blocks(page))]
 
 
@@ -24,11 +37,16 @@ def test_blocks_run(page, tmp_path, monkeypatch):
         for name in pictures(page):
             assert Path(name).stat().st_size > 3000, f"{name} is shown, but no block makes it"
             kept = page.parent / "pictures" / page.stem / name
-            assert kept.exists(), f"{kept}: run python -m tools.tutorials {page.stem}"
+            again = (
+                f"{kept} is missing or another picture: run python -m tools.tutorials {page.stem}"
+            )
+            assert kept.exists(), again
             if name in curves:
                 shown = json.loads((kept.parent / "curves.json").read_text())[name]
-                again = f"{kept} shows other curves: run python -m tools.tutorials {page.stem}"
                 assert same_curves(shown, curves[name]), again
+            elif name not in MEASURED:
+                small(Path(name), Path("small.png"))
+                assert same(Path("small.png"), kept), again
 
 
 def _to_read(page: Path) -> list[tuple[int, str]]:

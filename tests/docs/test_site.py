@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """The site builds without a warning: no link leads nowhere, no page is left out."""
 
 from __future__ import annotations
@@ -11,8 +20,11 @@ import sys
 import pytest
 
 import rb_sim
+from benchmarks.heaps import __main__ as heaps
+from rb_sim.hard_cases import report
 from tests.browser import dom_of
 from tests.docs.blocks import PAGES, ROOT
+from tools import thresholds
 
 WANTED = ("apply_wrench", "revolute", "degrees", "bearing", "tolerance", "quaternion")
 """Words that users look for."""
@@ -101,6 +113,11 @@ def test_the_search_finds_what_users_look_for_and_no_internals(site):
         assert any(word in entry["text"] for entry in entries), word
     pages = {entry["location"].split("#")[0] for entry in entries}
     assert pages and pages.isdisjoint(f"{name}.html" for name in APART)
+
+
+@pytest.mark.parametrize("written", [heaps.HEAD, report.HEAD, thresholds.HEAD])
+def test_pages_of_evidence_are_written_out_of_the_search(written):
+    assert written.startswith("---\nsearch: {exclude: true}\n---\n\n# ")
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """What package.xml, setup.py, the launch file and the parameter file say agrees."""
 
 from __future__ import annotations
@@ -9,6 +18,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import yaml
+
+from tools.licence import NOTICE, lacking
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,6 +35,26 @@ def test_name_version_and_licence_agree():
         assert f'{field}="{value}"' in setup_text()
     assert package.get("format") == "3"
     assert package.findtext("export/build_type") == "ament_python"
+
+
+def test_maintainers_are_those_of_setup_with_an_address_that_the_schema_takes():
+    """EmailType of package_common.xsd; names of example domains are nobody's."""
+    for path in ("package.xml", "interfaces/package.xml"):
+        (maintainer,) = ElementTree.parse(ROOT / path).getroot().findall("maintainer")
+        assert f'maintainer="{maintainer.text}"' in setup_text()
+        address = maintainer.get("email", "")
+        name = r"[-\w%+]+(\.[-\w%+]+)*"
+        assert re.fullmatch(rf"{name}@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{{2,}}", address)
+        assert not re.search(r"example|invalid|test$", address)
+
+
+def test_each_source_file_begins_with_the_notice_of_the_licence():
+    """By `python -m tools.licence`; ament_copyright compares words."""
+    assert lacking() == []
+    words = " ".join(NOTICE.split())
+    assert re.match(r"Copyright \d{4} rb_sim contributors Licensed under the Apache License", words)
+    appendix = " ".join((ROOT / "LICENSE").read_text().split())
+    assert words.partition("contributors ")[2] in appendix
 
 
 def test_licence_is_apache():

@@ -1,3 +1,12 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """The Rerun viewer as a process: a window, a screenshot, a film."""
 
 from __future__ import annotations
@@ -119,7 +128,6 @@ def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> 
     with _viewer(recording, size) as viewer:
         first, last = _loaded_span(viewer)
         _settled(viewer)
-        time.sleep(_GREETING)
         views = [view.view_id for view in viewer.ask("get_state").views if view.name == MOTION]
         view = views[0] if len(views) == 1 else None
         for moment in moments:
@@ -209,6 +217,7 @@ def _settled(viewer: _Viewer) -> bytes:
     first, last = _loaded_span(viewer)
     moment = first + MOMENT * (last - first)
     viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
+    time.sleep(_GREETING)
     before, now = b"", viewer.ask("take_screenshot")
     while now != before:
         time.sleep(_PAUSE)
