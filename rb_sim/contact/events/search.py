@@ -332,8 +332,8 @@ def way_of_surfaces(system, grid, ends, i):
 @inline
 def spin_of(system, y, i):
     """How fast the bodies of contact i turn in the state y, together [rad/s]."""
-    k = line_of(system, i)
-    b, a = WIDTH * system.lines[k, BODY] + 10, system.lines[k, PARENT]
+    k = first_row_of(system, i)
+    b, a = WIDTH * system.row_table[k, BODY] + 10, system.row_table[k, PARENT]
     spin = norm((y[b], y[b + 1], y[b + 2]))
     if a >= 0:
         a = WIDTH * a + 10
