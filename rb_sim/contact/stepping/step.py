@@ -511,6 +511,7 @@ def solve_impulses(tables, workspace, graph, x, y):
     Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
     before hold as they are, they are so already.
     """
+    workspace.notes[OPEN_NOW] = 0.0
     rest, made = some_impulses(tables, workspace, graph, x, y)
     if made == 1 or not (eliminates(graph) or stand_alone(graph)):
         return rest, made

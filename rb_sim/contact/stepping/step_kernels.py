@@ -69,6 +69,7 @@ from rb_sim.contact.stepping.step_workspace import (
     NORMAL,
     OPEN,
     OPEN_AT,
+    OPEN_BEFORE,
     OPEN_NOW,
     OPEN_OF,
     OPEN_OF_NOW,
@@ -500,10 +501,16 @@ def note_aims(memory, workspace, t):
 
 @inline
 def note_open(workspace, t):
-    """Keep what shares of a load have left open in the step up to t, if it is the first of them."""
+    """Keep what shares of a load have left open in the steps up to t, if they are the first two.
+
+    In a single one, in which a body strikes or comes to rest, the laws of a step leave open what
+    the instant itself does not.
+    """
     notes = workspace.notes
-    if notes[OPEN] == 0.0:
-        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = notes[OPEN_NOW], t, notes[OPEN_OF_NOW]
+    figure = min(notes[OPEN_BEFORE], notes[OPEN_NOW])
+    if notes[OPEN] == 0.0 and figure > 0.0:
+        notes[OPEN], notes[OPEN_AT], notes[OPEN_OF] = figure, t, notes[OPEN_OF_NOW]
+    notes[OPEN_BEFORE] = notes[OPEN_NOW]
 
 
 @inline

@@ -91,11 +91,12 @@ GYROSCOPIC_ROUNDS = 12
     ROUGH_SLIPS,
     OPEN_NOW,
     OPEN_OF_NOW,
+    OPEN_BEFORE,
     OPEN,
     OPEN_AT,
     OPEN_OF,
     NOTES,
-) = range(27)
+) = range(28)
 """Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
 steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
 step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
@@ -107,7 +108,7 @@ the normal has left by the end of its step [m/s], when [s], and at which point;
 energy that rigid contacts have given in the step, and that they have made in the run [J];
 steps in which a perfectly rough contact slipped;
 change of velocities that shares of a load left open in the step, relative to what impulses gave,
-and at which point; the first of the run, when [s], and at which point."""
+at which point, and in the step before; the first of the run, when [s], and at which point."""
 
 
 class Workspace(NamedTuple):

@@ -213,3 +213,9 @@ def test_a_table_that_turns_moves_as_by_events_and_says_what_is_open(size: float
     found, told = pulled(size, 1.0, 3.0, step)
     assert_allclose(found.position["table"], exact.position["table"], atol=2e-4 * size)
     assert [text for text in told if "accelerations that the contact laws allow" in text]
+
+
+def test_a_block_that_comes_to_rest_leaves_nothing_open() -> None:
+    """In the step in which it stops on the incline some corners still slip, and others do not."""
+    run = Simulation(load_scene("incline_block", method="time_stepping", step=1e-3)).run(0.5)
+    assert not [found for found in run.findings if found.watch == "ambiguous"]
