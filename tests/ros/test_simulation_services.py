@@ -145,7 +145,8 @@ def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, mo
     monkeypatch.syspath_prepend(str(tmp_path))
     # what is imported here is gone afterwards, and one that was there before is there again
     monkeypatch.setitem(sys.modules, "simulation_interfaces", None)
-    monkeypatch.delitem(sys.modules, "simulation_interfaces")
+    for name in [name for name in sys.modules if name.partition(".")[0] == PACKAGE]:
+        monkeypatch.delitem(sys.modules, name)  # its parts as well
     monkeypatch.setattr(services, "OWN", "not_installed_anywhere")
     said: list[str] = []
     node: Any = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=said.append))
