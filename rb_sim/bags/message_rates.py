@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.base.names import MOST_NAMED
 from rb_sim.mechanics.samples import Array
 
 # Readings at increasing times.
@@ -148,7 +149,6 @@ class Rates:
 APART = 1000.0
 """Between the stretches before and after a jump on the growing time [s]; sources may reach the
 jump at instants that differ by less."""
-MOST_NAMED = 3
 
 
 class _Jump(NamedTuple):

@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.base.names import first_few
+
 # What a bag gives at once of one source: times and numbers, by what they are of.
 
 
@@ -52,7 +54,6 @@ class Piece(NamedTuple):
 MOST = 16
 """Sources of one name; more are taken for a name that changes with every message."""
 MOST_OF_TOPIC = 1000
-MOST_NAMED = 3
 WORLD = ("", "world", "map", "odom")
 """Frames that are the world's, besides that of the poses."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped")
@@ -81,8 +82,8 @@ class Sources:
         lines = []
         for base, named in self._named.items():
             others = list(named.values())[1:]
-            named_others = ", ".join(others[:MOST_NAMED]) + ", ..." * (len(others) > MOST_NAMED)
             if others:
+                named_others = first_few(others)
                 lines.append(f"{base}: not all of one type and frame: {named_others} for itself")
         return lines + [
             f"{source}: comes in {len(channels)} channels, which are taken as one source"

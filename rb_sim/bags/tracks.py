@@ -26,7 +26,7 @@ from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
 from rb_sim.bags.transforms import FixedFrames, plain
 from rb_sim.base.errors import RbSimError, SinkError
-from rb_sim.base.names import ros_name
+from rb_sim.base.names import MOST_NAMED, ros_name
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.batches import unpacked
@@ -222,8 +222,6 @@ class Impacts:
 
 
 Array = np.ndarray
-MOST_NAMED = 3
-"""Notes in the line that refuses a bag."""
 
 
 @dataclass

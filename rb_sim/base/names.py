@@ -11,16 +11,20 @@
 
 A scene keeps the name that its user gave. ROS allows less: the parts of a topic are letters, digits
 and underscores of ASCII and begin with a letter, and frames and joints are called as topics are.
+A sentence lists the first few of many.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 LONGEST = 64
 """Characters of a name, in ROS as in a scene: a topic has 255 in all."""
+
+MOST_NAMED = 3
+"""Of many things of a kind, that a sentence lists, or that have a line of their own."""
 
 _NOT_IN_TOPICS = re.compile(r"[^A-Za-z0-9_]+")
 _STEP = re.compile(
@@ -75,3 +79,9 @@ def keys_of(text: str) -> tuple[str | int, ...] | None:
         keys.append(int(index) if index is not None else name if name is not None else quoted)
         at = match.end()
     return tuple(keys) or None
+
+
+def first_few(texts: Sequence[str], count: int | None = None, most: int = MOST_NAMED) -> str:
+    """The first of the texts as a list in a sentence, "..." for the rest; count: of how many, if
+    they are not all given."""
+    return ", ".join(texts[:most]) + ", ..." * ((count or len(texts)) > min(most, len(texts)))

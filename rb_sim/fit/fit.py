@@ -30,6 +30,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from rb_sim.bags.analysis.derivatives import NORMAL
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.base.errors import RbSimError, SceneError, SimulationError
+from rb_sim.base.names import first_few
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.fit.recording import Recording, followed, lost_by
 from rb_sim.fit.unknowns import (
@@ -143,7 +144,6 @@ FAR = 10.0
 """Standard deviations of the noise: no sample of any size has one so far from noise."""
 MOST = 0.1
 """Of the poses: more of them are no outliers, but another motion."""
-MOST_NAMED = 3
 
 Residuals = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
@@ -159,9 +159,7 @@ def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
             sigma = np.median(size, axis=0) / NORMAL
             far |= (size > np.maximum(FAR * sigma, rounding)).any(axis=1)
         if far.any() and far.sum() <= MOST * len(t):
-            at = ", ".join(f"{x:.6g}" for x in t[far][:MOST_NAMED]) + ", ..." * bool(
-                far.sum() > MOST_NAMED
-            )
+            at = first_few([f"{x:.6g}" for x in t[far]])
             lines.append(
                 f"{body}: {far.sum()} of {len(t)} poses are off by more than {FAR:g} times the "
                 f"noise of the others (t = {at} s): they distort the fit and enlarge its errors"

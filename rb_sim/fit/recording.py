@@ -21,6 +21,7 @@ from rb_sim.bags.sources import WORLD, topic_of, words
 from rb_sim.bags.tracks import Tracks, Wrenches
 from rb_sim.bags.transforms import carried_over
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.names import first_few
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.mechanics.samples import Input, SampleBlock
 from rb_sim.scene.schema import Scene
@@ -137,10 +138,6 @@ def recorded_by_others(
     return recording
 
 
-MOST_NAMED = 3
-"""Wrenches that a line names."""
-
-
 @dataclass
 class _Signal:
     """What one topic commands a body, in turn: times [s], wrenches (n, 6), and of each whether it
@@ -203,8 +200,7 @@ class _Acting:
             why = "the scene has no commanded_wrench that takes them"
             if self._commanded:
                 why = "commands of a body are named with --wrench BODY=TOPIC"
-            some = ", ".join(rest[:MOST_NAMED]) + ", ..." * (len(rest) > MOST_NAMED)
-            lines.append(f"its wrenches ({some}) are not applied: {why}")
+            lines.append(f"its wrenches ({first_few(rest)}) are not applied: {why}")
         return lines
 
     def inputs(self, start: float, end: float) -> tuple[Input, ...]:

@@ -36,6 +36,7 @@ from rb_sim.bags.analysis.derivatives import (
 )
 from rb_sim.bags.analysis.figures import Figures
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.names import first_few
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import from_rotation_vector, norms, product, rotate
 from rb_sim.scene.schema import Scene
@@ -208,7 +209,7 @@ class Struck:
         """When, and what is left out for it; or ""."""
         if not self.samples:
             return ""
-        at = ", ".join(f"{t:.6g}" for t in self._first) + ", ..." * (self.count > len(self._first))
+        at = first_few([f"{t:.6g}" for t in self._first], self.count, EVENT_COLUMNS)
         what = "has impacts" if self.by_events else "jumps, or moves too fast for the sample rate,"
         times = "once" if self.count == 1 else f"{self.count} times"
         return (

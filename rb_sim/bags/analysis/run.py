@@ -33,6 +33,7 @@ from rb_sim.bags.readings import Readings
 from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.base.errors import SinkError
+from rb_sim.base.names import MOST_NAMED, first_few
 from rb_sim.checks.balance import FIRST_EVENTS, Ledger
 from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.reader import BagReader, reader_of
@@ -187,7 +188,6 @@ class Loads:
 # The stretches between resets and states that were set, and their balances.
 
 
-MOST_NAMED = 3
 FEW = 4
 """Samples between changes of commands, on average, below which balances are only a rough figure."""
 
@@ -258,7 +258,7 @@ class Balances:
         """Where the balances begin anew, and whether commands leave them too few samples."""
         lines = []
         if self._count:
-            at = ", ".join(f"{t:g}" for t in self._anew) + ", ..." * (self._count > len(self._anew))
+            at = first_few([f"{t:g}" for t in self._anew], self._count)
             lines.append(f"reset or put elsewhere {self._count} times (t = {at} s): nothing is "
                          "differentiated or balanced across that")  # fmt: skip
         if self._changes * FEW > self._samples:

@@ -16,6 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rb_sim.base.names import first_few
 from rb_sim.io.messages.topic_names import CONTACT_EVENTS, RESETS, STATE_COMMAND
 
 DAMAGED = 1
@@ -74,7 +75,7 @@ def lines(found: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("scene", "none: not recorded by rb_sim"))
     resets = found["resets"]
     if resets:
-        shown = ", ".join(f"{t:g}" for t in resets[:SHOWN]) + (", ..." * (len(resets) > SHOWN))
+        shown = first_few([f"{t:g}" for t in resets], most=SHOWN)
         rows.append(("resets", f"{len(resets)}, at t = {shown} s"))
     for body, count in found["commands"].items():
         rows.append(("commands", f"{count} for {body.rpartition('/')[2]}"))
