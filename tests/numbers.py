@@ -33,11 +33,11 @@ def settled(system: Any, t: float, y: np.ndarray) -> np.ndarray:
 
 def rate_at(compiled: Any, t: float, y: np.ndarray) -> np.ndarray:
     """dy/dt."""
-    from rb_sim.mechanics.system import rate_into
+    from rb_sim.mechanics.contact.motion_kernels import contact_rate
 
     dy = np.zeros(len(y))
     if compiled.laws is None:  # contacts
-        rate_into(compiled.system, t, y, dy)
+        contact_rate(compiled.system, t, y, dy)
         return dy
     return outputs(compiled.laws.rate, t, y, inputs(compiled, t), len(y))
 

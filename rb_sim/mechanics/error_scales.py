@@ -17,11 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, ParallelRow, PlaneRow, SlotRow
 from rb_sim.mechanics.samples import Array, Indices
 from rb_sim.mechanics.system import CONFIGURATION
-from rb_sim.mechanics.systems.many_bodies import MASS, WIDTH, MultiBody
+from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.numerics.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
 # One measure of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m.
@@ -259,15 +258,6 @@ places: what following the motion makes of rounding is about a hundred."""
 MOST_RELATIVE_STEPS = 60
 """Steps tried."""
 
-
-ROUNDED = 64.0 * float(np.finfo(float).eps)
-"""What rounding hides of an acceleration, as a share of the largest force on one of two
-bodies over the mass of the other: joints push a light body by what rounds off on a heavy one. Of a
-speed, as a share of the scene's, where joints hold both bodies at rest."""
-SCATTERED = 32.0
-"""Times what accelerations change by where coordinates are rounded otherwise, below which they are
-hidden by rounding: of loads that joints take up."""
-
 Pair = tuple[int, int]
 """A body and its parent."""
 
@@ -293,50 +283,6 @@ def seen_from_parents(y: Array, bodies: Indices, parents: Indices) -> Array:
 def parts_of(columns: Array) -> tuple[Array, Array, Array, Array]:
     """p, q, v and w of bodies, side by side."""
     return columns[:3], columns[3:7], columns[7:10], columns[10:]
-
-
-def parting(rate: Rate, y: Array, system: MultiBody) -> tuple[Pair, ...]:
-    """The pairs whose distance d = |p| changes: d' = e . v, d'' = e . a + (v . v - d'^2) / d."""
-    pairs = pairs_of(system, set())
-    if not pairs or not np.isfinite(y).all():
-        return ()
-    bodies, parents = np.array(pairs).T
-    at, slope = y.reshape(-1, WIDTH), rate(0.0, y).reshape(-1, WIDTH)
-    p, v = (at[bodies, k : k + 3] - at[parents, k : k + 3] for k in (0, 7))
-    pulls = slope[:, 7:10]
-    a = pulls[bodies] - pulls[parents]
-    with np.errstate(all="ignore"):
-        d = np.linalg.norm(p, axis=1)
-        e = p / d[:, None]
-        along = (e * v).sum(axis=1)
-        across = ((v * v).sum(axis=1) - along**2) / d
-        spread = WRITTEN_ROUNDING * sum_of_sizes(at[:, 7:10], bodies, parents)
-        gone = np.abs(along) > np.maximum(spread, ROUNDED * system.speed)
-        bends = sum_of_sizes(pulls, bodies, parents) + across
-        pushes = system.bodies[:, MASS] * np.linalg.norm(pulls, axis=1)
-        lighter = np.minimum(system.bodies[bodies, MASS], system.bodies[parents, MASS])
-        rounded = ROUNDED * np.maximum(pushes[bodies], pushes[parents]) / lighter
-        rounded = np.maximum(rounded, scatter(rate, y, slope)[np.array(pairs)].sum(axis=1))
-        bent = np.abs((e * a).sum(axis=1) + across)
-        gone |= bent > np.maximum(WRITTEN_ROUNDING * bends, rounded)
-    return tuple(pair for pair, moves in zip(pairs, gone, strict=True) if moves)
-
-
-def scatter(rate: Rate, y: Array, slope: Array) -> Array:
-    """What rounding hides of the acceleration of each body at y [m/s^2], (bodies,)."""
-    found = np.zeros(len(slope))
-    for every in (2, 3, 5):
-        ways = np.where(np.arange(len(y)) % every, 1.0, -1.0)
-        other = rate(0.0, y * (1.0 + 2.0 * np.finfo(float).eps * ways)).reshape(-1, WIDTH)
-        found = np.maximum(found, np.linalg.norm((other - slope)[:, 7:10], axis=1))
-    return SCATTERED * found
-
-
-def sum_of_sizes(vectors: Array, bodies: Indices, parents: Indices) -> Array:
-    """|vector| of each pair's body and of its parent, added: shape (pairs,) of vectors (bodies,
-    k)."""
-    sizes = np.linalg.norm(vectors, axis=1)
-    return sizes[bodies] + sizes[parents]
 
 
 def held_to_parents(

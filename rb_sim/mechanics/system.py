@@ -38,15 +38,10 @@ def started(system: Any, y: Any) -> Any:
 
 
 def _rate(system, t, y):
-    """dy/dt as a tuple (one-body systems)."""
+    """dy/dt as a tuple, of one body."""
 
 
 rate = dispatch(_rate)
-
-
-@dispatch
-def rate_into(system, t, y, dy):
-    """dy/dt written into the array dy (systems of N bodies)."""
 
 
 @dispatch

@@ -152,7 +152,7 @@ def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     from rb_sim import load_scene
     from rb_sim.contact.events.search import begin_step
     from rb_sim.mechanics.contact.contact_bodies import CLOSED, NORMAL_FORCE, ROLL, SLIDE, SPIN
-    from rb_sim.mechanics.system import rate_into
+    from rb_sim.mechanics.contact.motion_kernels import contact_rate
     from rb_sim.scene.compile import compile_scene
 
     law = FRICTION | (RESISTS if mode == SLIDES else {})
@@ -168,7 +168,7 @@ def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     y = random_motion(system, y, rng, False)
     begin_step(system, 0.0, y, np.zeros_like(y))
     slope = np.zeros_like(y)
-    rate_into(system, 0.0, y, slope)
+    contact_rate(system, 0.0, y, slope)
     pushes = touch[points, NORMAL_FORCE].copy()
     held = held_velocities(system, points, mode, y)
     leaving = np.abs(difference(lambda t: held(y + t * slope))).max()

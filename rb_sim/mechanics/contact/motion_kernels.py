@@ -40,7 +40,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK
-from rb_sim.mechanics.system import rate_into, sample, settle
+from rb_sim.mechanics.system import sample, settle
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     MULTIPLIERS,
@@ -175,7 +175,7 @@ def bring_to_manifold(system, t, y):
     return y
 
 
-@rate_into.register(ContactBodies)
+@inline
 def contact_rate(system, t, y, dy):
     """Velocities and accelerations of the bodies, and last the power of the contacts [W]."""
     moving(system, t, y, False)

@@ -22,7 +22,7 @@ from benchmarks.contact.toss_scenes import toss
 from rb_sim import Simulation, load_scene
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_bodies import SLIP
-from rb_sim.mechanics.system import rate_into
+from rb_sim.mechanics.contact.motion_kernels import contact_rate
 from tests.interpreted import interpreted
 
 SLIPS = 1e-8
@@ -73,7 +73,7 @@ def end_by_an_implicit_method() -> float:
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         dy = np.zeros_like(y)
-        rate_into(system, t, y, dy)
+        contact_rate(system, t, y, dy)
         return dy
 
     def slip(t: float, y: np.ndarray) -> float:

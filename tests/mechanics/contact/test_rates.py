@@ -23,7 +23,8 @@ from rb_sim import load_scene
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401  # noqa: F401
 from rb_sim.mechanics.contact.contact_bodies import CLOSED, GAP, SLIDE
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
-from rb_sim.mechanics.system import rate_into, sample, settle
+from rb_sim.mechanics.contact.motion_kernels import contact_rate
+from rb_sim.mechanics.system import sample, settle
 from rb_sim.motion.motion import row_width
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
@@ -97,7 +98,7 @@ def seen(friction: str, slide: float, held: tuple[int, ...]) -> Seen:
         system.touch[c, [CLOSED, SLIDE]] = 1.0, slide
     slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))
     settle(system, 0.0, y)
-    rate_into(system, 0.0, y, slope)
+    contact_rate(system, 0.0, y, slope)
     y[-1] = 0.7  # work of the contacts until then
     sample(system, 0.0, y, out)
     names = compiled.layout.reactions
@@ -198,7 +199,7 @@ def driven() -> tuple[float, float]:
     system, y = compiled.system, np.array(compiled.y)
     system.touch[0, [CLOSED, SLIDE]] = 1.0, STUCK
     slope, out = np.zeros_like(y), np.zeros(row_width(compiled.layout))
-    rate_into(system, 0.0, y, slope)
+    contact_rate(system, 0.0, y, slope)
     sample(system, 0.0, y, out)
     at, rate = 26 + 9 * len(compiled.layout.reactions), 0.0
     inertia = [np.array([0.3, 0.2, 0.4]), np.full(3, 0.4 * 1.3 * 0.2**2)]
