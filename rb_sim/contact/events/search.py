@@ -662,8 +662,8 @@ def note_slow_slips(system, kept, arms, grid):
 @inline
 def lighter(system, c):
     """The one of the two bodies of contact c whose mass is smaller; the world has none."""
-    line = first_row_of(system, c)
-    b, parent = system.row_table[line, BODY], system.row_table[line, PARENT]
+    k = first_row_of(system, c)
+    b, parent = system.row_table[k, BODY], system.row_table[k, PARENT]
     if parent >= 0 and system.bodies[parent, MASS] < system.bodies[b, MASS]:
         return parent
     return b

@@ -462,6 +462,18 @@ def sweep(graph, u, x, joints, size, settled, sweeps, follow):
 
 
 @inline
+def take_motion(u, x, joints, v, r, s):
+    """Copy velocities v, impulses r and those of joints s into u, x and joints."""
+    for i in range(u.shape[0]):
+        for j in range(6):
+            u[i, j] = v[i, j]
+    for k in range(x.shape[0]):
+        x[k] = r[k]
+    for k in range(joints.shape[0]):
+        joints[k] = s[k]
+
+
+@inline
 def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
     """As `gauss_seidel`; where that does not get there, as where push and friction work against a
     joint, again with joints that follow each contact at once: taken if they do get there."""
@@ -475,11 +487,5 @@ def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
         fill_block(graph, i)
     if not found > enough:
         rest = found
-        for i in range(u.shape[0]):
-            for j in range(6):
-                u[i, j] = v[i, j]
-        for k in range(x.shape[0]):
-            x[k] = r[k]
-        for k in range(joints.shape[0]):
-            joints[k] = s[k]
+        take_motion(u, x, joints, v, r, s)
     return rest, made + more

@@ -31,6 +31,7 @@ from rb_sim.contact.solvers.gauss_seidel import (
     give_joints,
     relax_joints,
     sweep_against_joints,
+    take_motion,
     within_circle,
 )
 from rb_sim.contact.solvers.graph import (
@@ -386,11 +387,5 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
         made += more
     if rest > ENOUGH and rest > before:  # sweeps do not settle there: the solution found stands
         rest = before
-        for i in range(u.shape[0]):
-            for j in range(6):
-                u[i, j] = old_u[i, j]
-        for k in range(x.shape[0]):
-            x[k] = old_x[k]
-        for k in range(joints.shape[0]):
-            joints[k] = old_joints[k]
+        take_motion(u, x, joints, old_u, old_x, old_joints)
     return rest, made, figure, of
