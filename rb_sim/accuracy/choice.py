@@ -48,9 +48,9 @@ which its sums could be few (chains of 2 and 5 rods: `python -m benchmarks.serie
 REDUCED = 25e-9
 """CPU time of one evaluation of a body in reduced coordinates [s]."""
 
-BODY, LINE = 150e-9, 100e-9
+BODY, ROW = 150e-9, 100e-9
 """The same in maximal coordinates, of each body and each row of constraints [s]; the elimination
-adds LINE / 10 for each pair of rows."""
+adds ROW / 10 for each pair of rows."""
 
 SHARED = 25e-6
 """The same where contacts may bear a body by more rows than it has freedoms, as a box on its face:
@@ -61,8 +61,8 @@ SOLVE = 4.5e-11
 """CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
 [s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
 
-OPEN_LINE = 50e-9
-"""As LINE, of rows that do not act most of the time [s]: random scenes with one to four bodies and
+OPEN_ROW = 50e-9
+"""As ROW, of rows that do not act most of the time [s]: random scenes with one to four bodies and
 up to 79 rows of contacts (benchmarks.silent_runs), to a factor of two."""
 
 PYTHON_STEP = 1e-3
@@ -93,8 +93,8 @@ def seconds_of_evaluation(compiled: Compiled) -> float:
     """CPU time of one right side of the scene, about [s]."""
     if not isinstance(compiled.y, np.ndarray):
         return REDUCED
-    bodies, lines = len(compiled.layout.bodies), compiled.rows
-    free = BODY * bodies + LINE * lines + 0.1 * LINE * lines * lines
+    bodies, rows = len(compiled.layout.bodies), compiled.rows
+    free = BODY * bodies + ROW * rows + 0.1 * ROW * rows * rows
     return free + SHARED * overdetermined(compiled)
 
 
@@ -112,7 +112,7 @@ def counted_time(motion: Motion, setting: Setting) -> float:
         return worth + PYTHON_STEP * attempts
     one = REDUCED
     if isinstance(compiled.y, np.ndarray):
-        one = BODY * len(compiled.layout.bodies) + OPEN_LINE * compiled.rows
+        one = BODY * len(compiled.layout.bodies) + OPEN_ROW * compiled.rows
     return worth + attempts * one * evaluations(setting.name, setting.tolerance, compiled)
 
 

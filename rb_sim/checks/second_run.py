@@ -173,9 +173,9 @@ class SecondRun:
         if step is None or not (motion.layout.contacts and self._from_start):
             return None
         if motion.event_driven:
-            return self._by(_by_events(self._simulation), limit)
+            return self._by(_sharp(self._simulation), limit)
         try:
-            return self._by(_by_events(self._simulation), limit, whole=True)
+            return self._by(_sharp(self._simulation), limit, whole=True)
         except RbSimError:
             return None  # too many bodies, or an event that cannot be decided
         except WatchEndedError:
@@ -358,7 +358,7 @@ class SecondMotion(NamedTuple):
     """whether none follows that is finer by the same rule."""
 
 
-def _by_events(simulation: Any) -> SecondMotion:
+def _sharp(simulation: Any) -> SecondMotion:
     """The adaptive motion by events. Raises SceneError where the scene allows none."""
     sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
     method = sharp.build(simulation.scene.simulation.duration)

@@ -97,7 +97,7 @@ class Vanishing(NamedTuple):
     """[s]."""
     s: float
     """at the place next to it that was looked at."""
-    line: int
+    row: int
     t: Array
     """the places around it that were looked at [s] ..."""
     y: Array
@@ -217,9 +217,9 @@ class Follower:
             b, c = s[k], s[k + 1]
             at += float((t[k + 1] - t[k]) * b / (b + c))
             near = k if b <= c else k + 1
-        line = self._look(t[near : near + 1], y[near : near + 1])[1][0]
+        row = self._look(t[near : near + 1], y[near : near + 1])[1][0]
         around = slice(max(0, near - 4), near + 5)
-        return Vanishing(at, float(s[near]), int(line), t[around], y[around])
+        return Vanishing(at, float(s[near]), int(row), t[around], y[around])
 
 
 def parts_of(ways: Array) -> Indices:
@@ -336,7 +336,7 @@ class Conditioning:
         self._layout, self._scene = layout, scene
         self._checked_rows: list[int] = []
         """rows of which s tells."""
-        self._lines: list[int] = []
+        self._kept_rows: list[int] = []
         self._laws: list[LeastOf] = []
         if not layout.contacts and has_loops(scene):
             self._make(scene, compiled)
@@ -354,15 +354,15 @@ class Conditioning:
         if not 0 < compiled.rows <= MOST_ROWS or not isinstance(laws, MultiBodyLaws):
             return
         left_out = Dependent(compiled.dependent.rows | set(laws.changing))
-        self._lines, law = rows_left(system, left_out)
+        self._kept_rows, law = rows_left(system, left_out)
         inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
-        if self._lines:
-            self._laws.append(LeastOf(law, inputs, len(self._lines), located=False))
+        if self._kept_rows:
+            self._laws.append(LeastOf(law, inputs, len(self._kept_rows), located=False))
         if laws.choice is not None:
             self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, located=True))
         self._system = system
         self._follower = Follower(self.shares, system.length)
-        self._checked_rows = [*self._lines, *laws.changing]
+        self._checked_rows = [*self._kept_rows, *laws.changing]
         self._rank = len(self._checked_rows) - laws.inputs.chosen.count(0.0)
 
     @property
@@ -376,31 +376,31 @@ class Conditioning:
             return
         place = self._follower.add(block.t, coordinates(block, slice(None)))
         if place is not None:
-            owner = self._owner(self._checked_rows[place.line])
+            owner = self._owner(self._checked_rows[place.row])
             self.found = SingularConfiguration(place.at, place.s, owner, self._others_hold(place))
 
-    def _owner(self, line: int) -> str:
+    def _owner(self, row: int) -> str:
         """The constraint to which the row belongs."""
         place = InitialPlace(self._scene)
         specs: dict[str, Any] = dict(self._scene.constraints)
         owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
-        return owners[part_of(self._system, line)]
+        return owners[part_of(self._system, row)]
 
-    def located(self, t: float, least: float, line: int) -> SingularConfiguration:
+    def located(self, t: float, least: float, row: int) -> SingularConfiguration:
         """The singular configuration at t where s of this row comes to zero."""
-        return SingularConfiguration(t, least, self._owner(self._checked_rows[line]))
+        return SingularConfiguration(t, least, self._owner(self._checked_rows[row]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
         """s and the row to which it belongs at every sample; 1 where it is no number."""
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
-        least, line = self._laws[0](t, y)
+        least, row = self._laws[0](t, y)
         if len(self._laws) > 1:
             pivots, numbers = self._laws[1](t, y)
-            line = np.where(pivots < least, len(self._lines) + numbers, line)
+            row = np.where(pivots < least, len(self._kept_rows) + numbers, row)
             least = np.minimum(pivots, least)
-        elif not self._lines:
-            line = len(self._lines) + line
-        return np.sqrt(np.maximum(least, 0.0)), line
+        elif not self._kept_rows:
+            row = len(self._kept_rows) + row
+        return np.sqrt(np.maximum(least, 0.0)), row
 
     def _others_hold(self, place: Vanishing) -> bool:
         """True where rows were left out and all together keep their rank around the place."""
@@ -509,9 +509,9 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
             t, rows = np.append(t, between), np.append(rows, found, 0)
     width = 13 * len(simulation.layout.bodies)
     with np.errstate(all="ignore"):
-        s, line = conditioning.shares(t, rows[:, :width])
+        s, row = conditioning.shares(t, rows[:, :width])
     at = zero_of(t, s, end + STEPS * (getattr(run.method, "step", None) or step))
-    return None if at is None else conditioning.located(at, float(s[-1]), int(line[-1]))
+    return None if at is None else conditioning.located(at, float(s[-1]), int(row[-1]))
 
 
 def zero_of(t: Array, s: Array, until: float) -> float | None:

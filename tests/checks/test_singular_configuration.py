@@ -455,7 +455,7 @@ def test_a_figure_that_passes_through_zero_is_found(turn: float, pieces: int, ki
     """However far apart samples are, and wherever blocks end."""
     t = np.arange(0.0, 4.0, turn) / SPIN
     found = follow(t, kind, 0.0, pieces=pieces)
-    assert found is not None and found.line == 1
+    assert found is not None and found.row == 1
     assert found.at == pytest.approx(2.0 / SPIN, abs=2e-3)
     assert found.s < 0.02
     assert 4 <= len(found.t) == len(found.y) <= 9
