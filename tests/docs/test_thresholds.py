@@ -36,3 +36,15 @@ def test_each_says_what_it_decides():
 def test_what_is_left_out_is_there():
     for module, name in NONE_OF_THEM:
         assert re.search(rf"\b{name}\b", (PACKAGE / module).read_text())
+
+
+def test_a_constant_that_a_page_names_is_in_the_sources():
+    text = "".join(path.read_text() for path in PACKAGE.rglob("*.py"))
+    words = set(re.findall(r"[A-Z][A-Z_]+", text))
+    named = {
+        (path.name, name)
+        for path in PAGE.parent.rglob("*.md")
+        for name in re.findall(r"`([A-Z][A-Z_]{3,})`", path.read_text())
+    }
+    assert named
+    assert [one for one in sorted(named) if one[1] not in words] == []
