@@ -9,13 +9,16 @@
 
 """The global error of a run: the whole run is made again, finer, and the poses are compared.
 
-The second run takes half of the steps that were really taken, or a tenth of the tolerance.  Two
-runs of order p in steps h and h/2 are apart by 1 - 2^-p of the error of the first, and two runs in
-which the error is as the tolerance by 0.9 of it.  Fixed steps with contacts may come ever nearer to
-another motion, as where a slip that stops in a step is taken for one that goes on, or be the same
-between two events at h and h/2: there the second run is one of dopri853 from event to event at the
-default tolerance, and its difference the error; of time stepping with so many contacts that this
-takes too long it is half of the steps.  The error at an instant is the largest of
+The second run takes steps that are shorter by the golden section, r = 0.618, also of those that
+end at the points of a table; or a tenth of the tolerance.  Two runs of order p in steps h and r h
+are apart by 1 - r^p of the error of the first, and two runs in which the error is as the tolerance
+by 0.9 of it.  A load that oscillates a whole number of times in h or h/2 is the same at all steps of
+both, and two runs in these steps would agree on a wrong motion; no number of oscillations is nearly
+whole in h and in r h.  Fixed steps with contacts may come ever nearer to another motion, as where a
+slip that stops in a step is taken for one that goes on, or be the same between two events at h and
+r h: there the second run is one of dopri853 from event to event at the default tolerance, and its
+difference the error; of time stepping with so many contacts that this takes too long it takes
+shorter steps.  The error at an instant is the largest of
 
     |x - x'| / S,   A turn / S,   turn / 1 rad
 
@@ -68,7 +71,11 @@ AFFORDED, LONGEST = 1.0, 20.0
 to which it is made again coarser, and finer only where these two differ.  Of a longer one as much
 is made again as the second run comes to in AFFORDED."""
 
-COARSER_STEP, COARSER_TOLERANCE, LOOSEST = 4.0, 100.0, 1e-3
+SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Step of the second run over that of the run: the number that is farthest from all fractions, so
+that no load is at the same phase in all steps of both."""
+
+COARSER_STEP, COARSER_TOLERANCE, LOOSEST = SHORTER**-3, 100.0, 1e-3
 """Factors of the coarser run, and the tolerance up to which there is one: a looser one tells
 nothing of the motion."""
 
@@ -90,7 +97,7 @@ DOUBTFUL = 0.1 * BOUND
 """Error above which one within BOUND is found once more, finer still: near an instability a finer
 run may be wrong by as much as the run."""
 
-REFINED = 3
+REFINED = 4
 """Times that the second run is made finer still because it took no more steps than the first."""
 
 
@@ -205,7 +212,7 @@ class SecondRun:
         for finer in range(1, REFINED + 1):
             other = _finer(self._simulation, finer)
             found = self._by(other, limit)
-            more = other.motion.steps > (1.5 if fixed else 1.0) * taken
+            more = other.motion.steps > (1.25 if fixed else 1.0) * taken
             if more or found.upto is not None or other.last:
                 if not other.last and found.upto is None and DOUBTFUL < found.relative <= BOUND:
                     third = self._by(_finer(self._simulation, finer + 1), limit)
@@ -341,7 +348,7 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 def is_decided(finding: Finding) -> bool:
     """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
-    motion, or leaps over turns, of which half of the step shows others.  Not a choice in contact:
+    motion, or leaps over turns, of which a shorter step shows others.  Not a choice in contact:
     of what the laws leave open both runs choose alike, and of a slow slip both lag alike."""
     return finding.watch in ("step", "turn")
 
@@ -366,16 +373,15 @@ def _sharp(simulation: Any) -> SecondMotion:
 
 
 def _finer(simulation: Any, times: int) -> SecondMotion:
-    """A motion of half of the steps, or a tenth of the tolerance, taken so many times; the last one
-    is of a looser tolerance, where a tighter one is below rounding."""
+    """A motion of SHORTER steps, or a tenth of the tolerance, taken so many times; the last one is
+    of a looser tolerance, where a tighter one is below rounding."""
     compiled, method = simulation.motion.compiled, simulation.method
     if getattr(method, "tolerance", None) is None:
-        parts = 2**times
+        part = SHORTER**times
         order = METHODS[simulation.setting.name].order
-        finer = method._replace(step=method.step / parts)
-        words = "with half the step" if times == 1 else f"with 1/{parts} of the step"
-        motion = motion_of(_cut_between(compiled, parts), finer)
-        return SecondMotion(motion, words, 1.0 - parts ** -float(order))
+        finer = method._replace(step=part * method.step)
+        motion = motion_of(_cut_between(compiled, times), finer)
+        return SecondMotion(motion, f"with {part:.2f} of the step", 1.0 - part**order)
     looser = method.tolerance * 10.0**-times < TIGHTEST
     factor = 10.0 if looser else 10.0**-times
     words = f"at tolerance {factor * method.tolerance:.2g}"
@@ -392,7 +398,7 @@ def _coarser(simulation: Any) -> SecondMotion | None:
     if getattr(method, "tolerance", None) is None:
         longer = method._replace(step=COARSER_STEP * method.step)
         motion = motion_of(simulation.motion.compiled, longer)
-        return SecondMotion(motion, f"with {COARSER_STEP:g} times the step", 1.0)
+        return SecondMotion(motion, f"with {COARSER_STEP:.2f} times the step", 1.0)
     looser = COARSER_TOLERANCE * method.tolerance
     if looser > LOOSEST:
         return None
@@ -414,14 +420,14 @@ def _at_tolerance(simulation: Any, factor: float) -> Motion:
     return trial
 
 
-def _cut_between(compiled: Compiled, parts: int) -> Compiled:
-    """The same with further breakpoints, so that the steps that end at one are halved as well."""
+def _cut_between(compiled: Compiled, times: int) -> Compiled:
+    """The same with further breakpoints, so that the steps that end at one are shorter as well."""
     if not compiled.breakpoints:
         return compiled
     ends = np.array([0.0, *compiled.breakpoints])
-    between = [a + (b - a) * k / parts for a, b in zip(ends, ends[1:], strict=False)
-               for k in range(1, parts)]  # fmt: skip
-    found = replace(compiled, breakpoints=tuple(np.union1d(ends[1:], between).tolist()))
+    for _ in range(times):
+        ends = np.union1d(ends, ends[:-1] + SHORTER * np.diff(ends))
+    found = replace(compiled, breakpoints=tuple(ends[1:].tolist()))
     if "laws" in compiled.__dict__:
         found.__dict__["laws"] = compiled.laws
     return found
