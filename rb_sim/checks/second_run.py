@@ -59,7 +59,7 @@ from rb_sim.scene.scales import at_its_size
 from rb_sim.scene.schema import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import Array, SampleBlock
+    from rb_sim.mechanics.samples import Array, Input, SampleBlock
     from rb_sim.motion.motion import Motion
     from rb_sim.scene.compiled import Compiled
 
@@ -101,28 +101,49 @@ REFINED = 4
 """Times that the second run is made finer still because it took no more steps than the first."""
 
 
+class _Change(NamedTuple):
+    """What came from outside during a run."""
+
+    t: float
+    """[s]."""
+    law: Any
+    """the system that holds from then on, with its commands."""
+    states: tuple[Input, ...]
+    """that bodies were given."""
+
+
 class SecondRun:
     """Keeps the poses of a run as its samples come, and makes the second run at its end."""
 
     def __init__(self, simulation: Any) -> None:
         """simulation: at the start of the run."""
         self._simulation, motion = simulation, simulation.motion
-        self._t0, self._laws = motion.time, [(motion.time, motion.system)]
-        """commands: from when on which laws hold."""
+        self._compiled = motion.compiled
+        self._t0, self._laws = motion.time, [_Change(motion.time, motion.system, ())]
         self._from_start = motion.as_compiled and motion.time == 0.0
         self._y = None if self._from_start else _copy(motion.coordinates)
         self._turns = motion.kept.copy()
-        self._steps, self._before = motion.steps, self._counted(motion)
+        self._before = motion.steps, self._counted(motion)
+        self._steps, self._took = 0, 0.0
+        """what the run has taken: steps, and counted time [s]."""
+        self._second_steps = 0
+        """what the last second run has taken."""
         self._rows: list[tuple[Array, Array]] = []
-        self._count, self._stride, self._seen, self._moved = 0, 1, 0, False
+        self._count, self._stride, self._seen, self._reset = 0, 1, 0, False
         self._look: Callable[[], None] | None = None
         self._end = math.inf
 
     def add(self, block: SampleBlock) -> None:
         """The next samples of the run."""
+        motion, before = self._simulation.motion, self._before
         if block.inputs and self._seen:
-            self._moved |= any(given.state or not given.body for given in block.inputs)
-            self._laws.append((block.inputs[-1].t, self._simulation.motion.system))
+            states = tuple(given for given in block.inputs if given.state)
+            self._reset |= any(not given.body for given in block.inputs)
+            self._laws.append(_Change(block.inputs[-1].t, motion.system, states))
+            before = (0, 0.0) if states else before  # a motion that is put elsewhere counts anew
+        self._before = motion.steps, self._counted(motion)
+        self._steps += self._before[0] - before[0]
+        self._took += self._before[1] - before[1]
         first = -self._seen % self._stride
         self._seen += len(block)
         poses = np.concatenate([block.position, block.orientation], axis=2)[first :: self._stride]
@@ -151,13 +172,13 @@ class SecondRun:
         motion = self._simulation.motion
         if always is False:
             return GlobalError(unknown="not checked")
-        if self._moved:
-            return GlobalError(unknown="the state was set during the run")
+        if self._reset:
+            return GlobalError(unknown="the run was reset on its way")
         if not self._from_start and motion.event_driven:
             return GlobalError(unknown="the run continues another one with contacts")
         if self._count < 2:
             return GlobalError(unknown="the run has one sample")
-        took, self._look = self._counted(motion) - self._before, look
+        took, self._look = self._took, look
         self._end = math.inf if singular is None else singular
         limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
         try:
@@ -167,6 +188,8 @@ class SecondRun:
             found = found or self._by_finer(math.inf if always else limit)
         except WatchEndedError:
             return GlobalError(unknown="the run is too long (use --check)")
+        except RbSimError:
+            return GlobalError(unknown="the second run cannot take a state that was set")
         if singular is None or (found.upto or math.inf) <= singular:
             return found
         return found._replace(upto=singular, why="not known beyond the singular configuration")
@@ -180,9 +203,9 @@ class SecondRun:
         if step is None or not (motion.layout.contacts and self._from_start):
             return None
         if motion.event_driven:
-            return self._by(_sharp(self._simulation), limit)
+            return self._by(_sharp(self._simulation, self._compiled), limit)
         try:
-            return self._by(_sharp(self._simulation), limit, whole=True)
+            return self._by(_sharp(self._simulation, self._compiled), limit, whole=True)
         except RbSimError:
             return None  # too many bodies, or an event that cannot be decided
         except WatchEndedError:
@@ -193,7 +216,7 @@ class SecondRun:
     def _by_coarser(self, limit: float) -> GlobalError | None:
         """The difference from a coarser run, which is more than the error of the run; None where
         it is above BOUND."""
-        other = _coarser(self._simulation)
+        other = _coarser(self._simulation, self._compiled)
         if other is None:
             return None
         try:
@@ -207,15 +230,15 @@ class SecondRun:
 
         Raises WatchEndedError.
         """
-        taken, found = self._simulation.motion.steps - self._steps, GlobalError()
+        taken, found = self._steps, GlobalError()
         fixed = getattr(self._simulation.method, "tolerance", None) is None
         for finer in range(1, REFINED + 1):
-            other = _finer(self._simulation, finer)
+            other = _finer(self._simulation, self._compiled, finer)
             found = self._by(other, limit)
-            more = other.motion.steps > (1.25 if fixed else 1.0) * taken
+            more = self._second_steps > (1.25 if fixed else 1.0) * taken
             if more or found.upto is not None or other.last:
                 if not other.last and found.upto is None and DOUBTFUL < found.relative <= BOUND:
-                    third = self._by(_finer(self._simulation, finer + 1), limit)
+                    third = self._by(_finer(self._simulation, self._compiled, finer + 1), limit)
                     return third if third.relative > found.relative else found
                 break
         return found
@@ -230,7 +253,7 @@ class SecondRun:
         times, poses = self._kept()
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
         try:
-            rows, upto = self._carried(other.motion, grid, limit)
+            rows, upto, self._second_steps = self._carried(other.motion, grid, limit)
         except SimulationError:
             if whole:
                 raise
@@ -246,7 +269,7 @@ class SecondRun:
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
-            rows, _ = self._carried(motion_of(run.compiled, simulation.method), grid, math.inf)
+            rows, *_ = self._carried(motion_of(self._compiled, simulation.method), grid, math.inf)
             times, poses = grid, _poses(rows, len(run.layout.bodies))
         else:
             second = second[at]
@@ -257,15 +280,18 @@ class SecondRun:
         relative = found.relative / other.share
         return found._replace(relative=relative, by=other.by, upto=upto, why=why)
 
-    def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None]:
-        """Rows of the trial at the instants, and where it was at the limit [s]; None: at its end.
+    def _carried(
+        self, trial: Motion, grid: Array, limit: float
+    ) -> tuple[Array, float | None, int]:
+        """Rows of the trial at the instants, where it was at the limit [s] (None: at its end), and
+        its steps.
 
         Raises SimulationError.
         """
         if not self._from_start:
             trial.reset(self._y, self._t0)
             trial.kept = self._turns
-        before, out = self._counted(trial), np.zeros((len(grid), trial.width))
+        before, steps, out = self._counted(trial), 0, np.zeros((len(grid), trial.width))
 
         def watch() -> None:
             if self._counted(trial) - before > limit:
@@ -274,9 +300,14 @@ class SecondRun:
                 self._look()
 
         trial.watch = watch
-        done, ends = 0, [*(t for t, _ in self._laws[1:]), math.inf]
+        done, ends = 0, [*(change.t for change in self._laws[1:]), math.inf]
         try:
-            for (begun, law), end in zip(self._laws, ends, strict=True):
+            for (begun, law, states), end in zip(self._laws, ends, strict=True):
+                if states:
+                    trial.run_to([begun])
+                    before, steps = before - self._counted(trial), steps + trial.steps
+                    trial = self._simulation.moved(trial, states)
+                    before, trial.watch = before + self._counted(trial), watch
                 if trial.layout.commanded and not (self._from_start and begun == self._t0):
                     trial.run_to([begun])
                     trial.change_law(law)
@@ -288,8 +319,8 @@ class SecondRun:
                 done = max(done, upto)
         except WatchEndedError:
             reached = int(np.searchsorted(grid, trial.time, side="right"))
-            return out[:reached], trial.time
-        return out, None
+            return out[:reached], trial.time, steps + trial.steps
+        return out, None, steps + trial.steps
 
     def _counted(self, motion: Motion) -> float:
         return counted_time(motion, self._simulation.setting)
@@ -365,17 +396,17 @@ class SecondMotion(NamedTuple):
     """whether none follows that is finer by the same rule."""
 
 
-def _sharp(simulation: Any) -> SecondMotion:
+def _sharp(simulation: Any, compiled: Compiled) -> SecondMotion:
     """The adaptive motion by events. Raises SceneError where the scene allows none."""
     sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
     method = sharp.build(simulation.scene.simulation.duration)
-    return SecondMotion(motion_of(simulation.motion.compiled, method), str(sharp), 1.0)
+    return SecondMotion(motion_of(compiled, method), str(sharp), 1.0)
 
 
-def _finer(simulation: Any, times: int) -> SecondMotion:
+def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:
     """A motion of SHORTER steps, or a tenth of the tolerance, taken so many times; the last one is
     of a looser tolerance, where a tighter one is below rounding."""
-    compiled, method = simulation.motion.compiled, simulation.method
+    method = simulation.method
     if getattr(method, "tolerance", None) is None:
         part = SHORTER**times
         order = METHODS[simulation.setting.name].order
@@ -386,10 +417,10 @@ def _finer(simulation: Any, times: int) -> SecondMotion:
     factor = 10.0 if looser else 10.0**-times
     words = f"at tolerance {factor * method.tolerance:.2g}"
     share = (factor - 1.0) / factor if looser else 1.0 - factor
-    return SecondMotion(_at_tolerance(simulation, factor), words, share, looser)
+    return SecondMotion(_at_tolerance(simulation, compiled, factor), words, share, looser)
 
 
-def _coarser(simulation: Any) -> SecondMotion | None:
+def _coarser(simulation: Any, compiled: Compiled) -> SecondMotion | None:
     """A motion of longer steps or a looser tolerance; None where that would tell nothing, or `auto`
     has measured the error of a coarser setting."""
     method = simulation.method
@@ -397,19 +428,19 @@ def _coarser(simulation: Any) -> SecondMotion | None:
         return None
     if getattr(method, "tolerance", None) is None:
         longer = method._replace(step=COARSER_STEP * method.step)
-        motion = motion_of(simulation.motion.compiled, longer)
+        motion = motion_of(compiled, longer)
         return SecondMotion(motion, f"with {COARSER_STEP:.2f} times the step", 1.0)
     looser = COARSER_TOLERANCE * method.tolerance
     if looser > LOOSEST:
         return None
-    motion = _at_tolerance(simulation, COARSER_TOLERANCE)
+    motion = _at_tolerance(simulation, compiled, COARSER_TOLERANCE)
     return SecondMotion(motion, f"at tolerance {looser:.2g}", 1.0)
 
 
-def _at_tolerance(simulation: Any, factor: float) -> Motion:
+def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
     """A motion like that of the simulation at so many times its tolerance."""
-    compiled, method = simulation.motion.compiled, simulation.method
-    first, options = method, simulation.scene.simulation
+    first = method = simulation.method
+    options = simulation.scene.simulation
     if simulation.choice is None:  # as the simulation was made: of small motions in two turns
         first = compile_method(at_its_size(simulation.scene).simulation, options.duration)
     trial = motion_of(compiled, first._replace(tolerance=factor * first.tolerance))

@@ -15,6 +15,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from math import isnan
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -412,6 +413,22 @@ class SceneInMotion(InSteps):
             state = tuple(states[name].tolist())
             given = Input(0, time, name, state=state, together=len(bodies), project=project)
             self._note_input(given)
+
+    def moved(self, other: Motion, inputs: Sequence[Input]) -> Motion:
+        """Another motion of the scene, with the states that were given to bodies of this one at the
+        time [s] at which it stands; one in reduced coordinates goes on in maximal ones.
+
+        Raises RbSimError where its other bodies cannot be with these states.
+        """
+        time, block = other.time, self._block(np.array([other.time]), other.sample())
+        states = present_states(self.scene, self.layout, block)
+        states |= {given.body: np.array(given.state) for given in inputs}
+        compiled = compiled_at(self.scene, states, time, project=True)
+        if other.compiled.reduced:
+            compiled = replace(compiled, breakpoints=other.compiled.breakpoints)
+            other = motion_of(compiled, other.method)
+        other.reset(compiled.y, time)
+        return other
 
     def _start_anew(self) -> None:
         """Go on with the motion that begins at the scene's initial state, as it was made or reset;
