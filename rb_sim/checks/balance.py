@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import SOLVED
-from rb_sim.checks.sample_integrals import CheckedQuadrature
+from rb_sim.checks.sample_integrals import Quadrature, integrals
 from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
 
@@ -145,7 +145,7 @@ class Exchanged:
         """given: kinetic energy of the velocities that the scene gives, before constraints take
         theirs [J]; what is left of them then may be rounding."""
         self._given = ROUNDING**2 * given
-        self._kinetic = self._fall = self._works = self._contacts = self._noise = 0.0
+        self._kinetic = self._fall = self._contacts = self._noise = 0.0
         self._loads = 0.0
         """weights and reactions times lengths, at the start [J]."""
         self._potential: float | None = None
@@ -163,10 +163,6 @@ class Exchanged:
         """How far the potential falls in samples beside those of the run."""
         if self._potential is not None:
             self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-
-    def work(self, size: float) -> None:
-        """The size of the work of forces without potential so far."""
-        self._works = size
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""
@@ -186,10 +182,10 @@ class Exchanged:
         which solvers and tolerances may leave in doubt where a body at rest is [J]."""
         return SOLVED * self._loads
 
-    @property
-    def scale(self) -> float:
-        """[J]; 0 where nothing but rounding has moved."""
-        found = self._kinetic + self._fall + self._works + self._contacts
+    def scale(self, work: float) -> float:
+        """[J]; 0 where nothing but rounding has moved. work: its size, of forces without potential
+        [J]."""
+        found = self._kinetic + self._fall + work + self._contacts
         return found if found > self._noise else 0.0
 
 
@@ -213,7 +209,7 @@ class Impulses:
         """norms of momentum and angular momentum."""
         self._first: Array | None = None
         self._last = np.zeros(6)
-        self._impulse = CheckedQuadrature(6)
+        self._impulse = Quadrature(6)
 
     def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
         """The next samples. breaks: increasing, where commands change; a sample there is after."""
@@ -230,7 +226,7 @@ class Impulses:
         if self._first is None or self._isolated:
             impulse = doubt = np.zeros(6)
         else:
-            impulse, doubt = self._impulse.finish()
+            impulse, doubt, _ = self._impulse.total()
         first = self._last if self._first is None else self._first
         return self._last - first - impulse, impulse, doubt
 
@@ -303,7 +299,7 @@ class Balance(NamedTuple):
     scale: float
     """what the error is to be compared with."""
     quadrature: float
-    """change of the supply where only every other sample is used."""
+    """how far the supply may be wrong that is integrated over the samples."""
 
     @property
     def relative(self) -> float | None:
@@ -351,7 +347,7 @@ class Ledger:
         """of these, that are behind."""
         self._ends = [since + t for t in ends_of_tables(scene)]
         self._events = Events()
-        self._work = CheckedQuadrature(1)
+        self._work = Quadrature(1)
         self._impulses = Impulses(scene, layout)
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
@@ -404,7 +400,6 @@ class Ledger:
             kept[-1] = True
             t, f = t[kept], f[kept]
         self._work.add(t, f[:, None], sorted(breaks))
-        self._energies.work(float(self._work.by_trapezoids()[0, 0]))
 
     def _jumps_until(self, begin: float, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""
@@ -434,7 +429,7 @@ class Ledger:
     @property
     def exchanged(self) -> float:
         """What an error of the energy is compared with [J]."""
-        return self._energies.scale
+        return self._energies.scale(float(self._work.total()[2, 0]))
 
     @property
     def rounding(self) -> float:
@@ -460,31 +455,23 @@ class Ledger:
         """Energies, work of forces without potential and the balance [J]; None without samples."""
         if self._first is None or self._last is None:
             return None
-        (work,), (doubt,) = self._work.finish()
+        work, doubt, size = self._work.total()[:, 0]
         work += self._contact_work()
         initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
-        scale = self._energies.scale
+        scale = self._energies.scale(float(size))
         balance = Balance(final - initial - float(work), scale, float(doubt))
         return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
 
     def first_beyond(self, block: SampleBlock, bound: float) -> int:
-        """Index in the block just added at which the energy balance passes `bound`, about.
-
-        Within a block the work is summed from its end backwards, by trapezoids with the correction
-        dt^2 / 12 (f'(t0) - f'(t1)); what that changes is not held against the motion.
-        """
+        """Index in the block just added at which the energy balance passes `bound`, about."""
         energy = self.energy()
         if energy is None:
             return 0
-        power = smooth_power(block, self._scene, self._layout)
-        dt = np.diff(block.t)
-        slope = np.gradient(power, block.t) if len(block) > 2 else np.zeros(len(block))
-        correction = dt * dt * (slope[:-1] - slope[1:]) / 12.0
-        pieces = 0.5 * dt * (power[1:] + power[:-1]) + correction
-        done = np.append(0.0, np.cumsum(pieces)) + block.contact_work - block.contact_work[-1]
-        work = energy["work"] + done - done[-1]
-        error = np.abs(block.energy - energy["initial"] - work) - np.abs(correction).sum()
-        beyond = np.flatnonzero(~(error <= bound * energy["scale"]))
+        power = smooth_power(block, self._scene, self._layout)[:, None]
+        pieces, doubt, _ = integrals(block.t, power, np.zeros(0))[:, :, 0]
+        done = np.append(0.0, np.cumsum(pieces)) + block.contact_work
+        error = block.energy - energy["initial"] - energy["work"] - (done - done[-1])
+        beyond = np.flatnonzero(~(np.abs(error) - doubt.sum() <= bound * energy["scale"]))
         return int(beyond[0]) if len(beyond) else len(block) - 1
 
     def contacts(self) -> dict[str, Any] | None:

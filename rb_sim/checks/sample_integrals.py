@@ -12,178 +12,171 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.integrate.quadrature import GAP, SIGNED, SIZE, SUM, UNRESOLVED, Integral, Samples
-from rb_sim.mechanics.samples import Array
+from rb_sim.mechanics.samples import Array, Indices
 from rb_sim.numerics.rotations import cross, norms, turn_between
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
 
-# Intervals between samples so long that nobody knows what was in between.
+# Integrals of sampled functions by the cubics through four neighbours.
+#
+# Where the functions break, as forces do at an impact, the cubics of either side go up to there.
+# Between two breaks the integral from a sample to the next is that of the cubic through the two and
+# their neighbours, at the ends through the four nearest; of fewer samples all make one polynomial.
+# What leaving out the farthest of these samples changes, interval by interval and added up without
+# signs, is how far the integral may be wrong: errors of two intervals may cancel by chance.
 
+
+NODES = 4
+"""Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
+
+GAUSS = 3.0**-0.5
+"""Two points, this far from the middle of an interval of half length 1, integrate a cubic."""
 
 LONG = 10.0
-"""Times the usual interval, from which on one is a gap."""
-EARLY = 1024
-"""Intervals that tell which is the usual one."""
+"""Times all its neighbours, from which on an interval is a gap: nobody knows what was in it."""
+
+MANY_WAITING = 256
+"""Samples that wait to be integrated together."""
 
 
-class Gaps:
-    """Adds up the integral of |f| over the gaps of samples that come in pieces; bounded memory."""
+def integrals(t: Array, f: Array, breaks: Array) -> Array:
+    """Integral, how far it may be wrong, and integral of |f| by trapezoids, of each interval,
+    shape (3, n - 1, columns).
 
-    def __init__(self, columns: int) -> None:
-        self._last: tuple[Array, Array] | None = None
-        self._early: list[tuple[Array, Array]] = []
-        """intervals, and integrals over them, as long as the usual one is not settled."""
-        self.usual: float | None = None
-        """the usual interval [s], once enough are known."""
-        self._sum = np.zeros(columns)
-
-    def add(self, t: Array, f: Array) -> None:
-        """The next samples. t: shape (n,), increasing, n > 0; f: shape (n, columns)."""
-        if self._last is not None:
-            t, f = np.concatenate([self._last[0], t]), np.concatenate([self._last[1], f])
-        self._last = t[-1:], f[-1:]
-        steps = np.diff(t)
-        if self.usual is not None:
-            far = np.flatnonzero(steps > LONG * self.usual)
-            if len(far):
-                self._sum = self._sum + _sizes(steps, f, far).sum(axis=0)
-        elif len(steps):
-            self._early.append((steps, _sizes(steps, f, np.arange(len(steps)))))
-            if sum(len(part) for part, _ in self._early) >= EARLY:
-                self.usual, self._sum = _gaps_in(self._early)
-                self._early.clear()
-
-    def total(self) -> Array:
-        """Of all gaps so far, shape (columns,)."""
-        return _gaps_in(self._early)[1] if self._early else self._sum
+    t: (n,), increasing; f: (n, columns); breaks: increasing, a sample at one counts as after it.
+    """
+    piece = np.searchsorted(breaks, t, side="right")
+    first, end = np.searchsorted(piece, piece), np.searchsorted(piece, piece, side="right")
+    interval = np.arange(len(t) - 1)
+    cut = np.flatnonzero(piece[1:] > piece[:-1])
+    whole = np.setdiff1d(interval, cut)
+    size = 0.5 * np.diff(t)[:, None] * (np.abs(f[1:]) + np.abs(f[:-1]))
+    found = np.stack([np.zeros_like(size), np.zeros_like(size), size])
+    largest = np.maximum(np.abs(f[1:]), np.abs(f[:-1]))
+    spans = _Spans(t, f, first, end)
+    found[:2, whole] = spans.parts(t[whole], t[whole + 1], whole, whole - 1, largest[whole])
+    if len(cut):
+        # several breaks between two samples count as the first, and what lies between is in doubt
+        at, last = breaks[piece[cut]], breaks[piece[cut + 1] - 1]
+        found[:2, cut] = spans.parts(t[cut], at, cut, cut, largest[cut])
+        found[:2, cut] += spans.parts(at, t[cut + 1], cut + 1, cut + 1, largest[cut])
+        found[1, cut] += (last - at)[:, None] * largest[cut]
+    return found
 
 
-def _sizes(steps: Array, f: Array, which: np.ndarray) -> Array:
-    """Integrals of |f| over some of the intervals, shape (len(which), columns)."""
-    return 0.5 * steps[which, None] * (np.abs(f[which]) + np.abs(f[which + 1]))
+class _Spans(NamedTuple):
+    """Samples between breaks."""
+
+    t: Array
+    f: Array
+    first: Indices
+    """of the samples between the same two breaks, for each sample."""
+    end: Indices
+
+    def parts(
+        self, start: Array, stop: Array, at: Indices, begin: Indices, largest: Array
+    ) -> Array:
+        """Integral over each span from start to stop (S,), and how far it may be wrong, shape
+        (2, S, columns).
+
+        at: a sample (S,) between the same two breaks as the span; begin: where its NODES samples
+        begin if they can; largest: |f| (S, columns) where nobody knows better.
+        """
+        t, out = self.t, np.zeros((2, len(start), self.f.shape[1]))
+        low, high = self.first[at], self.end[at]
+        begin = np.maximum(low, np.minimum(begin, high - NODES))
+        count = np.minimum(high - low, NODES)
+        for n in np.flatnonzero(np.bincount(count)).tolist():
+            span = np.flatnonzero(count == n) if (count != n).any() else slice(None)
+            a, b, nodes = start[span], stop[span], begin[span] + np.arange(n)[:, None]
+            order = np.abs(t[nodes] - 0.5 * (a + b)).argsort(axis=0, kind="stable")
+            nodes = np.take_along_axis(nodes, order, 0)
+            x, unknown = t[nodes], (b - a)[:, None] * largest[span]
+            terms = _terms(a, b, x, list(self.f[nodes]))
+            out[0, span] = sum(terms)
+            if n < 3:
+                out[1, span] = unknown
+                continue
+            # beside the samples one term that vanishes by chance says nothing
+            beside = (a < x.min(axis=0)) | (b > x.max(axis=0))
+            lengths = np.sort(np.diff(np.sort(x, axis=0), axis=0), axis=0)
+            gap = ~beside & (b - a > LONG * lengths[-2])
+            doubt = np.abs(terms[-1]) + np.where(beside[:, None], np.abs(terms[-2]), 0.0)
+            out[1, span] = np.where(gap[:, None], unknown, doubt)
+        return out
 
 
-def _gaps_in(parts: list[tuple[Array, Array]]) -> tuple[float, Array]:
-    """The usual interval, such that half of the time lies in shorter ones (those beside events are
-    short, and may be many), and the sum of the integrals over those that are LONG."""
-    steps = np.concatenate([part[0] for part in parts])
-    sizes = np.concatenate([part[1] for part in parts])
-    ordered = np.sort(steps)
-    lengths = np.cumsum(ordered)
-    usual = float(ordered[np.searchsorted(lengths, 0.5 * lengths[-1])])
-    return usual, sizes[steps > LONG * usual].sum(axis=0)
-
-
-# Integrals over the samples of a run, as they come: memory does not grow.
+def _terms(a: Array, b: Array, x: Array, values: list[Array]) -> list[Array]:
+    """The integrals from a to b (S,) of the terms of Newton's form of the polynomial through
+    values (n, S, columns) at x (n, S), in their order; n at most NODES."""
+    middle, half = 0.5 * (a + b), 0.5 * (b - a)
+    places = middle - GAUSS * half, middle + GAUSS * half
+    terms, products = [], [np.ones_like(middle)] * 2
+    for k in range(len(x)):
+        terms.append((half * (products[0] + products[1]))[:, None] * values[0])
+        products = [p * (place - x[k]) for p, place in zip(products, places, strict=True)]
+        steps = [(x[j + k + 1] - x[j])[:, None] for j in range(len(values) - 1)]
+        values = [(values[j + 1] - values[j]) / step for j, step in enumerate(steps)]
+    return terms
 
 
 class Quadrature:
-    """Integral of a sampled function, shape (columns,), by the cubics through four neighbours.
-
-    Where the function breaks, the cubics of either side go up to there; see `integrate.quadrature`.
-    """
+    """Integrals of sampled functions over samples that come in pieces; memory does not grow."""
 
     def __init__(self, columns: int) -> None:
-        self.integral = Integral(columns)
-        self._waiting: list[float] = []
-        """breaks after the last sample so far."""
+        self._t, self._f = np.zeros(0), np.zeros((0, columns))
+        """the last samples, on which the integral over the last intervals hangs."""
+        self._breaks: list[float] = []
+        """that lie among these samples, or after them."""
+        self._open = 0
+        """the first of the intervals between them that more samples may change."""
+        self._settled, self._last = np.zeros((3, columns)), np.zeros((3, columns))
+        """sums of `integrals` over the intervals before, and from there on."""
+        self._waiting: list[tuple[Array, Array]] = []
+        self._count = 0
 
     def add(self, t: Array, f: Array, breaks: Sequence[float] = ()) -> None:
         """The next samples. t: shape (n,), increasing, any spacing; f: shape (n, columns).
 
         breaks: increasing, where f or its derivatives jump; a sample there counts as after it.
         """
-        self.take(Samples(t, f), breaks)
-
-    def take(
-        self, samples: Samples, breaks: Sequence[float] = (), first: int = 0, stride: int = 1
-    ) -> None:
-        """As add, of every stride-th sample from `first` on."""
-        waiting = [*self._waiting, *breaks] if breaks else self._waiting
-        if samples.count > first:
-            used = self.integral.take(samples, waiting, first, stride)
-            waiting = waiting[used:] if used else waiting
-        self._waiting = waiting
+        self._breaks += breaks
+        self._waiting.append((np.array(t), np.array(f)))
+        self._count += len(t)
+        if self._count >= MANY_WAITING:
+            self._take()
 
     def total(self) -> Array:
-        """From the first to the last sample so far, shape (columns,)."""
-        return self.integral.ended()[:, SUM]
+        """Integral, how far it may be wrong, and integral of |f| by trapezoids, from the first to
+        the last sample so far, shape (3, columns)."""
+        if self._waiting:
+            self._take()
+        return self._settled + self._last
 
-    def unresolved(self) -> Array:
-        """What the samples leave open of the parts of the integral beside breaks, beyond the
-        samples of a piece, shape (columns,)."""
-        return self.integral.ended()[:, UNRESOLVED]
-
-    def followed_by(self, samples: Samples) -> Quadrature:
-        """Another quadrature of these samples and the next ones."""
-        after = copy(self)
-        after.integral = self.integral.copy()
-        after.take(samples)
-        return after
-
-
-class CheckedQuadrature:
-    """A quadrature that also says what half the samples would have given."""
-
-    def __init__(self, columns: int) -> None:
-        self._columns = columns
-        self._all, self._half = Quadrature(columns), Quadrature(columns)
-        self._seen = 0
-        self._gaps: Gaps | None = Gaps(columns)
-        """of the first intervals, until it is known how long the usual one is."""
-        self._early_gaps = np.zeros(columns)
-        self._left_out: Samples | None = None
-        """whose last is none of the half."""
-        self._finished: tuple[Array, Array] | None = None
-        """what `finish` gave, until more comes."""
-
-    def add(self, t: Array, f: Array, breaks: Sequence[float] = ()) -> None:
-        """The next samples, as in Quadrature."""
-        if not len(t):
+    def _take(self) -> None:
+        """Integrate over what waits."""
+        times, values = zip(*self._waiting, strict=True)
+        self._t = t = np.concatenate([self._t, *times])
+        self._f = f = np.concatenate([self._f, *values])
+        self._waiting, self._count = [], 0
+        if len(t) < 2:
             return
-        self._finished = None
-        samples = Samples(t, f)
-        self._all.take(samples, breaks)
-        self._half.take(samples, breaks, self._seen % 2, 2)
-        self._seen += len(t)
-        self._left_out = None if self._seen % 2 else samples
-        if self._gaps is not None:
-            self._gaps.add(t, f)
-            if self._gaps.usual is not None:
-                self._all.integral.gaps_from(LONG * self._gaps.usual)
-                self._early_gaps, self._gaps = self._gaps.total(), None
-
-    def by_trapezoids(self) -> Array:
-        """Integrals of the size and of the function so far, (columns, 2)."""
-        return self._all.integral.columns[:, SIZE : SIGNED + 1]
-
-    def finish(self) -> tuple[Array, Array]:
-        """(integral, how much it changes with every other sample left out), each (columns,).
-
-        Of two samples none can be left out, and half of them have a gap as all do: there all of the
-        integral is in doubt. Beside a break half of them may be the same as all: see `unresolved`.
-        """
-        if self._finished is None:
-            self._finished = self._taken_together()
-        return self._finished
-
-    def _taken_together(self) -> tuple[Array, Array]:
-        total = self._all.total()
-        if self._seen == 2:
-            return total, np.abs(total)
-        half = self._half if self._left_out is None else self._half.followed_by(self._left_out.last)
-        gaps = self._early_gaps + self._all.integral.columns[:, GAP]
-        if self._gaps is not None:
-            gaps = self._gaps.total()
-        return total, np.abs(total - half.total()) + gaps + self._all.unresolved()
+        breaks = np.array(self._breaks)
+        found = integrals(t, f, breaks)[:, self._open :]
+        # settled is what lies before the last break, or has a sample after its cubic
+        begun = int(np.searchsorted(t, breaks[breaks <= t[-1]].max(initial=-np.inf)))
+        settled = len(t) - 2 if len(t) - begun >= NODES else max(begun - 1, 0)
+        self._settled = self._settled + found[:, : settled - self._open].sum(axis=1)
+        self._last = found[:, settled - self._open :].sum(axis=1)
+        kept = max(0, settled - NODES + 1)
+        self._t, self._f, self._open = t[kept:], f[kept:], settled - kept
+        self._breaks = breaks[breaks > t[kept]].tolist()
 
 
 # Whether the samples of a run resolve its motion, so that integrals over them mean something.

@@ -12,8 +12,8 @@
 The second run takes steps that are shorter by the golden section, r = 0.618, also of those that
 end at the points of a table; or a tenth of the tolerance.  Two runs of order p in steps h and r h
 are apart by 1 - r^p of the error of the first, and two runs in which the error is as the tolerance
-by 0.9 of it.  A load that oscillates a whole number of times in h or h/2 is the same at all steps of
-both, and two runs in these steps would agree on a wrong motion; no number of oscillations is nearly
+by 0.9 of it.  A load that oscillates a whole number of times in h/2 is the same at all steps of h
+and of h/2, and two such runs would agree on a wrong motion; no number of oscillations is nearly
 whole in h and in r h.  Fixed steps with contacts may come ever nearer to another motion, as where a
 slip that stops in a step is taken for one that goes on, or be the same between two events at h and
 r h: there the second run is one of dopri853 from event to event at the default tolerance, and its
@@ -280,9 +280,7 @@ class SecondRun:
         relative = found.relative / other.share
         return found._replace(relative=relative, by=other.by, upto=upto, why=why)
 
-    def _carried(
-        self, trial: Motion, grid: Array, limit: float
-    ) -> tuple[Array, float | None, int]:
+    def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None, int]:
         """Rows of the trial at the instants, where it was at the limit [s] (None: at its end), and
         its steps.
 
@@ -439,7 +437,7 @@ def _coarser(simulation: Any, compiled: Compiled) -> SecondMotion | None:
 
 def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
     """A motion like that of the simulation at so many times its tolerance."""
-    first = method = simulation.method
+    first = simulation.method
     options = simulation.scene.simulation
     if simulation.choice is None:  # as the simulation was made: of small motions in two turns
         first = compile_method(at_its_size(simulation.scene).simulation, options.duration)

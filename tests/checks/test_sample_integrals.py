@@ -20,16 +20,22 @@ from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.imbalance import DOUBTS
-from rb_sim.checks.sample_integrals import CheckedQuadrature, Quadrature, Resolution
+from rb_sim.checks.sample_integrals import Quadrature, Resolution
 
 RNG = np.random.default_rng(38)
 
 
-def integral(t, f, cuts, kind=Quadrature):
-    rule = kind(f.shape[1])
+def integrals(t, f, cuts):
+    """Integral, how far it may be wrong, and that of the size."""
+    rule = Quadrature(f.shape[1])
     for part in np.split(np.arange(len(t)), cuts):
         rule.add(t[part], f[part])
-    return rule.total() if kind is Quadrature else rule.finish()
+        rule.total()
+    return rule.total()
+
+
+def integral(t, f, cuts):
+    return integrals(t, f, cuts)[0]
 
 
 @pytest.mark.parametrize("n", [4, 5, 6, 40])
@@ -61,16 +67,16 @@ def test_blocks_do_not_matter(cuts):
     t = np.linspace(0.0, 1.0, 50)
     f = np.c_[np.exp(t), np.cos(5.0 * t)]
     np.testing.assert_allclose(integral(t, f, cuts), integral(t, f, []), rtol=1e-14)
-    got, whole = (integral(t, f, c, CheckedQuadrature) for c in (cuts, []))
+    got, whole = (integrals(t, f, c) for c in (cuts, []))
     np.testing.assert_allclose(got, whole, rtol=1e-9, atol=1e-14)
 
 
 @pytest.mark.parametrize("n", [60, 61])
-def test_half_the_samples_bound_the_error(n):
+def test_cubics_without_their_farthest_samples_bound_the_error(n):
     t = np.linspace(0.0, 2.0, n)
-    total, doubt = integral(t, np.sin(9.0 * t)[:, None], [7], CheckedQuadrature)
+    total, doubt, _ = integrals(t, np.sin(9.0 * t)[:, None], [7])
     error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
-    assert error < doubt[0] < 100.0 * error
+    assert error < doubt[0] < 200.0 * error
 
 
 def broken(t):
@@ -84,7 +90,7 @@ def broken(t):
 def test_breaks_are_integrated_up_to(size):
     t = np.linspace(0.0, 1.0, 41)
     f, whole = broken(t)
-    rule = CheckedQuadrature(1)
+    rule = Quadrature(1)
     before = -1.0
     for first in range(0, 41, size):
         part = slice(first, first + size)
@@ -92,9 +98,9 @@ def test_breaks_are_integrated_up_to(size):
         breaks = [b for b in (0.303, 0.5) if before < b <= last]
         rule.add(t[part], f[part], breaks)
         before = last
-    got, doubt = rule.finish()
+    got, doubt, _ = rule.total()
     assert got[0] == pytest.approx(whole, rel=1e-13)
-    assert doubt[0] < 1e-12
+    assert doubt[0] < 1e-4
 
 
 def test_breaks_that_crowd_do_no_harm():
@@ -103,13 +109,13 @@ def test_breaks_that_crowd_do_no_harm():
     f, whole = broken(t)
     rule = Quadrature(1)
     rule.add(t, f, [0.303, 0.304, 0.305, 0.5, 0.5 + 1e-9])
-    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+    assert rule.total()[0, 0] == pytest.approx(whole, rel=1e-13)
 
 
 def test_two_samples_are_in_doubt_altogether():
     """A node looks at what it has so far: a fast top was told to lose momentum after one step."""
     t = np.array([0.0, 0.002])
-    total, doubt = integral(t, np.cos(300.0 * t)[:, None], [], CheckedQuadrature)
+    total, doubt, _ = integrals(t, np.cos(300.0 * t)[:, None], [])
     assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= doubt
 
 
@@ -119,13 +125,13 @@ def test_asking_in_between_changes_neither_integral_nor_doubt(n):
     so that of three samples none was in doubt."""
     t = np.linspace(0.0, 1.0, n) ** 2
     f = np.exp(-3.0 * t)[:, None]
-    whole, asked = CheckedQuadrature(1), CheckedQuadrature(1)
+    whole, asked = Quadrature(1), Quadrature(1)
     whole.add(t, f)
     for i in range(n):
         asked.add(t[i : i + 1], f[i : i + 1])
-        asked.finish()
-    np.testing.assert_allclose(asked.finish(), whole.finish(), rtol=1e-12, atol=1e-14)
-    assert whole.finish()[1] > 1e-9
+        asked.total()
+    np.testing.assert_allclose(asked.total(), whole.total(), rtol=1e-12, atol=1e-14)
+    assert whole.total()[1] > 1e-9
 
 
 @pytest.mark.parametrize("cuts", [(), (150,), (99, 100, 101, 260)])
@@ -134,11 +140,11 @@ def test_a_gap_is_in_doubt_altogether(cuts) -> None:
     t = np.arange(400) * 0.01
     t[100:] += 2.0
     f = np.cos(3.0 * t)[:, None]
-    quadrature = CheckedQuadrature(1)
+    quadrature = Quadrature(1)
     for part in np.split(np.arange(400), cuts):
         quadrature.add(t[part], f[part])
-        quadrature.finish()
-    total, doubt = quadrature.finish()
+        quadrature.total()
+    total, doubt, _ = quadrature.total()
     error = abs(total[0] - (np.sin(3.0 * t[-1]) / 3.0))
     assert 0.01 < error < doubt[0]
     whole = 0.5 * 2.01 * (abs(f[99, 0]) + abs(f[100, 0]))
@@ -147,9 +153,9 @@ def test_a_gap_is_in_doubt_altogether(cuts) -> None:
 
 def test_short_intervals_beside_events_make_no_gaps_of_the_others() -> None:
     t = np.sort(np.concatenate([np.arange(100) * 0.01, np.arange(1000) * 1e-7 + 0.305]))
-    quadrature = CheckedQuadrature(1)
+    quadrature = Quadrature(1)
     quadrature.add(t, np.cos(3.0 * t)[:, None])
-    total, doubt = quadrature.finish()
+    total, doubt, _ = quadrature.total()
     assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and doubt[0] < 1e-5
 
 
@@ -167,38 +173,47 @@ def test_no_error_of_few_samples_between_breaks_goes_without_doubt(n) -> None:
         f = size[piece] * np.cos(w * t + phase) + offset[piece]
         ends = np.array([0.0, *breaks, 1.0])
         whole = size @ np.diff(np.sin(w * ends + phase)) / w + offset @ np.diff(ends)
-        rule = CheckedQuadrature(1)
+        rule = Quadrature(1)
         for part in np.split(np.arange(n), [int(rng.integers(0, n))]):
             if len(part):
                 rule.add(t[part], f[part, None], [b for b in breaks if b <= t[part[-1]]])
                 breaks = breaks[breaks > t[part[-1]]]
-        got, doubt = rule.finish()
+        got, doubt, _ = rule.total()
         assert abs(got[0] - whole) <= DOUBTS * doubt[0] + 1e-12
 
 
-@pytest.mark.parametrize("stride", [1, 3])
-def test_sizes_and_values_by_trapezoids_are_those_of_numpy(stride: int) -> None:
-    """Equal spacing, a gap and a bend, in pieces; all at once where the spacing is equal."""
+@pytest.mark.parametrize("break_at", [None, 0.0366, 0.051, 0.3])
+@pytest.mark.parametrize("decay", np.geomspace(1e-4, 0.1, 13))
+def test_what_decays_between_two_samples_is_in_doubt(decay: float, break_at: float | None) -> None:
+    """The power of a drag that stops a body in a millisecond, sampled every 10 ms; every other
+    sample left out may change nothing by chance."""
+    t = np.linspace(0.0, 0.5, 51)
+    f = np.exp(-t / decay)[:, None]
+    rule = Quadrature(1)
+    rule.add(t, f, [] if break_at is None else [break_at])
+    got, doubt, _ = rule.total()
+    error = abs(got[0] - decay * (1.0 - np.exp(-0.5 / decay)))
+    assert error <= DOUBTS * doubt[0] + 1e-15
+
+
+def test_the_integral_of_the_size_is_that_of_trapezoids() -> None:
+    """Equal spacing, a gap and a bend, in pieces."""
     t = np.concatenate([0.1 * np.arange(50), 7.0 + 0.1 * np.arange(2000)])
     f = np.c_[np.cos(3.0 * t), t - 40.0]
-    rule = CheckedQuadrature(2)
-    for first in range(0, len(t), 137 * stride):
-        rule.add(t[first : first + 137 * stride], f[first : first + 137 * stride])
-    for k, (size, signed) in enumerate(rule.by_trapezoids()):
-        halves = 0.5 * np.diff(t)
-        assert signed == pytest.approx(halves @ (f[1:, k] + f[:-1, k]), rel=1e-12)
-        assert size == pytest.approx(halves @ (np.abs(f[1:, k]) + np.abs(f[:-1, k])), rel=1e-12)
+    sizes = integrals(t, f, range(137, len(t), 137))[2]
+    want = 0.5 * np.diff(t) @ (np.abs(f[1:]) + np.abs(f[:-1]))
+    np.testing.assert_allclose(sizes, want, rtol=1e-12)
 
 
 def test_a_gap_after_many_samples_is_in_doubt_altogether() -> None:
     t = 0.01 * np.arange(4000)
     t[3000:] += 2.0
     f = np.cos(3.0 * t)[:, None]
-    rule = CheckedQuadrature(1)
+    rule = Quadrature(1)
     for first in range(0, 4000, 512):
         rule.add(t[first : first + 512], f[first : first + 512])
     whole = 0.5 * 2.01 * (abs(f[2999, 0]) + abs(f[3000, 0]))
-    assert rule.finish()[1][0] == pytest.approx(whole, rel=0.05)
+    assert whole < rule.total()[1][0] < 1.5 * whole
 
 
 def test_a_break_among_equal_samples_is_taken_in_its_place() -> None:
@@ -207,7 +222,7 @@ def test_a_break_among_equal_samples_is_taken_in_its_place() -> None:
     f, whole = broken(t)
     rule = Quadrature(1)
     rule.add(t, f, [0.303, 0.5])
-    assert rule.total()[0] == pytest.approx(whole, rel=1e-13)
+    assert rule.total()[0, 0] == pytest.approx(whole, rel=1e-13)
     assert integral(t, f, [])[0] != pytest.approx(whole, rel=1e-6)
 
 

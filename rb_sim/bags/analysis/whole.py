@@ -25,7 +25,7 @@ from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
 from rb_sim.bags.message_rates import GAP, GrowingTime, forward, joined, linear
 from rb_sim.bags.sources import words
-from rb_sim.checks.sample_integrals import CheckedQuadrature
+from rb_sim.checks.sample_integrals import Quadrature
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
@@ -238,7 +238,7 @@ class _Balance:
         self._period: float | None = None
         self._last: tuple[float, Array] | None = None
         self._first: Array = np.zeros(7)
-        self._quadrature = CheckedQuadrature(7)
+        self._quadrature = Quadrature(7)
         self._change, self._supply, self._doubt = np.zeros(7), np.zeros(7), np.zeros(7)
         self._scale = np.zeros(3)
         self._ends = np.zeros(2)
@@ -280,12 +280,12 @@ class _Balance:
     def _end(self) -> None:
         """A stretch is over."""
         if self._last is not None:
-            total, doubt = self._quadrature.finish()
+            total, doubt, _ = self._quadrature.total()
             self._change += self._last[1] - self._first
             self._supply += total
             self._doubt += doubt
             self.stretches += 1
-            self._quadrature = CheckedQuadrature(7)
+            self._quadrature = Quadrature(7)
 
     def as_dict(self) -> dict[str, Any]:
         """As `Ledger` has them; None where nothing was known."""
