@@ -32,8 +32,8 @@ FINER = "the step that the message names, or an adaptive method with a tolerance
 
 CHECKS: dict[str, Check] = {
     "global error": Check(
-        "difference from a second run with half the step or a tenth of the tolerance (fixed steps "
-        "with contacts: with `dopri853` by events), relative to the motion",
+        "difference from a second run with 0.62 of the step or a tenth of the tolerance (fixed "
+        "steps with contacts: with `dopri853` by events), relative to the motion",
         "0.01; with `method: auto` its tolerance",
         "step or tolerance too large; a chaotic or unstable motion",
         "the setting that the message names; for chaos a shorter duration",
@@ -94,12 +94,6 @@ CHECKS: dict[str, Check] = {
         "pi",
         "the step is longer than half a turn of the fastest body",
         FINER,
-    ),
-    "time": Check(
-        "rounding of the time relative to the step or sample period",
-        "1/16",
-        "times so large that double precision cannot resolve the step",
-        "start the time at 0",
     ),
     "events": Check(
         "contact events between two samples",

@@ -159,11 +159,6 @@ class Exchanged:
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
         self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
 
-    def saw(self, block: SampleBlock) -> None:
-        """How far the potential falls in samples beside those of the run."""
-        if self._potential is not None:
-            self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""
         force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
@@ -379,10 +374,6 @@ class Ledger:
         if not self.unknown_force:
             self._impulses.add(block, breaks)
             self._momentum_noise = self._roundings(block)
-
-    def saw(self, block: SampleBlock) -> None:
-        """Samples beside those of the run, of the same motion: how much energy it exchanges."""
-        self._energies.saw(block)
 
     def _integrate(self, block: SampleBlock, power: Array, commands: Sequence[float] = ()) -> None:
         """Add the work of the block, piece by piece."""

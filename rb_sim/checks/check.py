@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
-    Ahead = Callable[..., SampleBlock | None]
-
 
 class Run(NamedTuple):
     """What is checked."""
@@ -53,7 +51,7 @@ class Seen(NamedTuple):
     """the last samples, at least one."""
     effort: Effort
     ledger: Ledger
-    """balances of all samples, or since the last command."""
+    """balances of all samples."""
     resolution: Resolutions
     samples: int
     """of the whole run."""
@@ -170,8 +168,6 @@ class Effort(NamedTuple):
     """what a fixed step misses of the motion."""
     left_open: LeftOpen | None = None
     """the widest choice that the laws of contact left."""
-    ahead: Ahead | None = None
-    """gives the motion from here on over a span [s] in so many steps; None: nobody does."""
     asked: float | None = None
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
     kept_to: float = 0.0
@@ -234,7 +230,6 @@ def effort_of(simulation: Any) -> Effort:
         simulation.astray,
         simulation.local_error,
         simulation.left_open,
-        simulation.ahead,
         None if choice is None else choice.target,
         options.duration if choice is not None and choice.reached else 0.0,
     )

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -27,11 +26,10 @@ from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
 from rb_sim.checks.steps import chatter, steps, turns
 from rb_sim.checks.violation import inside, residual
-from rb_sim.mechanics.samples import ARRAYS
 
 if TYPE_CHECKING:
     from rb_sim.base.diagnostic import GlobalError
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
@@ -40,16 +38,12 @@ CHECKS: tuple[Check, ...] = (
     (("momentum", "angular momentum"), momentum),
     (("residual",), residual),
     (("singular configuration",), rank),
-    (("time", "step", "contact steps", "ambiguous"), steps),
+    (("step", "contact steps", "ambiguous"), steps),
     (("turn",), turns),
     (("inside",), inside),
     (("events",), chatter),
 )
 """All checks that need no second run."""
-
-MOST_CHANGES = 16
-"""Changes of commands in one block above which no balance is drawn: a stream of commands leaves
-pieces of a few samples, which say nothing and would cost more than the motion."""
 
 
 class CheckList:
@@ -63,12 +57,14 @@ class CheckList:
         self._checks = [(names, make(self._run)) for names, make in CHECKS]
         self._found: dict[str, Finding] = {}
         self._samples = 0
-        self._command: np.ndarray | None = None
-        self._begin_anew()
+        self._command: tuple[Array, Array] | None = None
+        """of the last sample, and when."""
+        self._ledger = Ledger(scene, layout)
+        self._resolution = Resolutions(layout, bodies_at_work(scene))
 
     @property
     def ledger(self) -> Ledger:
-        """The balances of all samples so far, or since the last command."""
+        """The balances of all samples so far."""
         return self._ledger
 
     @property
@@ -87,33 +83,36 @@ class CheckList:
         found = self._found.get("singular configuration")
         return None if found is None else found.t
 
-    def check(self, error: GlobalError, simulation: Any) -> None:
+    def check(self, error: GlobalError, simulation: Any, exchanged: float = 0.0) -> None:
         """Report what a second run of the simulation shows, if it is beyond its bound.
 
         One within it decides what the setting seemed to leave open, and says more of the error
         than balances that are within the same bound: they hang on how well samples resolve loads.
+        exchanged: energy of the second run, which may move most between the samples [J].
         """
         found = finding_of(error, simulation)
         if found is not None:
             self._found.setdefault(found.watch, found)
         elif error.known and error.upto is None:
-            small = self._small_balances()
+            small = self._small_balances(exchanged)
             self._found = {
                 name: each
                 for name, each in self._found.items()
                 if name not in small and not is_decided(each)
             }
 
-    def _small_balances(self) -> set[str]:
+    def _small_balances(self, exchanged: float) -> set[str]:
         """Names of the balances that at the end of the run are within the bound of a second run."""
-        momentum = self._ledger.momentum() or {"linear": None, "angular": None}
-        balances = {
+        balances = self._ledger.momentum() or {}
+        found = {
             "energy": self._ledger.energy(),
-            "momentum": momentum["linear"],
-            "angular momentum": momentum["angular"],
+            "momentum": balances.get("linear"),
+            "angular momentum": balances.get("angular"),
         }
-        shares = {name: (each or {}).get("relative") for name, each in balances.items()}
-        return {name for name, share in shares.items() if share is not None and share <= BOUND}
+        scales = {name: each["scale"] for name, each in found.items() if each is not None}
+        scales["energy"] = max(scales.get("energy", 0.0), exchanged)
+        errors = {name: abs(each["error"]) for name, each in found.items() if each is not None}
+        return {name for name, error in errors.items() if 0.0 < error <= BOUND * scales[name]}
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""
@@ -122,44 +121,26 @@ class CheckList:
                 self._found[name] = finding._replace(advice=advice)
 
     def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:
-        """The next samples. effort: of the run up to their end, or what gives it.
-
-        Where a command changes, balances begin anew from the first sample that it has acted on.
-        """
+        """The next samples. effort: of the run up to their end, or what gives it."""
         if not len(block):
             return
         effort_now = effort if isinstance(effort, Effort) else effort()
-        first, jumps = 0, self._jumps(block)
         with np.errstate(all="ignore"):
-            if len(jumps) > MOST_CHANGES:
-                self._begin_anew()
-                self._look(block, effort_now)
-                return
-            for jump in jumps:
-                self._add(_cut(block, first, jump), effort_now)
-                self._begin_anew()
-                first = jump
-            self._add(_cut(block, first, len(block)) if first else block, effort_now)
+            self._ledger.add(block, self._changes(block))
+            self._resolution.add(block)
+            self._look(block, effort_now)
 
-    def _begin_anew(self) -> None:
-        """Draw balances from the next sample on."""
-        self._ledger = Ledger(self._run.scene, self._run.layout)
-        self._resolution = Resolutions(self._run.layout, bodies_at_work(self._run.scene))
-
-    def _jumps(self, block: SampleBlock) -> list[int]:
-        """Samples of the block that show another command than the one before."""
+    def _changes(self, block: SampleBlock) -> list[float]:
+        """Breaks around each interval between samples in which a command changes: nobody knows
+        when."""
         if not self._run.layout.commanded:
             return []
-        flat = block.command.reshape(len(block), -1)
-        before = flat[:1] if self._command is None else self._command
-        self._command = flat[-1:].copy()
-        return np.flatnonzero((flat != np.append(before, flat[:-1], 0)).any(axis=1)).tolist()
-
-    def _add(self, block: SampleBlock, effort: Effort) -> None:
-        if len(block):
-            self._ledger.add(block)
-            self._resolution.add(block)
-            self._look(block, effort)
+        flat, t = block.command.reshape(len(block), -1), block.t
+        before, last = (flat[:1], t[:1]) if self._command is None else self._command
+        self._command = flat[-1:].copy(), t[-1:].copy()
+        t = np.append(last, t)
+        jumps = np.flatnonzero((flat != np.append(before, flat[:-1], 0)).any(axis=1))
+        return np.stack([np.nextafter(t[jumps], np.inf), t[jumps + 1]], axis=1).ravel().tolist()
 
     def _look(self, block: SampleBlock, effort: Effort) -> None:
         """Ask all checks that have not reported yet."""
@@ -185,13 +166,6 @@ def beyond(singular: Finding, finding: Finding) -> Finding:
         "a tighter tolerance does not help, a larger one (1e-9) may"
     )
     return finding._replace(advice=advice)
-
-
-def _cut(block: SampleBlock, first: int, end: int) -> SampleBlock:
-    """Samples first to end - 1; events stay with the piece that ends the block."""
-    last = end == len(block)
-    part = {name: getattr(block, name)[first:end] for name in ARRAYS}
-    return replace(block, **part, events=block.events if last else ())
 
 
 # Samples on their way from a simulation to whoever asked for them, looked at by all checks.
@@ -233,9 +207,9 @@ class CheckedSamples:
         """When the run has passed a singular configuration [s]; None: never."""
         return self._check_list.singular
 
-    def check(self, error: GlobalError) -> None:
-        """Add what the second run shows."""
-        self._check_list.check(error, self._simulation)
+    def check(self, error: GlobalError, exchanged: float) -> None:
+        """Add what the second run shows; as CheckList.check."""
+        self._check_list.check(error, self._simulation, exchanged)
         self._found = [*self._before, *self._check_list.findings]
 
     def warn(self, stacklevel: int = 2) -> None:

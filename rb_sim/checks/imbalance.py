@@ -21,76 +21,37 @@ from rb_sim.checks.check import Look, Run, Seen
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.check import Effort
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
-
-
-# What a motion does between two samples: some taken closer, on the way ahead.
-#
-# Of an oscillation sampled once a period all samples are alike: it seems to exchange no energy, so
-# that a rounding of its balance is all there is.  Nothing among them tells that; so where the check
-# is about to speak, the motion is followed for some intervals by another one beside it.
 
 
 DOUBTS = 10.0
 """Times what leaving out every other sample changes an integral by, that it may be wrong by."""
 
-INTERVALS = 6
-"""Between samples, that are looked at."""
-
-CLOSER = 64
-"""Samples in place of one."""
-
-
-def closer_samples(block: SampleBlock, effort: Effort) -> SampleBlock | None:
-    """Samples CLOSER times as close as those of the block, from its end on; None where there are
-    none to be had.  effort: of the run, which stands at the end of the block."""
-    if effort.ahead is None or len(block) < 2:
-        return None
-    interval = float(block.t[-1] - block.t[0]) / (len(block) - 1)
-    return effort.ahead(INTERVALS * interval, INTERVALS * CLOSER)
-
 
 def energy(run: Run) -> Look:
     """Energy that came from nowhere or is gone."""
-    looked: Ledger | None = None
-
-    def look(seen: Seen) -> Iterator[Finding]:
-        nonlocal looked
-        found = energy_found(seen, run.layout)
-        if found is not None and looked is not seen.ledger:
-            looked = seen.ledger
-            fine = closer_samples(seen.block, seen.effort)
-            if fine is not None:
-                seen.ledger.saw(fine)
-                found = energy_found(seen, run.layout)
-        if found is not None:
-            yield found
-
-    return look
+    return lambda seen: energy_found(seen, run.layout)
 
 
-def energy_found(seen: Seen, layout: SampleLayout) -> Finding | None:
+def energy_found(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
     """Energy that came from nowhere or is gone, as it shows at the end of the block."""
     block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
     energy = ledger.energy()
-    error = 0.0 if energy is None else abs(energy["error"])
     if energy is None:
-        return None
-    scale, doubt = energy["scale"], energy["quadrature"]
+        return
+    error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
     if np.isfinite(error):
         bound = effort.balance * scale + ledger.rounding + ledger.at_rest
         if error <= bound + DOUBTS * doubt:
-            return None
+            return
         if ledger.has_work and not resolution.at_work.resolved:  # loads act between samples
-            return None
+            return
     lost = np.flatnonzero(~np.isfinite(block.energy))
     i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
     least = scale or ledger.at_rest  # nothing was exchanged where all bodies are exactly at rest
     figure = error / least if least > 0.0 else np.inf
     finer = effort.finer_step(figure, effort.balance)
-    return Finding(
+    yield Finding(
         "energy",
         float(block.t[i]),
         figure,

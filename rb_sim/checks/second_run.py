@@ -128,6 +128,8 @@ class SecondRun:
         """what the run has taken: steps, and counted time [s]."""
         self._second_steps = 0
         """what the last second run has taken."""
+        self.exchanged = 0.0
+        """energy that the motion exchanges, also between samples [J], once there is a result."""
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._reset = 0, 1, 0, False
         self._look: Callable[[], None] | None = None
@@ -250,7 +252,7 @@ class SecondRun:
         Raises WatchEndedError, and with `whole` SimulationError.
         """
         simulation, run = self._simulation, self._simulation.motion
-        times, poses = self._kept()
+        (times, poses), layout = self._kept(), run.layout
         grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
         try:
             rows, upto, self._second_steps = self._carried(other.motion, grid, limit)
@@ -264,13 +266,15 @@ class SecondRun:
             poses = poses[: len(times)]
             if whole or len(times) < 2:
                 raise WatchEndedError
-        second, radius = _poses(rows, len(run.layout.bodies)), _radii(simulation)
+        energies = rows[:, 13 * len(layout.bodies) + 9 * len(layout.reactions) :][:, :2]
+        self.exchanged = float(energies[:, 0].max() + np.ptp(energies[:, 1]))
+        second, radius = _poses(rows, len(layout.bodies)), _radii(simulation)
         at = np.searchsorted(grid, times)
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # the run once more, to see it between its samples
             rows, *_ = self._carried(motion_of(self._compiled, simulation.method), grid, math.inf)
-            times, poses = grid, _poses(rows, len(run.layout.bodies))
+            times, poses = grid, _poses(rows, len(layout.bodies))
         else:
             second = second[at]
         # beyond a singular configuration there are several motions, and two runs may err alike

@@ -258,7 +258,8 @@ class _Trials:
         finally:
             may_go_on(trial.motion.time)
         if not self._beyond(check_list):
-            check_list.check(second.result(singular=check_list.singular), trial)
+            error = second.result(singular=check_list.singular)
+            check_list.check(error, trial, second.exchanged)
         return not self._beyond(check_list)
 
     def _beyond(self, check_list: CheckList) -> bool:

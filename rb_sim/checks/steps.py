@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from rb_sim.checks.check import Effort
     from rb_sim.mechanics.samples import SampleBlock
 
-ULPS = 16.0
-"""A step or a sample period below this many units in the last place of the time is distorted."""
-
 RESTRUCK = 2e-2
 """Share of the energy exchanged that contacts may take which bear already; it is of first order."""
 
@@ -57,37 +54,20 @@ MOST_TURN = np.pi
 ADVISED_TURN = 0.5
 """Angle in one step that methods of order 4 and above resolve [rad]."""
 
-EPS = float(np.finfo(float).eps)
-
 
 def steps(run: Run) -> Look:
     """What the steps of the run show."""
-    rate = run.scene.simulation.rate
-    return lambda seen: found_in(seen.block, seen.effort, rate, seen.ledger.exchanged)
+    return lambda seen: found_in(seen.block, seen.effort, seen.ledger.exchanged)
 
 
-def found_in(
-    block: SampleBlock, effort: Effort, rate: float, exchanged: float
-) -> Iterator[Finding]:
+def found_in(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
     """What the effort of the run up to the end of the block tells.
 
-    rate: of the samples [Hz]. exchanged: energy that the scene has exchanged by right [J].
+    exchanged: energy that the scene has exchanged by right [J].
     """
-    yield from _of_time(block, effort, rate)
     yield from _of_steps(block, effort)
     yield from _of_contact_steps(block, effort, exchanged)
     yield from _of_choices(effort)
-
-
-def _of_time(block: SampleBlock, effort: Effort, rate: float) -> Iterator[Finding]:
-    t = float(block.t[-1])
-    shortest = 1.0 / rate
-    if effort.steps:
-        shortest = min(shortest, t / effort.steps)
-    if t > 0.0 and ULPS * EPS * t > shortest:
-        advice = "times this large cannot resolve such short steps; start the time at 0"
-        what = "rounding of the time relative to the step or sample period"
-        yield Finding("time", t, EPS * t / shortest, 1.0 / ULPS, what, "", advice)
 
 
 def turns(run: Run) -> Look:

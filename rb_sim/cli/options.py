@@ -115,7 +115,7 @@ Check = Annotated[
     bool | None,
     typer.Option(
         "--check/--no-check",
-        help="Measure the global error with a second run at half the step or a tenth of the "
+        help="Measure the global error with a second run at 0.62 of the step or a tenth of the "
         "tolerance; default: for runs up to about 20 s of CPU time.",
     ),
 ]

@@ -23,7 +23,7 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import rows_ahead, singular_end
+from rb_sim.checks.singular_configuration import singular_end
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
@@ -151,12 +151,6 @@ class Simulation(SceneInMotion):
             self._doubling = StepDoubling(self.scene, self._motion)
         return self._doubling.look()
 
-    def ahead(self, span: float, count: int) -> SampleBlock | None:
-        """The motion as it will go on for `span` [s], in count + 1 samples (see `rows_ahead`)."""
-        times = self.time + span * np.arange(count + 1) / count
-        rows = rows_ahead(self._motion, times)
-        return None if rows is None else self._block(times, rows)
-
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """Linear model of small deviations from the motion, about the present state.
 
@@ -220,7 +214,7 @@ class Simulation(SceneInMotion):
                 `Trajectory.at_events`. The motion since the start is computed a second time for it.
             watched: Run the accuracy checks; each that fails is an AccuracyWarning and among
                 `Trajectory.findings`.
-            check: Measure `Trajectory.global_error` by a second run at half of the steps or a tenth
+            check: Measure `Trajectory.global_error` by a second run at 0.62 of the step or a tenth
                 of the tolerance (fixed steps with contacts: of dopri853 by events). None: if
                 `watched`; of runs above about 1 s of CPU time first a coarser one, above 20 s only
                 of the beginning.
@@ -254,7 +248,7 @@ class Simulation(SceneInMotion):
             if second is not None:
                 error = second.result(checked, singular=checking and checking.singular)
                 if checking is not None:
-                    checking.check(error)
+                    checking.check(error, second.exchanged)
         finally:
             if checking is not None:
                 checking.warn()

@@ -97,14 +97,3 @@ def test_a_steady_swing_seen_once_a_period_is_no_little_motion(periods: float) -
 def test_energy_that_a_method_loses_is_told_all_the_same() -> None:
     """rk4 with 7 steps to the period, and samples that see it."""
     assert "energy" in findings(DAMPED, PERIOD / 28.0, method="rk4", step=PERIOD / 7.0)
-
-
-def test_what_lies_ahead_is_what_comes() -> None:
-    span = {"duration": 1.0, "rate": 100.0, "tolerance": 1e-12}
-    simulation = Simulation(load_scene(DAMPED | {"simulation": span}), announce=None)
-    simulation.advance(0.3)
-    ahead = simulation.ahead(0.1, 10)
-    assert ahead is not None and simulation.time == 0.3
-    own = simulation.run(0.1, 100.0, watched=False)
-    assert ahead.t == pytest.approx(own.t, abs=1e-15)
-    assert ahead.position[:, 0] == pytest.approx(own.position["bob"], abs=1e-10)

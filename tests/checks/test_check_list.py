@@ -194,12 +194,6 @@ def test_an_adaptive_method_may_take_turns_in_one_step(swing: SampleBlock) -> No
     assert "turn" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2))
 
 
-def test_samples_that_the_time_cannot_tell_apart_are_told(swing: SampleBlock) -> None:
-    """At 1e13 s doubles are 2e-3 s apart, and the samples 5e-3 s: less than 16 of them."""
-    late = replace(swing, t=swing.t + 1e13)
-    assert "time" in findings(SWING, late, Effort("rk4", 1e-3, None, 1000))
-
-
 def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
     events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
     block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))

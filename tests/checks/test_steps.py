@@ -31,7 +31,7 @@ def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float)
     """A trial of another step blew up, and the search for a step ended in a traceback."""
     block = Simulation(load_scene("thrown_ball", duration=0.1), announce=None).sample().block
     effort = Effort("time_stepping", 0.002, None, 50, restruck=lost)
-    (finding,) = found_in(block, effort, 100.0, 1.0)
+    (finding,) = found_in(block, effort, 1.0)
     assert finding.watch == "contact steps" and finding.figure == lost
     assert finding.finer_step is not None and 0.0 < finding.finer_step < 0.002
 
@@ -51,7 +51,7 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
     assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
     effort = effort_of(chosen)
     bodies = chosen.layout.bodies
-    assert not [*found_in(block, effort, 50.0, 1.0), *turned(block, effort, bodies)]
+    assert not [*found_in(block, effort, 1.0), *turned(block, effort, bodies)]
     for unmeasured in (effort._replace(kept_to=0.0), effort._replace(kept_to=1.99)):
         assert [finding.watch for finding in turned(block, unmeasured, bodies)] == ["turn"]
 
@@ -61,7 +61,7 @@ def told(
 ) -> dict[str, Finding]:
     """What the effort of a run tells by its last sample, by watch."""
     block: Any = Block(t)
-    found = found_in(block, effort, more.get("rate", 10.0), more.get("exchanged", 1.0))
+    found = found_in(block, effort, more.get("exchanged", 1.0))
     return {finding.watch: finding for finding in found}
 
 

@@ -67,7 +67,7 @@ def sent_off(
         scene["constraints"] |= {"far": {"type": "contact", "body": "egg", "surface": ground}}  # type: ignore[operator]
     simulation = Simulation(load_scene(scene), announce=None)
     run = simulation.run(watched=False)
-    found = found_in(run.block, effort_of(simulation), 1.0 / duration, 1.0)
+    found = found_in(run.block, effort_of(simulation), 1.0)
     told = [finding.where for finding in found if finding.watch == "contact steps"]
     return simulation, run.linear_velocity["ball"][-1], told
 
