@@ -19,7 +19,7 @@ Momentum is not balanced with contacts: their forces jump and strike between sam
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -167,15 +167,11 @@ class Exchanged:
         return self._given + ROUNDING * self._loads
 
     @property
-    def rounding(self) -> float:
-        """Energy that cannot be distinguished from round-off [J]."""
-        return self._noise
-
-    @property
     def at_rest(self) -> float:
         """Energy that is no error: loads times a billionth of the lengths at which they act, by
-        which solvers and tolerances may leave in doubt where a body at rest is [J]."""
-        return SOLVED * self._loads
+        which solvers and tolerances may leave in doubt where a body at rest is, and what is left of
+        velocities that constraints take [J]."""
+        return self._given + SOLVED * self._loads
 
     def scale(self, work: float) -> float:
         """[J]; 0 where nothing but rounding has moved. work: its size, of forces without potential
@@ -286,29 +282,12 @@ def _point(
     return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))
 
 
-class Balance(NamedTuple):
-    """change - supply, which would be zero without error."""
-
-    error: float
-    """norm of the difference; with its sign for energy."""
-    scale: float
-    """what the error is to be compared with."""
-    quadrature: float
-    """how far the supply may be wrong that is integrated over the samples."""
-
-    @property
-    def relative(self) -> float | None:
-        """|change - supply| over the scale; None if nothing was exchanged."""
-        return abs(self.error) / self.scale if self.scale > 0.0 else None
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "error": self.error,
-            "relative": self.relative,
-            "scale": self.scale,
-            "quadrature": self.quadrature,
-        }
+def balance(error: float, scale: float, doubt: float) -> dict[str, Any]:
+    """A balance for JSON: change - supply, which would be zero without error; over the scale that
+    it is compared with (None if nothing was exchanged); and how far the supply may be wrong that is
+    integrated over the samples."""
+    relative = abs(error) / scale if scale > 0.0 else None
+    return {"error": error, "relative": relative, "scale": scale, "quadrature": doubt}
 
 
 def _given(body: Body) -> tuple[float, float, float]:
@@ -423,11 +402,6 @@ class Ledger:
         return self._energies.scale(float(self._work.total()[2, 0]))
 
     @property
-    def rounding(self) -> float:
-        """Energy that is no error but a rounding of the loads [J]."""
-        return self._energies.rounding
-
-    @property
     def at_rest(self) -> float:
         """Energy that is no error of what stands still [J]."""
         return self._energies.at_rest
@@ -450,8 +424,8 @@ class Ledger:
         work += self._contact_work()
         initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
         scale = self._energies.scale(float(size))
-        balance = Balance(final - initial - float(work), scale, float(doubt))
-        return {"initial": initial, "final": final, "work": float(work), **balance.as_dict()}
+        found = balance(final - initial - float(work), scale, float(doubt))
+        return {"initial": initial, "final": final, "work": float(work), **found}
 
     def first_beyond(self, block: SampleBlock, bound: float) -> int:
         """Index in the block just added at which the energy balance passes `bound`, about."""
@@ -490,6 +464,5 @@ class Ledger:
             scale = max(float(self._own[k]), float(np.linalg.norm(impulse[part])))
             scale = max(scale, float(self._impulses.largest[k]))
             scale = scale if scale > self._momentum_noise[k] else 0.0
-            balance = Balance(error, scale, float(np.linalg.norm(doubt[part])))
-            balances[name] = balance.as_dict()
+            balances[name] = balance(error, scale, float(np.linalg.norm(doubt[part])))
         return balances

@@ -41,7 +41,7 @@ def energy_found(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
         return
     error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
     if np.isfinite(error):
-        bound = effort.balance * scale + ledger.rounding + ledger.at_rest
+        bound = effort.balance * scale + ledger.at_rest
         if error <= bound + DOUBTS * doubt:
             return
         if ledger.has_work and not resolution.at_work.resolved:  # loads act between samples

@@ -77,10 +77,6 @@ RESOLVED = 0.8
 show a V by themselves."""
 FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
-FALLS = 0.8
-"""Share of a minimum to which the next look has to find it lower; above, it is a smooth one."""
-NEAR = 0.2
-"""Share of its surroundings below which a minimum may be that of a V in any case."""
 VANISHED = 1e-5
 """s at or below which it is zero at the place itself."""
 OPEN = 1.3
@@ -182,32 +178,25 @@ class Follower:
             k for k in suspects(s) if s[k] <= VANISHED or max(ways[k - 1 : k + 2]) > RESOLVED
         ]
         places = [self._located(t, y, s, k) for k in located[:1]]
-        places += self._around(t, y, s, fine)
+        places += self._around(t, y, fine)
         return min(places, key=lambda place: place.at, default=None)
 
-    def _around(self, t: Array, y: Array, s: Array, low: Indices) -> list[Vanishing]:
+    def _around(self, t: Array, y: Array, low: Indices) -> list[Vanishing]:
         """The first place beside the minima at `low` where s passes through zero."""
-        at, value, sides = low, s[low], np.minimum(s[low - 1], s[low + 1])
+        if not len(low):
+            return []
         here = t[low[:, None] + [-1, 0, 1]]
         for _ in range(FINER):
-            if not len(at):
-                return []
             here = np.linspace(here[:, 0], here[:, -1], 9, axis=1)
-            k = at[:, None] - (here < t[at][:, None])
+            k = low[:, None] - (here < t[low][:, None])
             share = (here - t[k]) / (t[k + 1] - t[k])
             states = between(t, y, k.ravel(), share.ravel())[1]
             found = self._look(here.ravel(), states)[0].reshape(here.shape)
-            least = found.min(axis=1)
-            shown = suspected(found).any(axis=1)
-            on = (least < FALLS * value) | (least < NEAR * sides) | shown
-            here, found, states = here[on], found[on], states.reshape(*here.shape, -1)[on]
-            at, value, sides = at[on], least[on], np.minimum(found[:, 0], found[:, -1])
-            middle = found[:, 1:-1].argmin(axis=1) + 1
-            kept = here, found, states
+            looked, middle = here, found[:, 1:-1].argmin(axis=1) + 1
             here = np.take_along_axis(here, middle[:, None] + [-1, 0, 1], axis=1)
-        for times, some, there in zip(*kept, strict=True):
-            for k in suspects(some)[:1]:
-                return [self._located(times, there, some, k)]
+        there = states.reshape(*looked.shape, -1)
+        for i in np.flatnonzero(suspected(found).any(axis=1))[:1]:
+            return [self._located(looked[i], there[i], found[i], suspects(found[i])[0])]
         return []
 
     def _located(self, t: Array, y: Array, s: Array, k: int) -> Vanishing:
