@@ -95,14 +95,13 @@ def may_work(scene: Scene) -> bool:
     return bool(_effects_at_work(scene)) or _joints_move(scene)
 
 
-def bodies_at_work(scene: Scene) -> list[str] | None:
-    """Bodies whose motion tells the power of all loads without a potential; None: it may take all
-    of them, since reactions of joints that move work as well. Those of contacts are separate."""
-    if _joints_move(scene):
-        return None
+def bodies_at_work(scene: Scene, layout: SampleLayout) -> list[int]:
+    """Bodies whose motion tells the power of all loads without a potential: all of them where
+    joints move, since their reactions work as well. Those of contacts are separate."""
     effects = _effects_at_work(scene)
     acted_on = {getattr(effect, end, None) for effect in effects for end in ("body", "parent")}
-    return [name for name in scene.bodies if name in acted_on]
+    every = _joints_move(scene)
+    return [i for i, name in enumerate(layout.bodies) if every or name in acted_on]
 
 
 def _effects_at_work(scene: Scene) -> list[Any]:

@@ -28,7 +28,7 @@ from rb_sim.mechanics.methods import METHODS
 if TYPE_CHECKING:
     from rb_sim.base.diagnostic import Finding
     from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.sample_integrals import Resolutions
+    from rb_sim.checks.sample_integrals import Resolution
     from rb_sim.contact.grid_motion import LeftOpen
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
@@ -52,7 +52,7 @@ class Seen(NamedTuple):
     effort: Effort
     ledger: Ledger
     """balances of all samples."""
-    resolution: Resolutions
+    resolution: Resolution
     samples: int
     """of the whole run."""
 

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.diagnostic import Finding, tell
-from rb_sim.checks.balance import Ledger, bodies_at_work
+from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Effort, Run, Seen, effort_of
 from rb_sim.checks.imbalance import energy, momentum
-from rb_sim.checks.sample_integrals import Resolutions
+from rb_sim.checks.sample_integrals import Resolution
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
 from rb_sim.checks.steps import chatter, steps, turns
@@ -60,7 +60,7 @@ class CheckList:
         self._command: tuple[Array, Array] | None = None
         """of the last sample, and when."""
         self._ledger = Ledger(scene, layout)
-        self._resolution = Resolutions(layout, bodies_at_work(scene))
+        self._resolution = Resolution(len(layout.bodies))
 
     @property
     def ledger(self) -> Ledger:

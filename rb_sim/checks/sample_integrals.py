@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from rb_sim.mechanics.samples import Array, Indices
 from rb_sim.numerics.rotations import cross, norms, turn_between
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import SampleBlock
 
 # Integrals of sampled functions by the cubics through four neighbours.
 #
@@ -212,67 +211,36 @@ MANY = 256
 """Intervals of one block from which on every fourth stands for all."""
 
 
-class Resolutions:
-    """The resolution of all bodies, and of those whose motion the work of loads hangs on.
-
-    Samples that do not resolve a body in a spring tell the work of a drag on another one all the
-    same, and with it whether energy is lost.
-    """
-
-    def __init__(self, layout: SampleLayout, names: list[str] | None) -> None:
-        """names: of the bodies whose motion tells the power of all loads; None: it takes all."""
-        self.of_all = self.at_work = Resolution()
-        self._at_work: list[int] = []
-        if names is not None and len(names) < len(layout.bodies):
-            self._at_work = [layout.bodies.index(name) for name in names]
-            self.at_work = Resolution()
-
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
-        self.of_all.add(block)
-        if self._at_work:
-            self.at_work.add(_of_bodies(block, self._at_work))
-
-
-def _of_bodies(block: SampleBlock, bodies: list[int]) -> SampleBlock:
-    """The samples with the motions of these bodies only; momenta stay those of all."""
-    names = "position", "linear_velocity", "orientation", "angular_velocity"
-    return replace(block, **{name: getattr(block, name)[:, bodies] for name in names})
-
-
 class Resolution:
-    """Counts the intervals between samples that do not resolve the motion."""
+    """Counts the intervals between samples that do not resolve the motion of a body."""
 
-    def __init__(self) -> None:
+    def __init__(self, bodies: int) -> None:
         self._last: tuple[np.ndarray, ...] | None = None
-        self._intervals = self._missed = self._turned = 0
-        self._all: tuple[np.ndarray, np.ndarray] | None = None
-        """Of each body, and of each of its axes: what the intervals miss of the way [m] and of the
-        turn [rad], and these themselves, added up."""
-        self.unseen = np.zeros(2)
-        """Impulse [N s] and its moment [N m s] that the samples may not show: the change of both
-        momenta over the intervals that miss much of the motion, as where a disk that falls nearly
-        flat rises again within one."""
+        self._intervals = 0
+        self._missed, self._turned = np.zeros((2, bodies), dtype=int)
+        self._all = np.zeros((2, bodies, 4))
+        """What the intervals miss of the way [m] and of the turn about each axis [rad], and these
+        themselves, added up."""
 
-    @property
-    def resolved(self) -> bool:
-        """Whether integrals over the samples so far can be trusted: bodies turn little between two,
-        and the velocities at the samples tell the ways between them."""
-        if self._turned > MOST * self._intervals:
+    def resolved(self, bodies: Sequence[int] | None = None) -> bool:
+        """Whether integrals over the samples so far of what hangs on these bodies (None: on all)
+        can be trusted: they turn little between two, and the velocities at the samples tell the
+        ways between them."""
+        chosen = slice(None) if bodies is None else list(bodies)
+        most = MOST * self._intervals
+        if (self._turned[chosen] > most).any():
             return False
-        if self._missed <= MOST * self._intervals or self._all is None:
-            return True
-        missed, way = self._all
-        return bool((missed <= PART_OF_ALL * way).all())
+        missed, way = self._all[:, chosen]
+        return bool((self._missed[chosen] <= most).all() or (missed <= PART_OF_ALL * way).all())
 
     def add(self, block: SampleBlock) -> None:
         """The next samples."""
         columns = block.t, block.position, block.linear_velocity, block.orientation
-        columns = *columns, block.angular_velocity, block.momentum, block.angular_momentum
+        columns = *columns, block.angular_velocity
         last, self._last = self._last, tuple(column[-1:] for column in columns)
         if last is not None:
             columns = tuple(np.append(*pair, 0) for pair in zip(last, columns, strict=True))
-        t, x, v, q, w, *momenta = columns
+        t, x, v, q, w = columns
         if len(t) < 2:
             return
         stride = 1 if len(t) <= MANY else 4
@@ -283,23 +251,17 @@ class Resolution:
             expected = 0.5 * dt[..., None] * (v[ends] + v[starts])
             noise = 1e-12 * np.abs(x[ends]).max(axis=0).max(axis=1)
             way = norms(moved - expected), norms(moved) + norms(expected), noise
-            turn = norms(w[ends]) * dt
-            spins = dt[..., None] * w[starts], dt[..., None] * w[ends]
-            parts = [way, turned(q[starts], q[ends], *spins)]
-            miss, size, bad = ends_of(parts)
-            turn = turn.max(axis=1)
-            fast = ~(turn <= TURN)
-        lost = bad | fast
-        # by much, not only by much of what little an interval near rest has
-        hidden = (~(miss <= PART * size.max(axis=0))).any(axis=1)
-        for k, p in enumerate(momenta):
-            self.unseen[k] += stride * norms((p[ends] - p[starts])[lost & hidden]).sum()
-        self._intervals += stride * len(bad)
-        self._missed += stride * int(lost.sum())
-        self._turned += stride * int(fast.sum())
-        sums = stride * miss.sum(axis=0), stride * size.sum(axis=0)
-        before = self._all or (0.0, 0.0)
-        self._all = before[0] + sums[0], before[1] + sums[1]
+            turn = turned(q[starts], q[ends], dt[..., None] * w[starts], dt[..., None] * w[ends])
+            # rounding is no part of what is missed: of what is held at rest it is all of the way
+            parts = [np.maximum(0.0, miss - noise) for miss, _, noise in (way, turn)]
+            miss = np.concatenate([parts[0][..., None], parts[1]], axis=2)
+            size = np.concatenate([way[1][..., None], turn[1]], axis=2)
+            fast = ~(norms(w[ends]) * dt <= TURN)
+            lost = fast | np.any(~(miss <= PART * size), axis=2)
+        self._intervals += stride * len(dt)
+        self._missed += stride * lost.sum(axis=0)
+        self._turned += stride * fast.sum(axis=0)
+        self._all += stride * np.stack([miss.sum(axis=0), size.sum(axis=0)])
 
 
 def turned(
@@ -307,21 +269,9 @@ def turned(
 ) -> tuple[np.ndarray, ...]:
     """About each axis of each body what the mean of the spins, times the interval [rad], misses of
     the turn, more than turns about two axes make of each other (Magnus 1954) and a sine of its
-    angle; both sizes; and what is rounding, in columns (n, 3 bodies)."""
+    angle; both sizes, (n, bodies, 3); and what is rounding."""
     found = turn_between(before, after)
     expected = 0.5 * (spin_before + spin)
     both = norms(cross(spin_before, spin)) / 6.0 + norms(expected) ** 3 / 12.0
     miss = np.maximum(0.0, np.abs(found - expected) - both[..., None])
-    size = np.abs(found) + np.abs(expected)
-    flat = len(before), -1
-    return miss.reshape(flat), size.reshape(flat), np.full(1, 1e-12)
-
-
-def ends_of(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(what is missed, sizes, whether an interval misses too much) of ways and turns together.
-
-    Rounding is no part of what is missed: of a body that is held at rest it is all of the way.
-    """
-    miss = np.concatenate([np.maximum(0.0, miss - noise) for miss, _, noise in parts], axis=1)
-    size = np.concatenate([size for _, size, _ in parts], axis=1)
-    return miss, size, np.any(~(miss <= PART * size), axis=1)
+    return miss, np.abs(found) + np.abs(expected), np.full(1, 1e-12)

@@ -433,33 +433,17 @@ def has_loops(scene: Scene) -> bool:
 # How a motion goes on from where it is, by another one beside it.
 
 
-MOST_LOOKS = 100
-"""Times that the motion beside is asked whether to go on, every some thousand steps, before it is
-given up."""
-
-
 def rows_ahead(run: Motion, times: Array) -> Array | None:
     """Rows of samples at the times, as `run` would have them, which stays as it is.
 
-    None where the motion does not come so far, or takes too long, and with contacts, whose modes
-    the motion beside would have to choose anew.
+    None where the motion does not come so far.
     """
-    if run.layout.contacts:
-        return None
-    beside, looks = motion_of(run.compiled, run.method), 0
-
-    def look() -> None:
-        nonlocal looks
-        looks += 1
-        if looks > MOST_LOOKS:
-            raise SimulationError("the comparison motion takes too long")
-
+    beside = motion_of(run.compiled, run.method)
     out = np.zeros((len(times), beside.width))
     try:
         beside.reset_beside(run, run.coordinates, run.time)
         if run.layout.commanded:
             beside.change_law(run.system)
-        beside.watch = look
         beside.run_to(times, out)
     except SimulationError:
         return None
