@@ -74,16 +74,15 @@ class Events:
 # What a scene says of its loads before it runs: whether they work, jump or stay unknown.
 
 
-def jumps_of_tables(scene: Scene) -> list[float]:
-    """Instants at which tabulated wrenches jump or bend, increasing [s]."""
-    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
-    return sorted({float(t) for table in times for t in table})
+def jumps_of_tables(scene: Scene, since: float) -> list[float]:
+    """Instants at which tabulated wrenches jump or bend, increasing [s]; since: where tables begin.
 
-
-def ends_of_tables(scene: Scene) -> list[float]:
-    """Instants at which a sample shows a wrench that acts neither before nor after [s]."""
-    times: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
-    return [float(table[-1]) for table in times if table]
+    At the end of a table a sample shows a wrench that acts neither before nor after, so that a
+    second instant follows at once.
+    """
+    tables: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
+    jumps = {since + float(t) for table in tables for t in table}
+    return sorted(jumps | {np.nextafter(since + table[-1], np.inf) for table in tables if table})
 
 
 QUIET = ("gravity", "spring", "torsion_spring")
@@ -315,10 +314,9 @@ class Ledger:
         self.has_work = False
         """whether forces without a potential, but for contacts, have done any so far, or may have
         where contacts change more often than samples are taken."""
-        self._jumps = [since + t for t in jumps_of_tables(scene)]
+        self._jumps = jumps_of_tables(scene, since)
         self._given_jumps = 0
         """of these, that are behind."""
-        self._ends = [since + t for t in ends_of_tables(scene)]
         self._events = Events()
         self._work = Quadrature(1)
         self._impulses = Impulses(scene, layout)
@@ -363,12 +361,7 @@ class Ledger:
             self.has_work = bool(power.any()) or hidden
         breaks = {event.t for event in block.events if event.t > begin}
         breaks.update(self._jumps_until(begin, end), commands)
-        t, f = block.t, power
-        if any(t[0] <= instant <= end for instant in self._ends):
-            kept = ~np.isin(t, self._ends)
-            kept[-1] = True
-            t, f = t[kept], f[kept]
-        self._work.add(t, f[:, None], sorted(breaks))
+        self._work.add(block.t, power[:, None], sorted(breaks))
 
     def _jumps_until(self, begin: float, end: float) -> list[float]:
         """Instants up to `end`, not yet given, at which a table jumps or bends."""
@@ -449,6 +442,13 @@ class Ledger:
         if self._first is None or self._last is None:
             return 0.0
         return float(self._last.contact_work[-1] - self._first.contact_work[0])
+
+    def balances(self) -> dict[str, dict[str, Any]]:
+        """Those that are known, by the names of their checks."""
+        energy, momenta = self.energy(), self.momentum() or {}
+        found = {"energy": energy, "momentum": momenta.get("linear")}
+        found["angular momentum"] = momenta.get("angular")
+        return {name: each for name, each in found.items() if each is not None}
 
     def momentum(self) -> dict[str, Any] | None:
         """Balances of linear and angular momentum (about the world origin), or None."""

@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.base.diagnostic import Finding, tell
 from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Effort, Run, Seen, effort_of
-from rb_sim.checks.imbalance import energy, momentum
+from rb_sim.checks.imbalance import balances
 from rb_sim.checks.sample_integrals import Resolution
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 CHECKS: tuple[Check, ...] = (
-    (("energy",), energy),
-    (("momentum", "angular momentum"), momentum),
+    (("energy", "momentum", "angular momentum"), balances),
     (("residual",), residual),
     (("singular configuration",), rank),
     (("step", "contact steps", "ambiguous"), steps),
@@ -103,16 +102,10 @@ class CheckList:
 
     def _small_balances(self, exchanged: float) -> set[str]:
         """Names of the balances that at the end of the run are within the bound of a second run."""
-        balances = self._ledger.momentum() or {}
-        found = {
-            "energy": self._ledger.energy(),
-            "momentum": balances.get("linear"),
-            "angular momentum": balances.get("angular"),
-        }
-        scales = {name: each["scale"] for name, each in found.items() if each is not None}
+        found = self._ledger.balances()
+        scales = {name: each["scale"] for name, each in found.items()}
         scales["energy"] = max(scales.get("energy", 0.0), exchanged)
-        errors = {name: abs(each["error"]) for name, each in found.items() if each is not None}
-        return {name for name, error in errors.items() if 0.0 < error <= BOUND * scales[name]}
+        return {name for name, e in found.items() if 0.0 < abs(e["error"]) <= BOUND * scales[name]}
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""

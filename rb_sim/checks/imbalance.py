@@ -26,78 +26,52 @@ if TYPE_CHECKING:
 
 
 DOUBTS = 10.0
-"""Times what leaving out every other sample changes an integral by, that it may be wrong by."""
+"""Times what the samples leave in doubt of an integral, that it may be wrong by."""
+
+TIMES = 10.0
+"""Bound of a momentum over that of the energy."""
+
+WHAT = {
+    "energy": "energy error relative to the energy exchanged",
+    "momentum": "linear momentum error relative to the largest momentum",
+    "angular momentum": "angular momentum error relative to the largest momentum",
+}
 
 
-def energy(run: Run) -> Look:
-    """Energy that came from nowhere or is gone."""
+def balances(run: Run) -> Look:
+    """Energy that no work explains, and momentum that no impulse does."""
     at_work = bodies_at_work(run.scene, run.layout)
-    return lambda seen: energy_found(seen, run.layout, at_work)
+    return lambda seen: unbalanced(seen, run.layout, at_work)
 
 
-def energy_found(seen: Seen, layout: SampleLayout, at_work: list[int]) -> Iterator[Finding]:
-    """Energy that came from nowhere or is gone, as it shows at the end of the block.
+def unbalanced(seen: Seen, layout: SampleLayout, at_work: list[int]) -> Iterator[Finding]:
+    """What is beyond its bound at the end of the block.
 
     Samples that do not resolve a body on a spring tell the work of a drag on another one, at_work,
     all the same, and with it whether energy is lost.
     """
     block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
-    energy = ledger.energy()
-    if energy is None:
-        return
-    error, scale, doubt = abs(energy["error"]), energy["scale"], energy["quadrature"]
-    if np.isfinite(error):
-        bound = effort.balance * scale + ledger.at_rest
-        if error <= bound + DOUBTS * doubt:
-            return
-        if ledger.has_work and not resolution.resolved(at_work):  # loads act between samples
-            return
-    lost = np.flatnonzero(~np.isfinite(block.energy))
-    i = int(lost[0]) if len(lost) else ledger.first_beyond(block, effort.balance)
-    least = scale or ledger.at_rest  # nothing was exchanged where all bodies are exactly at rest
-    figure = error / least if least > 0.0 else np.inf
-    finer = effort.finer_step(figure, effort.balance)
-    yield Finding(
-        "energy",
-        float(block.t[i]),
-        figure,
-        effort.balance,
-        "energy error relative to the energy exchanged",
-        liveliest(block, layout, i),
-        effort.advice(finer),
-        finer,
-    )
-
-
-def momentum(run: Run) -> Look:
-    """Momentum, linear or angular, that no impulse explains."""
-    return lambda seen: momentum_found(seen, run.layout)
-
-
-def momentum_found(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
-    """Momentum, linear or angular, that no impulse explains at the end of the block."""
-    block, effort, balances = seen.block, seen.effort, seen.ledger.momentum()
-    if balances is None or not seen.resolution.resolved():
-        return
-    bound = 10.0 * effort.balance
-    for name, balance in balances.items():
-        error, scale, doubt = abs(balance["error"]), balance["scale"], balance["quadrature"]
-        if balance["relative"] is None:
+    for name, balance in ledger.balances().items():
+        error, scale = abs(balance["error"]), balance["scale"]
+        bound, at_rest = TIMES * effort.balance, 0.0
+        known, i = resolution.resolved(), len(block) - 1
+        if name == "energy":
+            bound, at_rest = effort.balance, ledger.at_rest
+            known = not ledger.has_work or resolution.resolved(at_work)
+        elif balance["relative"] is None:
             continue
-        if np.isfinite(error) and error <= bound * scale + DOUBTS * doubt:
+        if np.isfinite(error) and (
+            not known or error <= bound * scale + at_rest + DOUBTS * balance["quadrature"]
+        ):
             continue
-        last = len(block) - 1
-        finer = effort.finer_step(error / scale, bound)
-        yield Finding(
-            "momentum" if name == "linear" else "angular momentum",
-            float(block.t[last]),
-            error / scale,
-            bound,
-            f"{name} momentum error relative to the largest momentum",
-            liveliest(block, layout, last),
-            effort.advice(finer),
-            finer,
-        )
+        if name == "energy":
+            lost = np.flatnonzero(~np.isfinite(block.energy))
+            i = int(lost[0]) if len(lost) else ledger.first_beyond(block, bound)
+        least = scale or at_rest  # nothing was exchanged where all bodies are exactly at rest
+        figure = error / least if least > 0.0 else np.inf
+        finer = effort.finer_step(figure, bound)
+        where, advice = liveliest(block, layout, i), effort.advice(finer)
+        yield Finding(name, float(block.t[i]), figure, bound, WHAT[name], where, advice, finer)
 
 
 def liveliest(block: SampleBlock, layout: SampleLayout, i: int) -> str:
