@@ -184,8 +184,7 @@ class CheckedSamples:
                 if any(given.state for given in block.inputs):
                     self._end()
                     self._check_list = self._new()
-                else:
-                    self._check_list.add(block, partial(effort_of, self._simulation))
+                self._check_list.add(block, partial(effort_of, self._simulation))
                 yield block
         finally:
             self._end()
