@@ -403,11 +403,6 @@ class Ledger:
         """Time of the last sample [s]."""
         return None if self._last is None else float(self._last.t[-1])
 
-    @property
-    def initial(self) -> float:
-        """Energy of the first sample [J]."""
-        return 0.0 if self._first is None else float(self._first.energy[0])
-
     def energy(self) -> dict[str, Any] | None:
         """Energies, work of forces without potential and the balance [J]; None without samples."""
         if self._first is None or self._last is None:

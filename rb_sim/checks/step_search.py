@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
@@ -27,11 +27,7 @@ from rb_sim.motion.pieces import ADVICE, Forecast
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rb_sim.base.diagnostic import Finding
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
-    from rb_sim.scene.compiled import Compiled
 
 
 # The forecast of a scene's run, with what would make it shorter.
@@ -85,47 +81,14 @@ MOST_STEPS = 200_000
 beginning is tried."""
 
 
-class Run(Protocol):
-    """What is tried: a Simulation, here without naming it."""
-
-    scene: Scene
-
-    @property
-    def setting(self) -> Any:
-        """Method and step of the run."""
-        ...
-
-    @property
-    def motion(self) -> Any:
-        """The motion, as it goes on."""
-        ...
-
-    @property
-    def layout(self) -> SampleLayout:
-        """Names of the bodies, reactions and contacts among the samples."""
-        ...
-
-    @property
-    def compiled(self) -> Compiled:
-        """The scene as it is run."""
-        ...
-
-    def with_step(self, step: float) -> Run:
-        """The same scene from its start with another step [s]."""
-        ...
-
-    def blocks(self, duration: float, rate: float, watch: Any) -> Iterator[SampleBlock]:
-        """Samples over a duration [s] at a rate [Hz]; `watch` may end them."""
-        ...
-
-
 def step_that_runs(
-    simulation: Run,
+    simulation: Any,
     failed_at: float,
     end: float,
     goes_on: Callable[[], bool] = lambda: True,
 ) -> str:
-    """Advice about the step of a run that failed because of it: one that does, or that none does.
+    """Advice about the step of a run of a Simulation that failed because of it: one that does, or
+    that none does.
 
     failed_at, end: of the run, which had no commands [s]; goes_on: asked during the trials, which
     begin at the scene's start; of a run too long for them a little more is tried than it came to.
@@ -146,7 +109,7 @@ def step_that_runs(
 
 
 def quiet_step(
-    simulation: Run,
+    simulation: Any,
     findings: tuple[Finding, ...],
     goes_on: Callable[[], bool] = lambda: True,
 ) -> str:
@@ -172,7 +135,7 @@ def quiet_step(
     return f"steps down to {min(tried):g} s do not help; {_otherwise(simulation)}"
 
 
-def _in_longer_steps(simulation: Run, share: float) -> str:
+def _in_longer_steps(simulation: Any, share: float) -> str:
     """What else to try where only steps do that are this share of what was asked for."""
     stiff = METHODS["radau5"]
     if share > STIFF or not stiff.suits(simulation.compiled.system):
@@ -180,7 +143,7 @@ def _in_longer_steps(simulation: Run, share: float) -> str:
     return ", or method radau5 with a tolerance"
 
 
-def _otherwise(simulation: Run) -> str:
+def _otherwise(simulation: Any) -> str:
     """What to try where no step does."""
     if METHODS[simulation.setting.name].family == "time-stepping":
         return "try method dopri853, which locates the events of contacts"
@@ -210,7 +173,7 @@ class _Trials:
 
     def __init__(
         self,
-        simulation: Run,
+        simulation: Any,
         end: float,
         known: frozenset[str] | None = None,
         goes_on: Callable[[], bool] = lambda: True,
