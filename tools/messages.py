@@ -19,7 +19,8 @@ import ast
 from pathlib import Path
 from typing import NamedTuple
 
-from rb_sim.base.diagnostic import CHECKS
+from rb_sim.base.diagnostic import CHECKS as WORDS
+from rb_sim.checks.check_list import CHECKS
 
 ROOT = Path(__file__).parents[1] / "rb_sim"
 
@@ -161,7 +162,7 @@ def page(made: str) -> str:
         "code is 3. How they work: [Accuracy checks](../accuracy-checks.md).",
     ]
     rows = ["| check | quantity | limit | cause | cure |", "|---|---|---|---|---|"]
-    rows += [f"| {name} | {' | '.join(check)} |" for name, check in CHECKS.items()]
+    rows += [f"| {name} | {' | '.join(check)} |" for name, check in WORDS.items()]
     parts.append("\n".join(rows))
     for title, messages in SECTIONS.items():
         rows = ["| message contains | cause | cure |", "|---|---|---|"]
@@ -185,14 +186,13 @@ def texts() -> list[str]:
 
 
 def checks_that_are_named() -> set[str]:
-    """First arguments of all findings in rb_sim/checks, as they stand in the sources."""
-    names: set[str] = set()
+    """Names of all checks: those of the list, and first arguments of other findings in
+    rb_sim/checks, as they stand in the sources."""
+    names = {name for names, _ in CHECKS for name in names}
     for path in (ROOT / "checks").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                if node.func.id in ("Finding", "_counted") and node.args:
+                if node.func.id == "Finding" and node.args:
                     first = ast.walk(node.args[0])
-                    names |= {str(n.value) for n in first if isinstance(n, ast.Constant)} - {
-                        "linear"
-                    }
+                    names |= {str(n.value) for n in first if isinstance(n, ast.Constant)}
     return names
