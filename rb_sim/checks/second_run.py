@@ -25,7 +25,7 @@ shorter steps.  The error at an instant is the largest of
 over the bodies, with A^2 = largest moment / mass and S the largest |x - x_0| or A turn_0 of any
 body over the run, in the run or in the second one, whichever is smaller: of two runs of which one
 has exploded the other tells how large the motion is.  Commands act in the second run when they did
-in the first.
+in the first, and bodies whose state was set get the same one.
 
 A run that takes long is made again in larger steps first, which costs a part of it: if the two
 agree within BOUND the error is smaller than their difference, and no finer run is made.  How long
