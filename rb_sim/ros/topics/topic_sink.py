@@ -318,8 +318,7 @@ class CheckSink:
 
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
         """Have the samples looked at: by the thread, or at once."""
-        effort = effort_of(self._simulation)._replace(ahead=None)  # a thread looks at it
-        batch = Batch(self._check_list, samples, effort)
+        batch = Batch(self._check_list, samples, effort_of(self._simulation))
         if self._thread is None:
             self._add(batch)
         else:
