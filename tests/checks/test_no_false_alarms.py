@@ -85,8 +85,8 @@ def test_a_shipped_pendulum_at_few_samples_is_right() -> None:
 
 
 def test_a_drag_that_acts_between_two_samples_is_no_energy_that_is_lost() -> None:
-    """It stops a body in 1 ms, sampled every 10 ms, and by chance every other sample gave nearly the
-    same work as all of them: 4.8 % of the energy were told to be lost by every method."""
+    """It stops a body in 1 ms, sampled every 10 ms, and by chance every other sample gave nearly
+    the same work as all of them: by every method 4.8 % of the energy seemed to be lost."""
     scene = random_scene(random.Random("8421 17"), contacts=False)
     options = {"duration": 0.5, "rate": 100.0, "project_initial": True}
     run = Simulation(scene | {"simulation": options}).run()
