@@ -84,7 +84,7 @@ class Plane(Spec):
 
 
 class Parallel(Spec):
-    """axis_B of the body stays parallel to axis_A: 2 rows, a torque normal to the axis."""
+    """axis_B of the body stays parallel to axis_A; the reaction is a torque normal to it."""
 
     type: Literal["parallel"]
     body: Name

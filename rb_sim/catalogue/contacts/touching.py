@@ -87,9 +87,9 @@ class Compliance(Spec):
     """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
 
     stiffness: Positive
-    """[N/m]."""
+    """stiffness [N/m]."""
     damping: NonNegative = 0.0
-    """[N s/m]."""
+    """damping [N s/m]."""
 
     @property
     def spring(self) -> tuple[float, float]:
