@@ -34,6 +34,16 @@ BAD_SCENES = {
         "constraints: {pin: {type: fixed_point, body: a}}",
         "constraints.pin",
     ),
+    "number_for_a_law": (
+        "bodies: {a: {mass: 1, shape: {type: sphere, radius: 1}}}\n"
+        "constraints: {floor: {type: contact, body: a, friction: 0.5}}",
+        "got 0.5; must be a mapping {type: NAME}; NAME is one of coulomb, regularised, rough",
+    ),
+    "mu": (
+        "bodies: {a: {mass: 1, shape: {type: sphere, radius: 1}}}\n"
+        "constraints: {floor: {type: contact, body: a, friction: {type: coulomb, mu: 0.5}}}",
+        "friction.mu: unknown key; must be static, or one of kinetic, type",
+    ),
 }
 
 
@@ -91,7 +101,10 @@ def test_bad_scene(name, tmp_path):
         ),
         (("hard-cases", "nothing"), "error: nothing: is no folder; FOLDER must hold cases"),
         (("--fast",), "error: No such option"),
-        (("scenes", "/no"), "error: /no: is not a folder of scenes"),
+        (
+            ("scenes", "heavy_top"),
+            "error: heavy_top: is not a folder of scenes; for one scene: rb_sim",
+        ),
         (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
         (("replay", "/no"), "error: /no: no such bag"),
