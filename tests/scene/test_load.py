@@ -200,8 +200,8 @@ MESSAGES = [
         "{type: rolling, body: ball}",
         "rolling",
         "constraints.floor: got 'rolling'; must be a mapping {type: NAME}; NAME is rolling, "
-        "or one of contact, distance, fixed_axis, fixed_point, free, parallel, plane, string, translation, "
-        "velocity, weld",
+        "or one of contact, distance, fixed_axis, fixed_point, free, parallel, plane, string, "
+        "translation, velocity, weld",
     ),
     (
         "{type: fixed_point, body: rod,",
