@@ -19,7 +19,7 @@ import inspect
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic_core import PydanticUndefined
 
@@ -141,10 +141,21 @@ def keys(spec: type[Any]) -> list[str]:
         need = "required" if field.is_required() else "optional"
         meaning = told.get(name) or field.description or ABOUT.get(name, "")
         meaning = meaning.replace("] [", r"] \[")  # a unit behind a vector is no link of Markdown's
+        words = [f"`{word}`" for word in words_of(field.annotation)]
+        if len(words) > 1:
+            meaning = f"{meaning.rstrip('.')}. One of {', '.join(words)}."
         rows.append(
             f"| `{key}` | {need} | {default(name, field)} | {meaning} |".replace("|c|", "c")
         )
     return rows
+
+
+def words_of(annotation: Any) -> list[str]:
+    """The words that a value of this type may be; none of numbers and mappings."""
+    inner = get_args(annotation)
+    if get_origin(annotation) is Literal:
+        return [word for word in inner if isinstance(word, str)]
+    return [word for part in inner for word in words_of(part)] if not choices(annotation) else []
 
 
 def default(name: str, field: Any) -> str:

@@ -84,7 +84,7 @@ def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: Plac
 
 
 class Compliance(Spec):
-    """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
+    """Compliant support: N = stiffness depth + damping (rate of depth), never negative."""
 
     stiffness: Positive
     """stiffness [N/m]."""
