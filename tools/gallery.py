@@ -30,11 +30,10 @@ from rb_sim.mechanics.samples import ARRAYS, SampleBlock
 from rb_sim.scene.listing import shipped_statics
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.picture import save_picture
+from tools.colors import few_colors
 
 TILE = (480, 320)
 COLUMNS = 4
-COLORS = 128
-"""Of a picture; the shades of few colours need no more."""
 OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
 """Scenes of motion that docs/ten-scenes.md shows."""
 OWN_SIZE = (480, 320)
@@ -81,8 +80,7 @@ def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:
     if path.suffix == ".jpg":
         smaller.save(path, quality=85, optimize=True)
         return
-    method = Image.Quantize.MEDIANCUT
-    smaller.quantize(COLORS, method=method, dither=Image.Dither.NONE).save(path, optimize=True)
+    few_colors(smaller).save(path, optimize=True)
 
 
 def sheet(tiles: dict[str, Image.Image]) -> Image.Image:

@@ -16,6 +16,8 @@ MADE says what makes each of them, but those of the tutorials, which blocks of t
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import shutil
 import subprocess
@@ -24,10 +26,16 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.differences import Errors
+from rb_sim.accuracy.ladder import Accuracy, Ladder, Reference, Rung
 from rb_sim.cli.verbs.hard_cases import shipped
 from rb_sim.hard_cases.judge import Row, load_cases
 from rb_sim.hard_cases.report import picture
@@ -39,6 +47,8 @@ REPORT = (800, 1200)
 """Of the part of a report that is shown [px]."""
 FILED = 1_767_225_600
 """The date of its file [s since 1970], so that the picture is not another one every day."""
+DATA = "accuracy.json"
+"""Key of the data in a picture of measured times."""
 CELL, NEAR = 8, 16
 """Pictures show the same if no cell of so many pixels differs by more, of 255: fonts and rounding
 of another machine do not, a curve that lies elsewhere does."""
@@ -57,7 +67,47 @@ def rb_sim(folder: Path, *lines: str) -> None:
 def plain(source: Path, target: Path) -> None:
     """Write the picture without transparency, with all its colours."""
     with Image.open(source) as image:
-        image.convert("RGB").save(target, optimize=True)
+        image.convert("RGB").save(target, optimize=True, pnginfo=data_of(source))
+
+
+def data_of(picture: Path) -> PngInfo | None:
+    """The measured data of a work-precision diagram that `rb_sim accuracy` wrote; None of others.
+
+    The picture carries them, so that a test can draw it anew without measuring times again.
+    """
+    data = picture.with_name("accuracy.json")
+    if picture.name != "accuracy.png" or not data.exists():
+        return None
+    info = PngInfo()
+    info.add_text(DATA, json.dumps(json.loads(data.read_text(encoding="utf-8"))), zip=True)
+    return info
+
+
+def measured(picture: Path) -> Accuracy:
+    """What a work-precision diagram shows, from the data in it."""
+    with Image.open(picture) as image:
+        document = json.loads(image.info[DATA])
+    true = document["reference"]
+    reference = Reference(
+        np.zeros(0), true["kind"], true["checked_by"], _errors(true["agreement"]),
+        _errors(true["ulp_growth"]), 0.0, scatter=_errors(true["floor"]),
+    )  # fmt: skip
+    ladders = tuple(
+        Ladder(ladder["name"], tuple(map(_rung, ladder["rungs"])), ladder["end"])
+        for ladder in document["ladders"]
+    )
+    layout: Any = SimpleNamespace(reactions=True)
+    return Accuracy(document["scene"], document["duration_s"], layout, reference, ladders, 0.0)
+
+
+def _errors(values: dict[str, float | None]) -> Errors:
+    return Errors(*(math.inf if values[key] is None else values[key] for key in Errors._fields))
+
+
+def _rung(row: dict[str, Any]) -> Rung:
+    setting = Setting(row["method"], row["step_s"], row["tolerance"])
+    cost = math.inf if row["cpu_s_per_s"] is None else row["cpu_s_per_s"]
+    return Rung(setting, row["steps"], _errors(row), cost)
 
 
 def pictures(maker: Maker, *names: str) -> dict[str, Maker]:

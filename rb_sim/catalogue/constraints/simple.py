@@ -119,11 +119,11 @@ class Velocity(Spec):
     linear: Vector3 = ZERO
     """factors of the velocity of P, without a unit."""
     angular: Vector3 = ZERO
-    """factors of the angular velocity [m]."""
+    """factors of the angular velocity [m]; without a unit if `linear` is zero."""
     frame: Literal["world", "body"] = "body"
     """axes in which `linear` and `angular` are constant."""
     rate: Finite = 0.0
-    """right-hand side [m/s]."""
+    """right-hand side [m/s]; [rad/s] if `linear` is zero."""
 
     EQUATION: ClassVar[str] = """
     linear . v_P + angular . w = rate
