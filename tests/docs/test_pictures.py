@@ -12,6 +12,7 @@ draws today. Those of the tutorials are compared by their curves (test_pages.py)
 
 from __future__ import annotations
 
+import json
 import re
 from functools import partial
 from pathlib import Path
@@ -21,13 +22,13 @@ import pytest
 from PIL import Image, ImageChops
 from scipy.spatial.transform import Rotation
 
-from rb_sim import Simulation, load_scene
+from rb_sim import Simulation, load_scene, scenes
 from rb_sim.accuracy.picture import save_picture
 from tests.docs.blocks import PAGES
 from tests.docs.page_run import pictures
-from tools import law_pictures, readme_picture
+from tools import gallery, law_pictures, readme_picture
 from tools.colors import few_colors
-from tools.pictures import DOCS, MADE, measured, plain, same
+from tools.pictures import DOCS, MADE, WORDS, measured, plain, report_page, same, words_on
 from tools.tutorials import small
 
 COSTS = DOCS / "tutorials" / "pictures" / "accuracy" / "costs" / "accuracy.png"
@@ -60,12 +61,12 @@ CHEAP = [
     path
     for path in MADE
     if path.startswith("laws/") or path.startswith("pictures/scene_") and path.endswith(".png")
-] + ["pictures/hard-cases.png"]
+] + ["pictures/hard-cases.png", "pictures/bags_compare.png", "pictures/sweep_rattleback_skew.png"]
 
 
 @pytest.mark.parametrize("path", CHEAP)
 def test_a_picture_shows_what_the_program_draws(path, tmp_path):
-    """Of those that take less than a second."""
+    """Of those that take a few seconds; `make docs` makes the others."""
     MADE[path](tmp_path)
     assert same(tmp_path / Path(path).name, DOCS / path), f"run python -m tools.pictures {path}"
 
@@ -105,6 +106,27 @@ def test_the_moving_picture_ends_as_the_program_moves(tmp_path, monkeypatch):
     monkeypatch.setattr(readme_picture, "FRAMES", 2)
     readme_picture.draw(tmp_path)
     assert same(tmp_path / "heavy_top.gif", DOCS / "pictures" / "heavy_top.gif")
+
+
+OF_THE_VIEWER = ["gallery.jpg", *(f"scene_{name}.jpg" for name in gallery.OWN)]
+
+
+@pytest.mark.parametrize("name", OF_THE_VIEWER)
+def test_a_picture_of_the_viewer_shows_the_motion_of_today(name):
+    """By the places of the bodies in it, which its comment holds."""
+    with Image.open(DOCS / "pictures" / name) as image:
+        kept = json.loads(image.info["comment"])
+    if name == "gallery.jpg":
+        assert set(kept) == {scene.name for scene in scenes()}
+    today = json.loads(gallery.places(kept))
+    for scene, shown in kept.items():
+        assert today[scene]["until"] == pytest.approx(shown["until"])
+        assert np.allclose(today[scene]["centres"], shown["centres"], atol=1e-3), scene
+
+
+def test_the_picture_of_the_report_has_the_words_of_today(tmp_path):
+    with Image.open(DOCS / "pictures" / "bags_report.png") as image:
+        assert words_on(report_page(tmp_path)) == image.info[WORDS]
 
 
 def test_few_colors_keep_those_of_thin_lines():
