@@ -23,6 +23,9 @@ from typer.testing import CliRunner
 import rb_sim
 from rb_sim.base.diagnostic import CHECKS
 from rb_sim.cli.main import app
+from rb_sim.cli.verbs.hard_cases import shipped
+from rb_sim.hard_cases.judge import load_cases
+from rb_sim.hard_cases.report import described
 from rb_sim.ros.parameters import Settings
 from tests.docs.blocks import ROOT
 from tools.messages import SECTIONS, checks_that_are_named, texts
@@ -131,3 +134,8 @@ def test_every_service_of_the_node_is_explained():
     served = set(re.findall(r'serve\(\s*node, \w+, "(~/\w+)"', sources))
     assert served >= {"~/pause", "~/step", "~/reset", "~/advance", "~/set_state"}
     assert {name for name in served if f"`{name}`" not in NODE} == set()
+
+
+def test_the_page_of_hard_cases_describes_each_as_its_file_does():
+    text = (ROOT / "docs" / "hard-cases.md").read_text(encoding="utf-8")
+    assert text.endswith("".join(map(described, load_cases(shipped()))))
