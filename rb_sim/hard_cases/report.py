@@ -30,8 +30,8 @@ hide: [toc]
 
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
 `hard-cases.png` beside it). Each case is a file in `config/hard_cases`; the command also takes a
-folder of your own cases. A case holds if the figure (column *is*) stays below the bound; *margin* is
-bound over figure. *Limit* marks a bound that does not hold today; the case states why. CPU times
+folder of your own cases. A case holds if the figure (column *is*) stays below the bound; *margin*
+is bound over figure. *Limit* marks a bound that does not hold today; the case states why. CPU times
 are of one run on one machine, kernels %s.
 %s
 ![Margin of every case](pictures/hard-cases.png)
