@@ -53,9 +53,9 @@ search: {exclude: true}
 
 # Heaps compared with other programs
 
-Every heap falls or stands under its weight, with a friction coefficient of 0.5. All engines take the
-same step. MuJoCo and Drake run with their default solvers, whose contacts are compliant; contacts of
-rb_sim are rigid.
+Every heap falls or stands under its weight, with a friction coefficient of 0.5. All engines take
+the same step. MuJoCo and Drake run with their default solvers, whose contacts are compliant;
+contacts of rb_sim are rigid.
 
 Column `solver`: number of steps that are not solved, largest change of an impulse in the last sweep
 of such a step, and largest violation of a contact law (a jammed moving heap may have no rigid
@@ -67,9 +67,9 @@ Written by `python -m benchmarks.heaps{arguments}`, all in one run. {machine}. {
 TABLE = """
 ## Two seconds at 1 ms
 {written}
-*First*, *later*: CPU time of a step [us] in the first half second, and the least of the three other
-half seconds. *Overlap*: the deepest at the end of any half second. *Moved*: largest displacement of a
-body in the last half second.
+*First*, *later*: CPU time of a step [us] in the first half second, and the least of the three
+other half seconds. *Overlap*: the deepest at the end of any half second. *Moved*: largest
+displacement of a body in the last half second.
 
 | heap | engine | first [us] | later [us] | overlap [m] | moved [m] | solver |
 |---|---|---|---|---|---|---|
@@ -95,8 +95,8 @@ COSTS = (
     EFFECTS
     + """
 {written}
-The stack of 5 boxes at 1 ms with one more effect, in turn with the weight alone: median of {rounds} rounds
-of {count} steps, and its ratio to the weight alone.
+The stack of 5 boxes at 1 ms with one more effect, in turn with the weight alone: median of
+{rounds} rounds of {count} steps, and its ratio to the weight alone.
 
 | effects | CPU a step [us] | ratio |
 |---|---|---|
@@ -108,9 +108,9 @@ FALLS = (
     DROPPED
     + """
 {written}
-6 x 6 x 6 balls of 0.1 m and 10 kg fall by 1 m on a floor (the sizes of "666" of SimBenchmark); every
-two of them may touch; 2 s at 1 ms. Mean CPU time of a step [ms] in each half second, and the deepest
-overlap at the end of any of them.
+6 x 6 x 6 balls of 0.1 m and 10 kg fall by 1 m on a floor (the sizes of "666" of SimBenchmark);
+every two of them may touch; 2 s at 1 ms. Mean CPU time of a step [ms] in each half second, and the
+deepest overlap at the end of any of them.
 
 | engine | 0 to 0.5 s | to 1 s | to 1.5 s | to 2 s | overlap [m] | solver |
 |---|---|---|---|---|---|---|

@@ -139,7 +139,7 @@ class LinearModel:
         return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
 
     def as_dict(self) -> dict[str, Any]:
-        """A, B, C, D as lists with their names, t and the modes; None if a mode has no such value."""
+        """A, B, C, D as lists with their names, t and the modes; None: a mode has no such value."""
         plain: dict[str, Any] = {"t": self.t}
         plain |= {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
         plain |= {name: getattr(self, name).tolist() for name in "ABCD"}
