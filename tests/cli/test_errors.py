@@ -195,3 +195,16 @@ def test_help_shows_flags_as_flags(monkeypatch):
         shown = invoke(*verb, "--help").output.lower()
         assert "--help" in shown
         assert "bool" not in shown
+
+
+def test_a_warning_of_a_changed_scene_is_printed_once(tmp_path):
+    """That of the scene as it is run; not another one of the file, which the change cures."""
+    path = tmp_path / "wheel.yaml"
+    path.write_text(
+        'bodies: {"w.1": {mass: 1, inertia: [1, 1, 1], orientation: [1, 0, 0, 0]}}\n'
+        "effects: {g: {type: gravity}}\nsimulation: {duration: 0.1}\n",
+        encoding="utf-8",
+    )
+    change = 'bodies["w.1"].orientation=[0, 0, 0, 1]'
+    said = invoke("run", path, "--quiet", "--set", change).output
+    assert said.count("w.1 -> w_1") == 1 and "half a turn" not in said
