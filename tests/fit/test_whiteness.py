@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
+from rb_sim.cli.main import app
 from rb_sim.fit.fit import correlation
 
 NOISE = (1e-3, 2e-3)
@@ -84,3 +86,18 @@ def test_correlation():
     wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
     assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
     assert correlation([np.ones((5, 3))]) == 0.0
+
+
+@pytest.mark.parametrize("body", ["heavy_top", "pendulum"])
+def test_a_body_whose_origin_is_held_leaves_rounding(body, tmp_path):
+    """Its origin goes nowhere; its turn says what is rounding."""
+    number = {"heavy_top": "bodies.top.mass", "pendulum": "bodies.rod.inertia"}[body]
+    change = {"heavy_top": "17", "pendulum": "[0.1, 0.1, 5.0e-5]"}[body]
+    made = ["run", body, "--duration", "0.5", "--out", str(tmp_path / "out"), "--set",
+            f"{number}={change}", "--no-rerun", "--no-plots", "--quiet"]  # fmt: skip
+    assert CliRunner().invoke(app, made).exit_code == 0
+    free = {"heavy_top": number, "pendulum": f"{number}[1]"}[body]
+    done = CliRunner().invoke(
+        app, ["fit", str(tmp_path / "out" / "bag"), "--scene", body, "--free", free]
+    )
+    assert done.exit_code == 0 and "correlated" not in done.output and "noise" not in done.output
