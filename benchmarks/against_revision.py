@@ -166,7 +166,7 @@ def page(revision: str, about: str, table: dict[str, Compared]) -> str:
     """docs/steps.md."""
     lines = [
         *("---", "search: {exclude: true}", "---", ""),
-        "# Steps beside an earlier revision",
+        "# Steps compared with an earlier revision",
         "",
         f"Written by `python -m benchmarks.against_revision {revision} --page`, in one run.",
         "",

@@ -15,7 +15,9 @@ them together are docs/pictures/gallery.jpg; those of docs/ten-scenes.md are pic
 
 from __future__ import annotations
 
+import json
 import tempfile
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,13 +30,13 @@ from rb_sim.io.rerun.sink import RerunSink
 from rb_sim.io.rerun.viewer import frames
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock
 from rb_sim.scene.listing import shipped_statics
+from rb_sim.scene.schema import Scene
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.picture import save_picture
+from tools.colors import few_colors
 
 TILE = (480, 320)
 COLUMNS = 4
-COLORS = 128
-"""Of a picture; the shades of few colours need no more."""
 OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
 """Scenes of motion that docs/ten-scenes.md shows."""
 OWN_SIZE = (480, 320)
@@ -47,20 +49,41 @@ MOST_WAY, SHORT_WAY = 40.0, 16.0
 dot, a run is drawn as long as none covers more than the second."""
 
 
-def picture_of(scene, folder: Path) -> Image.Image:
+def drawn(scene: Scene) -> SampleBlock:
+    """The samples of a run of the scene that are drawn."""
+    block = Simulation(scene).run(check=False).block
+    return in_sight(block, max(map(reach_of, scene.bodies.values())))
+
+
+def places(names: Iterable[str]) -> str:
+    """Centres of mass at MOMENT [m] in these scenes, and how long their runs are drawn [s]: JSON.
+
+    A picture of the viewer carries them as its comment, so that a test sees whether the program
+    still moves so without the viewer, which draws otherwise on other machines.
+    """
+    found = {}
+    for name in names:
+        block = drawn(load_scene(name))
+        row = round(MOMENT * (len(block.t) - 1))
+        centres = block.position[row].round(6).tolist()
+        found[name] = {"until": round(float(block.t[-1]), 6), "centres": centres}
+    return json.dumps(found)
+
+
+def picture_of(scene: Scene, folder: Path) -> Image.Image:
     """A run of the scene, drawn at MOMENT in twice the size of a tile."""
     simulation = Simulation(scene)
-    block = in_sight(simulation.run().block, max(map(reach_of, scene.bodies.values())))
+    block = drawn(scene)
     recording = folder / f"{scene.name}.rrd"
     sink = RerunSink(recording, motion_only=True)
     sink.open(simulation.scene, simulation.layout)
     sink.write(block)
     sink.close()
-    drawn = folder / f"{scene.name}.png"
+    path = folder / f"{scene.name}.png"
     size = (2 * TILE[0], 2 * TILE[1])
     (data,) = frames(recording, [MOMENT], size)
-    drawn.write_bytes(data)
-    with Image.open(drawn) as image:
+    path.write_bytes(data)
+    with Image.open(path) as image:
         return image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
 
 
@@ -75,14 +98,13 @@ def in_sight(block: SampleBlock, reach: float) -> SampleBlock:
     return replace(block, **part, events=events)
 
 
-def small(image: Image.Image, size: tuple[int, int], path: Path) -> None:
-    """Write the picture as JPEG, or as PNG with few colours, as the name ends."""
+def small(image: Image.Image, size: tuple[int, int], path: Path, comment: str = "") -> None:
+    """Write the picture as JPEG with a comment, or as PNG with few colours, as the name ends."""
     smaller = image.resize(size, Image.Resampling.LANCZOS)
     if path.suffix == ".jpg":
-        smaller.save(path, quality=85, optimize=True)
+        smaller.save(path, quality=85, optimize=True, comment=comment)
         return
-    method = Image.Quantize.MEDIANCUT
-    smaller.quantize(COLORS, method=method, dither=Image.Dither.NONE).save(path, optimize=True)
+    few_colors(smaller).save(path, optimize=True)
 
 
 def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
@@ -113,6 +135,7 @@ def draw(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as large:
         tiles = {scene.name: picture_of(load_scene(scene.name), Path(large)) for scene in scenes()}
     for name in OWN:
-        small(tiles[name], OWN_SIZE, folder / f"scene_{name}.jpg")
+        small(tiles[name], OWN_SIZE, folder / f"scene_{name}.jpg", places([name]))
     page = sheet(tiles)
-    small(page, (page.width * 5 // 6, page.height * 5 // 6), folder / "gallery.jpg")
+    size = page.width * 5 // 6, page.height * 5 // 6
+    small(page, size, folder / "gallery.jpg", places(tiles))

@@ -19,7 +19,7 @@ import inspect
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic_core import PydanticUndefined
 
@@ -39,11 +39,19 @@ ABOUT = {
 """Of keys that mean the same everywhere."""
 
 SYMBOLS = """\
-C centre of mass, O body origin, p a point and V its velocity (of C if no point is named), a
-acceleration, w angular velocity, q attitude, R axes of the body to the world's, r_CP from C to P;
-m mass, I inertia about C, J about the axis; F force and K torque about C, lambda the multiplier
-of a constraint equation, U potential; A of the parent or the world, B of the body, ' d/dt. A
-reaction acts by the constraint on the body, and the opposite on the parent.\
+| symbol | meaning |
+|---|---|
+| C, O | centre of mass, body origin |
+| p, V, a | position of a point, its velocity and acceleration (of C if no point is named) |
+| q, R, w | attitude, rotation from body to world axes, angular velocity |
+| r_CP | vector from C to P |
+| m, I, J | mass, inertia about C, moment of inertia about the axis |
+| F, K | force, torque about C |
+| lambda, U | multiplier of a constraint equation, potential energy |
+| index B, index A | of the body, of its parent or the world |
+| x' | dx/dt |
+
+A reaction acts BY the constraint ON the body; the opposite wrench acts on the parent.\
 """
 
 MISSING = {
@@ -60,11 +68,11 @@ def pages() -> dict[str, str]:
     """Text of each page, by file name."""
     made: dict[str, str] = {}
     lines = [
-        "# Laws",
+        "# Constraints and effects",
         "",
         "Made from the sources by `make docs`; every example is a whole scene.",
         "",
-        f"Symbols: {SYMBOLS}",
+        SYMBOLS,
         "",
     ]
     for heading, specs in (("Constraints", constraints.SPECS), ("Effects", effects.SPECS)):
@@ -81,7 +89,7 @@ def page(kind: str, spec: type[Any]) -> str:
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
     parts += ["## Equation", f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
     parts += [f"$$\n{FORMULAS[kind].strip()}\n$$"]
-    parts += ["The symbols are those of [Laws](index.md).", *about(spec)]
+    parts += ["Symbols: [Constraints and effects](index.md).", *about(spec)]
     parts += ["## Keys", "\n".join(keys(spec))]
     for name, field in spec.model_fields.items():
         for choice in choices(field.annotation):
@@ -133,10 +141,21 @@ def keys(spec: type[Any]) -> list[str]:
         need = "required" if field.is_required() else "optional"
         meaning = told.get(name) or field.description or ABOUT.get(name, "")
         meaning = meaning.replace("] [", r"] \[")  # a unit behind a vector is no link of Markdown's
+        words = [f"`{word}`" for word in words_of(field.annotation)]
+        if len(words) > 1:
+            meaning = f"{meaning.rstrip('.')}. One of {', '.join(words)}."
         rows.append(
             f"| `{key}` | {need} | {default(name, field)} | {meaning} |".replace("|c|", "c")
         )
     return rows
+
+
+def words_of(annotation: Any) -> list[str]:
+    """The words that a value of this type may be; none of numbers and mappings."""
+    inner = get_args(annotation)
+    if get_origin(annotation) is Literal:
+        return [word for word in inner if isinstance(word, str)]
+    return [word for part in inner for word in words_of(part)] if not choices(annotation) else []
 
 
 def default(name: str, field: Any) -> str:

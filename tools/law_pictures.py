@@ -31,6 +31,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.palette import AXES, GRID, REACTION
+from tools.colors import few_colors
 from tools.law_examples import EXAMPLES
 
 THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0]}
@@ -38,8 +39,6 @@ THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0
 DURATION, SAMPLES = 2.0, 200
 ARROWS = 9
 JOINT = "#0072b2"
-COLORS = 256
-"""Of a picture."""
 
 
 def moving(kind: str) -> Any:
@@ -102,8 +101,7 @@ def picture(kind: str) -> Image.Image:
     plot.margins(x=0)
     data = io.BytesIO()
     figure.savefig(data, format="png")
-    image = Image.open(data).convert("RGB")
-    return image.quantize(COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    return Image.open(data).convert("RGB")
 
 
 def _view(axes: Any, seen: np.ndarray) -> tuple[np.ndarray, float]:
@@ -182,4 +180,4 @@ def _draw_joint(
 
 def draw(kind: str, folder: Path) -> None:
     """Write KIND.png into the folder."""
-    picture(kind).save(folder / f"{kind}.png", optimize=True)
+    few_colors(picture(kind)).save(folder / f"{kind}.png", optimize=True)

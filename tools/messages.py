@@ -39,6 +39,8 @@ SCENES = (
     Message("is missing", "a required key is absent", "add it"),
     Message("is not YAML: ", "indentation, a tab, or a missing bracket or quote",
             "correct the line and column that are named"),
+    Message("a mapping {type: NAME}", "a number or a word in place of a law, a shape or a surface",
+            "a mapping, for example `friction: {type: coulomb, static: 0.5}`"),
     Message("is given twice", "two entries have the same name", "rename one"),
     Message("an angle in radians, at most", "the angle is in degrees", "`angle: 90 deg`"),
     Message("is half a turn about x, since the order is [x, y, z, w]",

@@ -16,7 +16,11 @@ MADE says what makes each of them, but those of the tutorials, which blocks of t
 
 from __future__ import annotations
 
+import html
+import json
+import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -24,10 +28,16 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.differences import Errors
+from rb_sim.accuracy.ladder import Accuracy, Ladder, Reference, Rung
 from rb_sim.cli.verbs.hard_cases import shipped
 from rb_sim.hard_cases.judge import Row, load_cases
 from rb_sim.hard_cases.report import picture
@@ -39,6 +49,10 @@ REPORT = (800, 1200)
 """Of the part of a report that is shown [px]."""
 FILED = 1_767_225_600
 """The date of its file [s since 1970], so that the picture is not another one every day."""
+DATA = "accuracy.json"
+"""Key of the data in a picture of measured times."""
+WORDS = "words"
+"""Key of the words in a picture of a page."""
 CELL, NEAR = 8, 16
 """Pictures show the same if no cell of so many pixels differs by more, of 255: fonts and rounding
 of another machine do not, a curve that lies elsewhere does."""
@@ -57,7 +71,48 @@ def rb_sim(folder: Path, *lines: str) -> None:
 def plain(source: Path, target: Path) -> None:
     """Write the picture without transparency, with all its colours."""
     with Image.open(source) as image:
-        image.convert("RGB").save(target, optimize=True)
+        image.convert("RGB").save(target, optimize=True, pnginfo=data_of(source))
+
+
+def data_of(picture: Path) -> PngInfo | None:
+    """The measured data of a work-precision diagram that `rb_sim accuracy` wrote; None of others.
+
+    The picture carries them, so that a test can draw it anew without measuring times again.
+    """
+    data = picture.with_name("accuracy.json")
+    if picture.name != "accuracy.png" or not data.exists():
+        return None
+    info = PngInfo()
+    info.add_text(DATA, json.dumps(json.loads(data.read_text(encoding="utf-8"))), zip=True)
+    return info
+
+
+def measured(picture: Path) -> Accuracy:
+    """What a work-precision diagram shows, from the data in it."""
+    with Image.open(picture) as image:
+        document = json.loads(image.info[DATA])
+    true = document["reference"]
+    reference = Reference(
+        np.zeros(0), true["kind"], true["checked_by"], _errors(true["agreement"]),
+        _errors(true["ulp_growth"]), 0.0, scatter=_errors(true["floor"]),
+    )  # fmt: skip
+    ladders = tuple(
+        Ladder(ladder["name"], tuple(map(_rung, ladder["rungs"])), ladder["end"])
+        for ladder in document["ladders"]
+    )
+    layout: Any = SimpleNamespace(reactions=True)
+    return Accuracy(document["scene"], document["duration_s"], layout, reference, ladders, 0.0)
+
+
+def _errors(values: dict[str, float | None]) -> Errors:
+    found = (values[key] for key in Errors._fields)
+    return Errors(*(math.inf if value is None else value for value in found))
+
+
+def _rung(row: dict[str, Any]) -> Rung:
+    setting = Setting(row["method"], row["step_s"], row["tolerance"])
+    cost = math.inf if row["cpu_s_per_s"] is None else row["cpu_s_per_s"]
+    return Rung(setting, row["steps"], _errors(row), cost)
 
 
 def pictures(maker: Maker, *names: str) -> dict[str, Maker]:
@@ -97,18 +152,37 @@ def hard_cases(folder: Path) -> None:
 def report(folder: Path) -> None:
     """The top of the page that `rb_sim analyze` writes, drawn by Chromium."""
     chromium = next(filter(shutil.which, ("chromium", "chromium-browser", "google-chrome")))
+    page = report_page(folder)
+    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+               f"--window-size={REPORT[0]},{REPORT[1]}", "--virtual-time-budget=10000",
+               "--screenshot=full.png", page.as_uri()]  # fmt: skip
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    info = PngInfo()
+    info.add_text(WORDS, words_on(page), zip=True)
+    with Image.open(folder / "full.png") as image:
+        image.convert("RGB").save(folder / "bags_report.png", optimize=True, pnginfo=info)
+
+
+def report_page(folder: Path) -> Path:
+    """The page that `rb_sim analyze` writes of a shipped scene."""
     rb_sim(folder, "run heavy_top --duration 3 --out top --no-rerun --no-plots --quiet")
     for file in (folder / "top").rglob("*"):
         os.utime(file, (FILED, FILED))
     rb_sim(folder, "analyze top/bag --out out")
-    page = (folder / "out" / "report.html").as_uri()
-    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
-               f"--window-size={REPORT[0]},{REPORT[1]}", "--virtual-time-budget=10000",
-               "--screenshot=full.png", page]  # fmt: skip
-    subprocess.run(command, cwd=folder, check=True, capture_output=True)
-    plain(folder / "full.png", folder / "bags_report.png")
+    return folder / "out" / "report.html"
 
 
+def words_on(page: Path) -> str:
+    """The words of a page without its numbers, which the picture of it carries: a test compares
+    them without a browser, whose fonts differ from machine to machine."""
+    text = re.sub(r"<(script|style).*?</\1>|<[^>]*>", " ", page.read_text("utf-8"), flags=re.DOTALL)
+    return " ".join(re.findall(r"[^\W\d_]{2,}", html.unescape(text)))
+
+
+TWO_MOTIONS = (
+    "run thrown_ball --out ball --no-rerun --no-plots --quiet",
+    "resim ball/bag --set effects.weight.acceleration=[0,0,-9.7] --out what",
+)
 MADE: dict[str, Maker] = {
     **pictures(readme_picture.draw, "heavy_top.gif"),
     **pictures(gallery.draw, "gallery.jpg", *(f"scene_{name}.jpg" for name in gallery.OWN)),
@@ -116,10 +190,10 @@ MADE: dict[str, Maker] = {
        for name in gallery.AT_REST},
     **drawn_by("accuracy heavy_top --out out",
                files={"accuracy_heavy_top.png": "out/accuracy.png"}),
-    **drawn_by("run thrown_ball --out ball --no-rerun --no-plots --quiet",
-               "resim ball/bag --set effects.weight.acceleration=[0,0,-9.7] --out what",
-               "compare ball/bag what/bag --out apart --screenshot both.png",
-               files={"bags_compare.png": "apart/compare.png", "bags_overlay.png": "both.png"}),
+    **drawn_by(*TWO_MOTIONS, "compare ball/bag what/bag --out apart",
+               files={"bags_compare.png": "apart/compare.png"}),
+    **drawn_by(*TWO_MOTIONS, "compare ball/bag what/bag --screenshot both.png",
+               files={"bags_overlay.png": "both.png"}),
     **pictures(report, "bags_report.png"),
     **pictures(hard_cases, "hard-cases.png"),
     **of_sweep("coin", "map_heads"),

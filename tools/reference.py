@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Writes the reference pages that follow from the sources: docs/reference/{scene,cli,messages}.md.
+"""Writes the reference pages that follow from the sources: scene, cli, node and messages in
+docs/reference.
 
 Run by `make docs`; a test sees that the pages in the tree are those of the sources.
 """
@@ -15,8 +16,10 @@ Run by `make docs`; a test sees that the pages in the tree are those of the sour
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from typer.main import get_command
 
 from rb_sim.catalogue import constraints, effects
 from rb_sim.cli.main import app
+from rb_sim.ros.parameters import Settings
 from rb_sim.scene.schema import Body, SimulationOptions
 from rb_sim.scene.shapes import AnyShape
 from tools import messages
@@ -34,11 +38,18 @@ BAR = r"\|"
 """A vertical bar in a cell of a table."""
 
 MADE = "Made from the sources by `make docs`."
+TYPES = {str: "string", bool: "bool", int: "integer", float: "double"}
+"""Names of ROS for types of parameters."""
 
 
 def pages() -> dict[str, str]:
     """Text of each page, by file name."""
-    return {"scene.md": scene_page(), "cli.md": cli_page(), "messages.md": messages.page(MADE)}
+    return {
+        "scene.md": scene_page(),
+        "cli.md": cli_page(),
+        "node.md": node_page(),
+        "messages.md": messages.page(MADE),
+    }
 
 
 def scene_page() -> str:
@@ -77,17 +88,23 @@ def scene_page() -> str:
 def cli_page() -> str:
     """Every command with every option."""
     group: Any = get_command(app)
-    parts = ["# Command line", MADE, inspect.cleandoc(group.help or "")]
-    parts.append((group.epilog or "").strip())
+    parts = ["# Commands and options", MADE, _prose(group.help)]
+    parts.append(_prose(group.epilog))
     for name, command in group.commands.items():
-        parts += [f"## `rb_sim {name}`", inspect.cleandoc(command.help or "")]
+        parts += [f"## `rb_sim {name}`", _prose(command.help)]
         arguments = [p for p in command.params if p.param_type_name == "argument"]
         usage = " ".join(["rb_sim", name, "[OPTIONS]", *map(_argument, arguments)])
         parts.append(f"```text\n{usage}\n```")
         rows = [_row(p) for p in command.params if p.name != "help"]
-        head = ["| | default | meaning |", "|---|---|---|"]
+        head = ["| argument, option | default | meaning |", "|---|---|---|"]
         parts += ["\n".join([*head, *rows])] if rows else []
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _prose(text: str | None) -> str:
+    """Options in it as code: others would break at their hyphens, or become dashes."""
+    option = re.compile(r"`[^`]*`|(?<![\w-])--[a-z][a-z-]*")
+    return option.sub(lambda hit: f"`{hit[0].strip('`')}`", inspect.cleandoc(text or "").strip())
 
 
 def _argument(parameter: Any) -> str:
@@ -110,7 +127,7 @@ def _row(parameter: Any) -> str:
         name = f"`{names}{value}`"
     shown = parameter.show_default
     default = shown if isinstance(shown, str) else _default(parameter)
-    help_text = " ".join((parameter.help or "").split())
+    help_text = _prose(" ".join((parameter.help or "").split()))
     cells = (name, default, help_text)
     return "| " + " | ".join(re.sub(r"(?<!\\)\|", r"\\|", cell) for cell in cells) + " |"
 
@@ -127,6 +144,34 @@ def _default(parameter: Any) -> str:
 def is_shown(value: Any) -> bool:
     """Whether a default is worth showing: numbers, words and paths."""
     return isinstance(value, (int, float, str, Path)) and str(value) != ""
+
+
+def node_page() -> str:
+    """Every parameter of the node."""
+    head = ["| parameter | type | default | allowed | meaning |", "|---|---|---|---|---|"]
+    rows = [_parameter(known) for known in fields(Settings)]
+    return "\n\n".join(
+        [
+            "# Parameters of the node",
+            f"{MADE} Topics and services: [the node](../node.md). Set one with `--ros-args -p"
+            " NAME:=VALUE`, or all in a file with `--ros-args --params-file FILE`;"
+            " `config/rb_sim_node.params.yaml` is one with the defaults. Those marked *live* may"
+            " change while the node runs (`ros2 param set /rb_sim NAME VALUE`).",
+            "\n".join([*head, *rows]),
+        ]
+    ) + "\n"  # fmt: skip
+
+
+def _parameter(known: Any) -> str:
+    """One line of the table."""
+    about = known.metadata
+    allowed = ", ".join(f"`{choice}`" for choice in about["choices"] if choice)
+    if about["low"] is not None:
+        allowed = f"{about['low']:g} to {about['high']:g}"
+    shown = json.dumps(known.default)
+    name = f"`{known.name}`" + (" *live*" if about["live"] else "")
+    cells = (name, TYPES[type(known.default)], f"`{shown}`", allowed, about["description"])
+    return "| " + " | ".join(cell.replace("|", BAR) for cell in cells) + " |"
 
 
 if __name__ == "__main__":

@@ -32,12 +32,12 @@ from PIL import Image
 
 from rb_sim.base.palette import AXES, ORANGE
 from tests.docs.page_run import pictures, run_page
-from tools.pictures import keep
+from tools.colors import few_colors
+from tools.pictures import data_of, keep
 
 FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
 WIDTH = 1100
 """Of a picture at most [px]."""
-COLOURS = 256
 STYLE: dict[Any, Any] = {
     "figure.dpi": 110,
     "savefig.dpi": 110,
@@ -69,12 +69,12 @@ def draw(page: Path) -> None:
 
 
 def small(source: Path, target: Path) -> None:
-    """Write the picture with WIDTH and COLOURS at most."""
+    """Write the picture with WIDTH at most, and few colours."""
     with Image.open(source) as image:
         image = image.convert("RGB")
         if image.width > WIDTH:
             image.thumbnail((WIDTH, image.height), Image.Resampling.LANCZOS)
-        image.quantize(COLOURS, kmeans=1).save(target, optimize=True)
+        few_colors(image).save(target, optimize=True, pnginfo=data_of(source))
 
 
 def main(names: list[str]) -> int:

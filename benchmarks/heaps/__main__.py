@@ -53,10 +53,13 @@ search: {exclude: true}
 
 # Heaps compared with other programs
 
-Every heap falls or stands under weight with friction 0.5; all engines take the same step. MuJoCo
-and Drake have their default solvers, whose contacts are compliant; those of rb_sim are rigid. A
-jammed moving heap may have no rigid solution; `gave` is the largest violation of a contact law
-then, relative to the largest impulse of the step.
+Every heap falls or stands under its weight, with a friction coefficient of 0.5. All engines take
+the same step. MuJoCo and Drake run with their default solvers, whose contacts are compliant;
+contacts of rb_sim are rigid.
+
+Column `solver`: number of steps that are not solved, largest change of an impulse in the last sweep
+of such a step, and largest violation of a contact law (a jammed moving heap may have no rigid
+solution). Both are relative to the largest impulse of the step.
 """
 WRITTEN = """
 Written by `python -m benchmarks.heaps{arguments}`, all in one run. {machine}. {versions}.
@@ -64,10 +67,11 @@ Written by `python -m benchmarks.heaps{arguments}`, all in one run. {machine}. {
 TABLE = """
 ## Two seconds at 1 ms
 {written}
-CPU microseconds a step in the first half second, and the least of the three others; deepest overlap
-at the ends of these parts; largest way of a body in the last of them.
+*First*, *later*: CPU time of a step [us] in the first half second, and the least of the three
+other half seconds. *Overlap*: the deepest at the end of any half second. *Moved*: largest
+displacement of a body in the last half second.
 
-| heap | engine | first | later | overlap [m] | moved [m] | solver |
+| heap | engine | first [us] | later [us] | overlap [m] | moved [m] | solver |
 |---|---|---|---|---|---|---|
 """
 EFFECTS = "\n## What effects cost"
@@ -91,9 +95,8 @@ COSTS = (
     EFFECTS
     + """
 {written}
-The stack of 5 boxes at 1 ms with more effects than its weight, which runs in turn with the others:
-CPU microseconds a step, median of {rounds} rounds of {count} steps, and over that of the weight
-alone.
+The stack of 5 boxes at 1 ms with one more effect, in turn with the weight alone: median of
+{rounds} rounds of {count} steps, and its ratio to the weight alone.
 
 | effects | CPU a step [us] | ratio |
 |---|---|---|
@@ -105,9 +108,9 @@ FALLS = (
     DROPPED
     + """
 {written}
-6 x 6 x 6 balls of 0.1 m and 10 kg that fall by a metre on a floor (the sizes of "666" of
-SimBenchmark), every two of which may touch, 2 s at 1 ms: CPU milliseconds a step on the mean in
-each half second; deepest overlap at the ends of these parts.
+6 x 6 x 6 balls of 0.1 m and 10 kg fall by 1 m on a floor (the sizes of "666" of SimBenchmark);
+every two of them may touch; 2 s at 1 ms. Mean CPU time of a step [ms] in each half second, and the
+deepest overlap at the end of any of them.
 
 | engine | 0 to 0.5 s | to 1 s | to 1.5 s | to 2 s | overlap [m] | solver |
 |---|---|---|---|---|---|---|

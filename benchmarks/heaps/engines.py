@@ -47,7 +47,7 @@ class OfRbSim:
         """What the solver says of itself."""
         unsolved, worst = self.simulation.unsolved_steps
         told = f"{unsolved} of {self.simulation.steps} unsolved, worst {worst:.0e}"
-        return f"{told}, gave {self.simulation.solver_give:.0e}"
+        return f"{told}, violation {self.simulation.solver_give:.0e}"
 
 
 class OfMuJoCo:

@@ -344,9 +344,8 @@ class Certificate:
         ulp = max(self.one_ulp[:2])
         text = [
             f"global error{upto} at most: {listed(self.errors)}",
-            f"by second runs ({first}; {second}), which leave {max(self.doubt[:2]):.1e} (m, "
-            "rad) in "
-            f"doubt; growth of a 1-ulp perturbation: {ulp:.1e} (m, rad)",
+            f"by second runs ({first}; {second}), uncertain by {max(self.doubt[:2]):.1e} (m, rad); "
+            f"growth of a 1-ulp perturbation: {ulp:.1e} (m, rad)",
         ]
         if math.isfinite(self.lyapunov_time):
             text.append(f"errors grow by a factor of e in {self.lyapunov_time:.3g} s (chaos or an "

@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 class RbSimError(Exception):
-    """Base of all errors of rb_sim; the text is one line that says what is wrong and allowed."""
+    """Base of all errors of rb_sim; its text is one line: mistake and allowed values."""
 
 
 class SceneError(RbSimError):
@@ -24,7 +24,7 @@ class SceneError(RbSimError):
     Attributes:
         file: Path of the scene file, or "<scene>" for one made in memory.
         key: Path of the key concerned, e.g. "bodies.ball.mass"; "" for the file itself.
-        message: What is wrong and what is allowed.
+        message: The mistake and the allowed values.
     """
 
     def __init__(self, message: str, *, key: str = "", file: str = "<scene>") -> None:
@@ -67,8 +67,8 @@ class AccuracyWarning(UserWarning):
 
 
 class SceneWarning(UserWarning):
-    """A value of a scene that users of other programs often mean differently; the text says what
-    it means here."""
+    """A value of a scene that users of other programs often mean differently; the text states its
+    meaning here."""
 
 
 class SinkError(RbSimError):

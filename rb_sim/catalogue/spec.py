@@ -78,8 +78,8 @@ ALSO_CALLED = {
     "rk45": ("dopri853",),
     "k": ("stiffness",),
     "c": ("damping",),
-    "coefficient": ("kinetic",),
-    "mu": ("kinetic", "friction"),
+    "coefficient": ("static",),
+    "mu": ("static", "coefficient", "friction"),
     "pose": ("position",),
     "com": ("center_of_mass",),
     "weight": ("mass",),
@@ -92,6 +92,8 @@ ALSO_CALLED = {
     "deg": ("angle",),
     "diameter": ("radius",),
     "half_extents": ("size",),
+    "dimensions": ("size",),
+    "extents": ("size",),
     "height": ("length",),
     "ball_joint": ("fixed_point",),
     "rigid": ("weld",),
@@ -199,7 +201,7 @@ def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
     if not isinstance(value, Mapping):
         if isinstance(value, tuple(registry.values())):
             return value
-        raise refuse("a mapping {type: ...}")
+        raise refuse(f"a mapping {{type: NAME}}; NAME is {one_of(value, registry)}")
     kind = value.get("type")
     if not isinstance(kind, str) or kind not in registry:
         raise refuse_at((("type",), kind, refuse(one_of(kind, registry))))

@@ -52,7 +52,14 @@ from rb_sim.fit.unknowns import (
     with_numbers,
 )
 from rb_sim.mechanics.samples import SampleBlock, concatenate
-from rb_sim.numerics.rotations import conjugate, cross, product, rotate, turn_between
+from rb_sim.numerics.rotations import (
+    angle_between,
+    conjugate,
+    cross,
+    product,
+    rotate,
+    turn_between,
+)
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene, SimulationOptions
 from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
@@ -434,9 +441,11 @@ class _Problem:
 
     @property
     def _way(self) -> float:
-        """How far a body goes from where it was first [m]."""
-        seen = (self.recording.tracks.bodies[name] for name in self.recording.pairs.values())
-        return float(max(np.abs(track.position - track.position[0]).max() for track in seen))
+        """How far a body goes [m] or turns [rad] from its first pose: its origin may be held."""
+        seen = [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
+        gone = [np.abs(track.position - track.position[0]).max() for track in seen]
+        turned = [angle_between(track.orientation[:1], track.orientation).max() for track in seen]
+        return float(max(*gone, *turned))
 
     def changed(self, x: np.ndarray) -> dict[str, Any]:
         return with_numbers(self.data, self.free, values_of(self.free, x), self.attitudes)

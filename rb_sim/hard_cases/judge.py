@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.spec import one_of
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene
@@ -124,13 +125,12 @@ def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
     Raises RbSimError if there are none, or none with one of the parts.
     """
     paths = sorted(folder.glob(f"*{SUFFIX}"))
-    allowed = ", ".join(path.stem for path in paths)
+    names = [path.stem for path in paths]
     if not paths:
         raise RbSimError(f"{folder}: has no case (a file *{SUFFIX})")
     for part in only:
-        if not any(part in path.stem for path in paths):
-            what = f"case with {part!r} in its name"
-            raise RbSimError(f"{folder}: has no {what}; there are {allowed}")
+        if not any(part in name for name in names):
+            raise RbSimError(f"{part}: no case has it in its name; must be {one_of(part, names)}")
     wanted = [path for path in paths if not only or any(part in path.stem for part in only)]
     return [load_case(path) for path in wanted]
 

@@ -23,14 +23,16 @@ from rb_sim.hard_cases.judge import FAILS, LIMIT, Case, Row
 
 HEAD = """---
 search: {exclude: true}
+hide: [toc]
 ---
 
 # Hard cases
 
 Made by `rb_sim hard-cases --out DIR` (`hard-cases.md`, with `hard-cases.json` and
-`hard-cases.png` beside it). Each case is a file in `config/hard_cases`; a folder of your own does
-as well. The figure must stay below the bound; *limit* marks a bound that does not hold today; its
-case says why. CPU times are of one run on one machine, kernels %s.
+`hard-cases.png` beside it). Each case is a file in `config/hard_cases`; the command also takes a
+folder of your own cases. A case holds if the figure (column *is*) stays below the bound; *margin*
+is bound over figure. *Limit* marks a bound that does not hold today; the case states why. CPU times
+are of one run on one machine, kernels %s.
 %s
 ![Margin of every case](pictures/hard-cases.png)
 

@@ -119,8 +119,8 @@ class LinearModel:
         """Largest difference between the rates of deviations here and a little later on the motion,
         relative to them, the axes having turned about z by `turned` [rad].
 
-        Where it is not 0 the motion is not steady in these axes, and eigenvalues at one instant do
-        not tell whether deviations grow. Which deviations were chosen as states does not matter.
+        If it is not 0, the motion is not steady in these axes, and eigenvalues at one instant do
+        not show whether deviations grow. The choice of the states does not matter.
         """
         here, there = self._deviations(), later._deviations()
         c, s = math.cos(turned), math.sin(turned)
@@ -139,7 +139,7 @@ class LinearModel:
         return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
 
     def as_dict(self) -> dict[str, Any]:
-        """A, B, C, D as lists with their names, t and the modes; None for what a mode has not."""
+        """A, B, C, D as lists with their names, t and the modes; None: a mode has no such value."""
         plain: dict[str, Any] = {"t": self.t}
         plain |= {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
         plain |= {name: getattr(self, name).tolist() for name in "ABCD"}

@@ -73,7 +73,9 @@ def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScen
         return [] if folder is None else list_scenes(folder)
     folder = Path(directory)
     if not folder.is_dir():
-        raise scene_error("is not a folder of scenes", (), str(folder))
+        raise scene_error(
+            "is not a folder of scenes; for one scene: rb_sim scenes NAME --show", (), str(folder)
+        )
     files = sorted(path for path in folder.glob("*.yaml") if path.is_file())
     listed = ((path, _description(path)) for path in files)
     return [ListedScene(path.stem, path, text) for path, text in listed if text is not None]

@@ -144,7 +144,7 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
             round; a method drops whichever of the two it cannot use.
 
     Raises:
-        SceneError: The scene is not valid; the text names file, key, value and what is allowed.
+        SceneError: The scene is not valid; the text names file, key, value and the allowed values.
     """
     if isinstance(source, Mapping) or (isinstance(source, str) and "\n" in source):
         return scene_from_mapping(source, **overrides)
@@ -164,7 +164,7 @@ def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScen
         source: As in `load_scene`.
 
     Raises:
-        SceneError: The scene is not valid; the text names file, key, value and what is allowed.
+        SceneError: The scene is not valid; the text names file, key, value and the allowed values.
     """
     if isinstance(source, Mapping):
         plain = _plain(source, IN_MEMORY)
@@ -316,7 +316,7 @@ class SceneBuilder:
 
     Args:
         name: Name of the scene, also in its errors.
-        description: One line that says what the scene shows.
+        description: One line of text, shown by `rb_sim scenes`.
 
     Raises:
         SceneError: By `body`, `constraint` and `effect`: the name is taken.
@@ -386,7 +386,7 @@ class SceneBuilder:
             overrides: Values of `simulate` that replace those given before.
 
         Raises:
-            SceneError: The scene is not valid; the text names key, value and what is allowed.
+            SceneError: The scene is not valid; the text names key, value and the allowed values.
         """
         return scene_from_mapping(self.as_dict(), name=self._name, file=self._name, **overrides)
 

@@ -118,8 +118,8 @@ class Record:
         """Reaction of each constraint BY it ON the body: force [N] and torque [N m] about the
         anchor, world axes, shape (n, 3) each.
 
-        Of a fixed axis NAME is the total about bearing A, NAME/A and NAME/B are the bearings; of a
-        contact with several points NAME/1, NAME/2 ... are the points.
+        NAME of a fixed axis is the total about bearing A; NAME/A and NAME/B are the bearings.
+        NAME/1, NAME/2 ... are the points of a contact with several points.
         """
         b = self.block
         by_name = {

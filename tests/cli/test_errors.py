@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from rich.text import Text
 
-from rb_sim import __version__
+from rb_sim import SceneWarning, __version__
 from rb_sim.cli.main import app
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import METHODS
@@ -33,6 +33,16 @@ BAD_SCENES = {
         "bodies: {a: {mass: 1, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}\n"
         "constraints: {pin: {type: fixed_point, body: a}}",
         "constraints.pin",
+    ),
+    "number_for_a_law": (
+        "bodies: {a: {mass: 1, shape: {type: sphere, radius: 1}}}\n"
+        "constraints: {floor: {type: contact, body: a, friction: 0.5}}",
+        "got 0.5; must be a mapping {type: NAME}; NAME is one of coulomb, regularised, rough",
+    ),
+    "mu": (
+        "bodies: {a: {mass: 1, shape: {type: sphere, radius: 1}}}\n"
+        "constraints: {floor: {type: contact, body: a, friction: {type: coulomb, mu: 0.5}}}",
+        "friction.mu: unknown key; must be static, or one of kinetic, type",
     ),
 }
 
@@ -91,7 +101,10 @@ def test_bad_scene(name, tmp_path):
         ),
         (("hard-cases", "nothing"), "error: nothing: is no folder; FOLDER must hold cases"),
         (("--fast",), "error: No such option"),
-        (("scenes", "/no"), "error: /no: is not a folder of scenes"),
+        (
+            ("scenes", "heavy_top"),
+            "error: heavy_top: is not a folder of scenes; for one scene: rb_sim",
+        ),
         (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
         (("replay", "/no"), "error: /no: no such bag"),
@@ -182,3 +195,17 @@ def test_help_shows_flags_as_flags(monkeypatch):
         shown = invoke(*verb, "--help").output.lower()
         assert "--help" in shown
         assert "bool" not in shown
+
+
+def test_a_changed_scene_warns_once(tmp_path, recwarn):
+    """That of the scene as it is run; not another one of the file, which the change cures."""
+    path = tmp_path / "wheel.yaml"
+    path.write_text(
+        'bodies: {"w.1": {mass: 1, inertia: [1, 1, 1], orientation: [1, 0, 0, 0]}}\n'
+        "effects: {g: {type: gravity}}\nsimulation: {duration: 0.1}\n",
+        encoding="utf-8",
+    )
+    change = 'bodies["w.1"].orientation=[0, 0, 0, 1]'
+    assert invoke("run", path, "--quiet", "--set", change).exit_code == 0
+    said = [str(warned.message) for warned in recwarn if warned.category is SceneWarning]
+    assert len(said) == 1 and "w.1 -> w_1" in said[0]

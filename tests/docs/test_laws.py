@@ -11,14 +11,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from functools import cache
+from typing import Any
 
 import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.catalogue import constraints, effects
+from rb_sim.scene.schema import SimulationOptions
 from tools.law_examples import EXAMPLES
 from tools.law_pages import FOLDER, default, pages
+from tools.reference import pages as pages_of_reference
 
 SPECS = {**constraints.SPECS, **effects.SPECS}
 
@@ -71,6 +76,23 @@ def test_every_key_is_told(kind):
     specs = [*scene.constraints.values(), *scene.effects.values()]
     assert [spec.type for spec in specs] == [kind]
     Simulation(scene, announce=None)
+
+
+@pytest.mark.parametrize("kind", [*SPECS, "simulation"])
+def test_every_word_that_a_key_takes_is_on_the_page(kind):
+    """By the JSON schema that pydantic makes of the key."""
+    page = made().get(f"{kind}.md") or pages_of_reference()["scene.md"]
+    for word in words_in(SPECS.get(kind, SimulationOptions).model_json_schema()):
+        assert re.search(rf"[`: ,]{word}[`,. }}]", page), word
+
+
+def words_in(schema: Any) -> Iterator[str]:
+    if isinstance(schema, dict):
+        yield from (word for word in schema.get("enum", ()) if isinstance(word, str))
+        schema = list(schema.values())
+    if isinstance(schema, list):
+        for part in schema:
+            yield from words_in(part)
 
 
 @pytest.mark.parametrize("kind", SPECS)

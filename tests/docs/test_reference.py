@@ -11,19 +11,41 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import fields
 from itertools import chain
 
 import pytest
 from typer.main import get_command
+from typer.testing import CliRunner
 
 import rb_sim
 from rb_sim.base.diagnostic import CHECKS
 from rb_sim.cli.main import app
+from rb_sim.cli.verbs.hard_cases import shipped
+from rb_sim.hard_cases.judge import load_cases
+from rb_sim.hard_cases.report import described
+from rb_sim.ros.parameters import Settings
+from tests.docs.blocks import ROOT
 from tools.messages import SECTIONS, checks_that_are_named, texts
 from tools.reference import FOLDER, pages
 
 MADE = pages()
+NODE = (ROOT / "docs" / "node.md").read_text(encoding="utf-8")
+BAGS = (ROOT / "docs" / "bags.md").read_text(encoding="utf-8")
+OF_EVERY_TOPIC = """
+bodies:
+  ball: {mass: 1.0, shape: {type: sphere, radius: 0.1}, position: [0, 0, 0.1]}
+  arm: {mass: 1.0, inertia: [1, 1, 1], center_of_mass: [0, 0, -0.5], position: [2, 0, 2]}
+constraints:
+  floor: {type: contact, body: ball}
+  hinge: {type: fixed_axis, body: arm, axis_B: [0, 1, 0]}
+effects:
+  weight: {type: gravity}
+  push: {type: commanded_wrench, body: ball}
+simulation: {duration: 0.1, rate: 100}
+"""
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -70,3 +92,50 @@ def test_a_message_with_cause_and_cure_is_one_of_the_program():
     known = texts()
     for message in chain.from_iterable(SECTIONS.values()):
         assert any(message.text in text for text in known), message.text
+
+
+def test_every_topic_of_a_bag_has_a_row_with_its_type(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(OF_EVERY_TOPIC, encoding="utf-8")
+    run = f"run {scene} --out {tmp_path}/out --no-rerun --no-plots --accelerations --no-check -q"
+    assert CliRunner().invoke(app, run.split()).exit_code == 0
+    shown = CliRunner().invoke(app, ["info", f"{tmp_path}/out/bag", "--json"]).output
+    for topic, about in json.loads(shown)["topics"].items():
+        name = topic.removeprefix("/rb_sim/")
+        for kind, names in (("BODY", "ball|arm"), ("CONSTRAINT", "hinge.*|floor")):
+            name = re.sub(rf"^({names})/|(?<=^reactions/)({names})$", f"{kind}/", name).rstrip("/")
+        name = name.replace("contacts/floor/", "contacts/CONTACT/")
+        if f"`{name}`" in BAGS:  # commands and resets as they came
+            continue
+        (row,) = (line for line in NODE.splitlines() if named(name, line))
+        assert about["type"].rpartition("/")[2] in row.split(" | ")[1], (topic, about["type"])
+
+
+def named(topic: str, row: str) -> bool:
+    """Whether the line is a row of a table whose first cell names the topic."""
+    return row.startswith("| ") and topic.lstrip("/") in re.findall(
+        r"`/?([^`]+)`", row.split(" | ")[0]
+    )
+
+
+def test_every_topic_that_a_parameter_switches_on_has_a_row_with_its_type():
+    publish = re.compile(r"publish /?([\w/]+)(?: \(\w+/(\w+)\))?")
+    for known in fields(Settings):
+        if hit := publish.match(known.metadata["description"]):
+            rows = [line for line in NODE.splitlines() if named(hit[1], line)]
+            assert len(rows) == 1, known.name
+            assert (hit[2] or "") in rows[0].split(" | ")[1], known.name
+
+
+def test_every_service_of_the_node_is_explained():
+    sources = "".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "rb_sim" / "ros").glob("*.py")
+    )
+    served = set(re.findall(r'serve\(\s*node, \w+, "(~/\w+)"', sources))
+    assert served >= {"~/pause", "~/step", "~/reset", "~/advance", "~/set_state"}
+    assert {name for name in served if f"`{name}`" not in NODE} == set()
+
+
+def test_the_page_of_hard_cases_describes_each_as_its_file_does():
+    text = (ROOT / "docs" / "hard-cases.md").read_text(encoding="utf-8")
+    assert text.endswith("".join(map(described, load_cases(shipped()))))

@@ -12,8 +12,10 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -90,3 +92,18 @@ def test_a_forbidden_word_is_found(tmp_path):
     assert hits == ["told"]
     assert [len(NOUN.findall(questions_out(line))) for _, line in prose(page)] == [0, 0, 1]
     assert list(strings('"""told"""\nprint("told")\n')) == [(2, "told")]
+
+
+def test_docstrings_on_the_page_of_the_api():
+    """Those of the names that docs/reference/python.md lists, and of their members."""
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    found = []
+    for name in re.findall(r"^::: (\S+)$", page, re.MULTILINE):
+        module, _, key = name.rpartition(".")
+        of = getattr(import_module(module), key)
+        members = (
+            [getattr(of, key) for key in dir(of) if key[0] != "_"] if isinstance(of, type) else []
+        )
+        for text in {inspect.getdoc(part) or "" for part in (of, *members)}:
+            found += [(name, hit[0]) for line in text.splitlines() for hit in WORDS.finditer(line)]
+    assert found == []

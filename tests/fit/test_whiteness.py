@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
+from rb_sim.cli.main import app
 from rb_sim.fit.fit import correlation
 
 NOISE = (1e-3, 2e-3)
@@ -84,3 +86,17 @@ def test_correlation():
     wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
     assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
     assert correlation([np.ones((5, 3))]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "number", "value"),
+    [("heavy_top", "bodies.top.mass", 17), ("pendulum", "effects.weight.acceleration[2]", -9.7)],
+)
+def test_a_body_whose_origin_is_held_leaves_rounding(scene, number, value, tmp_path):
+    """Its origin goes nowhere; its turn says what is rounding."""
+    made = ["run", scene, "--duration", "0.5", "--out", str(tmp_path / "out"), "--no-rerun",
+            "--set", f"{number}={value}", "--no-plots", "--quiet"]  # fmt: skip
+    assert CliRunner().invoke(app, made).exit_code == 0
+    bag = str(tmp_path / "out" / "bag")
+    done = CliRunner().invoke(app, ["fit", bag, "--scene", scene, "--free", number])
+    assert done.exit_code == 0 and "correlated" not in done.output and "noise" not in done.output

@@ -105,6 +105,9 @@ def one_line(path) -> str:
 def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     assert one_line(tmp_path / "none") == ": no such bag"
     assert one_line(tmp_path) == ": not a bag: no .mcap or .db3 file in it"
+    inner = tmp_path / "out" / "bag"
+    inner.mkdir(parents=True)
+    assert one_line(tmp_path / "out").endswith(f"; the bag of this run is {inner}")
     (tmp_path / "text.mcap").write_text("hello")
     assert one_line(tmp_path / "text.mcap") == ": not an MCAP file"
     (tmp_path / "empty.mcap").write_text("")

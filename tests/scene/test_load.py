@@ -78,7 +78,7 @@ def test_headings_with_nothing_below_say_nothing() -> None:
         ("bodies: {a: {mass: 1, pose: [0, 0, 0]}}", "position"),
         ("effects: {s: {type: spring, k: 1}}", "stiffness"),
         ("effects: {s: {type: spring, c: 1}}", "damping"),
-        ("constraints: {f: {type: contact, body: a, friction: {type: coulomb, mu: 1}}}", "kinetic"),
+        ("constraints: {f: {type: contact, body: a, friction: {type: coulomb, mu: 1}}}", "static"),
     ],
 )
 def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
@@ -199,7 +199,9 @@ MESSAGES = [
     (
         "{type: rolling, body: ball}",
         "rolling",
-        "constraints.floor: got 'rolling'; must be a mapping {type: ...}",
+        "constraints.floor: got 'rolling'; must be a mapping {type: NAME}; NAME is rolling, "
+        "or one of contact, distance, fixed_axis, fixed_point, free, parallel, plane, string, "
+        "translation, velocity, weld",
     ),
     (
         "{type: fixed_point, body: rod,",

@@ -20,7 +20,7 @@ from rb_sim.numerics.vectors import ZERO, conjugate, quaternion_product
 
 
 class Free(Spec):
-    """No constraint: the body is free (said for clarity; leaving it out means the same)."""
+    """No constraint: the body moves freely, as it does without this entry."""
 
     type: Literal["free"]
     body: Name
@@ -48,7 +48,7 @@ class FixedPoint(Spec):
     point_B: Vector3 = ZERO
     """point of the body that is held, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """where it is held: on the parent, from its origin, or in the world [m]."""
+    """point at which it is held: on the parent, from its origin, or in the world [m]."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A                        of the points point_B and point_A
@@ -64,7 +64,7 @@ class FixedPoint(Spec):
 
 
 class Weld(Spec):
-    """The body does not move relative to its parent: 6 rows, reaction about point_B."""
+    """The body does not move relative to its parent; the reaction is about point_B."""
 
     type: Literal["weld"]
     body: Name

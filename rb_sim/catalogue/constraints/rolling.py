@@ -9,9 +9,10 @@
 
 """Rolling without slip on a perfectly rough plane (LL 38.3): the contact point is at rest.
 
-The surface is that of the body's shape: sphere, thin disk (its rim), ellipsoid; a cylinder touches
-along a line, which adds two rows that keep its axis along the plane.  The plane belongs to the
-world or to a parent body.  The height row is holonomic, the two tangential rows are not.
+The surface is that of the body's shape: sphere, thin disk (its rim), ellipsoid or cylinder.  A
+cylinder touches along a line, so two more constraint equations keep its axis parallel to the plane.
+The plane belongs to the world or to a parent body.  The equation of the height is holonomic, the
+two tangential ones are not.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class Plane(Spec):
 
 
 class Parallel(Spec):
-    """axis_B of the body stays parallel to axis_A: 2 rows, a torque normal to the axis."""
+    """axis_B of the body stays parallel to axis_A; the reaction is a torque normal to it."""
 
     type: Literal["parallel"]
     body: Name
@@ -119,11 +119,11 @@ class Velocity(Spec):
     linear: Vector3 = ZERO
     """factors of the velocity of P, without a unit."""
     angular: Vector3 = ZERO
-    """factors of the angular velocity [m]."""
+    """factors of the angular velocity [m]; without a unit if `linear` is zero."""
     frame: Literal["world", "body"] = "body"
     """axes in which `linear` and `angular` are constant."""
     rate: Finite = 0.0
-    """right-hand side [m/s]."""
+    """right-hand side [m/s]; [rad/s] if `linear` is zero."""
 
     EQUATION: ClassVar[str] = """
     linear . v_P + angular . w = rate

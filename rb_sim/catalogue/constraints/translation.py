@@ -29,13 +29,13 @@ from rb_sim.numerics.vectors import ZERO, perpendicular
 
 
 class LineGuide(Spec):
-    """Straight line; it passes where point_B starts unless `point` is given."""
+    """Straight line through `point`, or through the initial position of point_B."""
 
     type: Literal["line"]
     direction: UnitVector3
-    """world."""
+    """direction of the line, world."""
     point: Vector3 | None = None
-    """of the line, world [m]; default: the initial position of point_B."""
+    """a point of the line, world [m]; default: the initial position of point_B."""
 
 
 class CircleGuide(Spec):
@@ -43,11 +43,11 @@ class CircleGuide(Spec):
 
     type: Literal["circle"]
     center: Vector3
-    """world [m]."""
+    """centre of the circle, world [m]."""
     normal: UnitVector3
-    """to the circle's plane, world."""
+    """normal of its plane, world."""
     radius: Positive
-    """[m]."""
+    """radius [m]."""
 
 
 class CurveGuide(Spec):
@@ -55,7 +55,7 @@ class CurveGuide(Spec):
 
     type: Literal["curve"]
     points: Points
-    """that the curve goes through, world [m]."""
+    """points that the curve passes through, world [m]."""
     closed: bool = False
     """whether the last point is followed by the first."""
 

@@ -62,7 +62,7 @@ class SmoothLaw(Spec):
 
 
 class CoulombLaw(Spec):
-    """|T| <= static N at rest, kinetic N against the slip."""
+    """|T| <= static N while it sticks, |T| = kinetic N against the slip while it slips."""
 
     type: Literal["coulomb"] = "coulomb"
     static: NonNegative
@@ -84,13 +84,13 @@ class CoulombLaw(Spec):
 
 
 class ViscousLaw(Spec):
-    """-c s, or with `per_normal` -c N s."""
+    """T = -c s, or with `per_normal` T = -c N s; s is the slip velocity."""
 
     type: Literal["viscous"] = "viscous"
     coefficient: NonNegative
-    """[N s/m], or [s/m] with per_normal."""
+    """c [N s/m], or [s/m] with per_normal."""
     per_normal: bool = False
-    """whether the traction grows with the push N."""
+    """whether the friction force is proportional to the normal force N."""
 
     def law(self) -> friction.Friction:
         """The viscous law, per unit of normal force or not."""
@@ -99,13 +99,13 @@ class ViscousLaw(Spec):
 
 
 class RegularisedLaw(Spec):
-    """-mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+    """T = -mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
 
     type: Literal["regularised"] = "regularised"
     coefficient: NonNegative
-    """mu."""
+    """mu, coefficient of friction at large slip."""
     speed: Positive
-    """v, of the slip at which 0.7 of mu N is reached [m/s]."""
+    """v, slip speed at which friction reaches 0.7 mu N [m/s]."""
 
     def law(self) -> friction.Friction:
         """The regularised law."""
@@ -136,11 +136,11 @@ class TurntableMotion(Spec):
 
     type: Literal["turntable"] = "turntable"
     rate: Finite
-    """[rad/s]."""
+    """angular velocity about the axis [rad/s]."""
     axis: UnitVector3 = (0.0, 0.0, 1.0)
-    """world."""
+    """direction of the axis, world."""
     point: Vector3 = ZERO
-    """of the axis, world [m]."""
+    """a point of the axis, world [m]."""
 
     def carrier(self) -> NamedTuple:
         """The motion of the support, as the loops take it."""
@@ -152,13 +152,13 @@ class ShakenMotion(Spec):
 
     type: Literal["shaken"] = "shaken"
     direction: UnitVector3
-    """world."""
+    """direction of the motion, world."""
     amplitude: Positive
-    """[m]."""
+    """amplitude [m]."""
     frequency: Positive
-    """[Hz]."""
+    """frequency [Hz]."""
     phase: Finite = 0.0
-    """[rad]."""
+    """phase at t = 0 [rad]."""
 
     def carrier(self) -> NamedTuple:
         """The motion of the support, as the loops take it: with the angular frequency [rad/s]."""

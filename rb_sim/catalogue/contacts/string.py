@@ -40,8 +40,8 @@ class String(Touching):
     """|p_B - p_A| <= length: the tension N >= 0 pulls the body towards point_A while it is taut.
 
     It is a smooth contact of point_B with the inside of a sphere of radius `length` around
-    point_A; its gap is the slack. It may lie along anything: it has no mass, and no bodies in its
-    way are seen. Events: impact, taut, slack. Output: NAME, the pull on the body at point_B.
+    point_A; its gap is the slack. It has no mass, and passes through bodies. Events: impact, taut,
+    slack. Output: NAME, the pull on the body at point_B.
     """
 
     type: Literal["string"]
@@ -52,9 +52,9 @@ class String(Touching):
     length: Positive | None = None
     """largest distance of the points [m]; default: the initial distance, just taut."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
-    """share of the speed of parting that comes back when it jerks taut."""
+    """e: speed at which the points approach after a jerk, over the speed at which they parted."""
     compliance: Compliance | None = None
-    """of an elastic one: N = stiffness (distance - length) + damping (its rate), never negative."""
+    """of an elastic string: N = stiffness (distance - length) + damping (its rate), at least 0."""
 
     EQUATION: ClassVar[str] = """
     g = length - |p_B - p_A| >= 0,  N >= 0,  N g = 0      jerk: g'_after = -e g'_before

@@ -39,9 +39,9 @@ class PlaneSurface(Spec):
 
     type: Literal["plane"] = "plane"
     point: Vector3 = ZERO
-    """of the plane [m]."""
+    """a point of the plane [m]."""
     normal: UnitVector3 = (0.0, 0.0, 1.0)
-    """towards the body."""
+    """normal of the plane, towards the body."""
 
 
 class SphereSurface(Spec):
@@ -49,11 +49,11 @@ class SphereSurface(Spec):
 
     type: Literal["sphere"] = "sphere"
     center: Vector3 = ZERO
-    """[m]."""
+    """centre of the sphere [m]."""
     radius: Positive
-    """[m]."""
+    """radius of the sphere [m]."""
     side: Literal["outside", "inside"] = "outside"
-    """from which the body touches it."""
+    """side from which the body touches it."""
 
 
 class CylinderSurface(Spec):
@@ -61,13 +61,13 @@ class CylinderSurface(Spec):
 
     type: Literal["cylinder"] = "cylinder"
     point: Vector3 = ZERO
-    """of the axis [m]."""
+    """a point of the axis [m]."""
     axis: UnitVector3 = (0.0, 0.0, 1.0)
-    """along it."""
+    """direction of the axis."""
     radius: Positive
-    """[m]."""
+    """radius of the cylinder [m]."""
     side: Literal["outside", "inside"] = "inside"
-    """from which the body touches it."""
+    """side from which the body touches it."""
 
 
 class BodySurface(Spec):

@@ -84,12 +84,12 @@ def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: Plac
 
 
 class Compliance(Spec):
-    """The support gives way: N = stiffness depth + damping (rate of depth), never negative."""
+    """Compliant support: N = stiffness depth + damping (rate of depth), never negative."""
 
     stiffness: Positive
-    """[N/m]."""
+    """stiffness [N/m]."""
     damping: NonNegative = 0.0
-    """[N s/m]."""
+    """damping [N s/m]."""
 
     @property
     def spring(self) -> tuple[float, float]:

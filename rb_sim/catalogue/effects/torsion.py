@@ -10,10 +10,9 @@
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
 theta is the twist about the axis of the turn from the parent's to the body's frame,
-theta = 2 atan2(v . a, w) for the relative quaternion (v, w), and counts on beyond half a turn: of
-the angles that the quaternion leaves open the law takes the one nearest to that at the end of the
-step before, which it keeps.  Its gradient is the axis itself as long as the body only turns about
-it; otherwise the full gradient keeps the law conservative:
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the law takes the
+angle nearest to that at the end of the previous step.  The gradient of theta is the axis itself as
+long as the body only turns about it; otherwise the full gradient keeps the law conservative:
 (w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
 """
 

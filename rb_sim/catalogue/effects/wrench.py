@@ -134,7 +134,7 @@ class WrenchTable(Spec):
 
 
 class CommandedWrench(Spec):
-    """A wrench that the outside world sets while the simulation runs; zero until then."""
+    """A wrench that a program sets while the simulation runs; zero until then."""
 
     type: Literal["commanded_wrench"]
     body: Name

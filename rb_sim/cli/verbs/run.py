@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +22,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError, SceneError, SimulationError, StepTooLargeError
+from rb_sim.base.errors import (
+    RbSimError,
+    SceneError,
+    SceneWarning,
+    SimulationError,
+    StepTooLargeError,
+)
 from rb_sim.simulation.signals import BrokenOffError, Interruption
 
 if TYPE_CHECKING:
@@ -99,7 +106,10 @@ def scene_of(options: RunOptions) -> Scene:
 
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
-        scene = scene_to_run(options.scene, overrides)
+        with warnings.catch_warnings():
+            if options.changes:  # those of the scene as it is run are enough
+                warnings.simplefilter("ignore", SceneWarning)
+            scene = scene_to_run(options.scene, overrides)
         if not options.changes:
             return scene
         data = yaml_reader.parse(as_run_text(scene), scene.file)

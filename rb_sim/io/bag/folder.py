@@ -198,7 +198,8 @@ def bag_paths(bag: Path) -> list[Path]:
             raise SinkError(_packed(bag, packed[0]))
         if listed:
             raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
-        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it")
+        inner = f"; the bag of this run is {bag / 'bag'}" if (bag / "bag").is_dir() else ""
+        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it{inner}")
     if len({path.suffix for path in found}) > 1:
         raise SinkError(
             f"{bag}: not one bag: files of two storages without metadata.yaml, as {found[0].name}"
