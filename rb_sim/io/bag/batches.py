@@ -184,7 +184,7 @@ def _as_said(times: np.ndarray, said: Said) -> bool:
     return (in_time or said.end == 0) and len(times) >= said.messages
 
 
-class BagScan:
+class BagScan(Frames):
     """Reads one MCAP file from front to back; iterate over `batches` once.
 
     header, schemas, channels, metadata, attachments: what was met so far. Afterwards `missing`.
@@ -192,10 +192,9 @@ class BagScan:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.frames = Frames(path)
+        super().__init__(path)
         self.header: Header | None = None
-        index = self.frames.index
+        index = self.index
         # a file names its channels within its chunks; where such a chunk is broken, its index helps
         self.schemas: dict[int, Schema] = {} if index is None else dict(index.schemas)
         self.channels: dict[int, Channel] = {} if index is None else dict(index.channels)
@@ -209,37 +208,22 @@ class BagScan:
         self._first: int | None = None
 
     @property
-    def chunks(self) -> int:
-        """Whole chunks so far."""
-        return self.frames.chunks
-
-    @property
-    def unchecked_chunks(self) -> int:
-        """Chunks without a checksum so far."""
-        return self.frames.unchecked
-
-    @property
-    def complete(self) -> bool:
-        """Whether the file ends as a finished one does."""
-        return self.frames.complete
-
-    @property
     def missing(self) -> Missing:
         """What could not be read; complete after the last batch."""
-        index = self.frames.index
+        index = self.index
         start = self._first
         lost = None if self._counted is None else max(0, self._counted - self.messages)
         if index is not None:
             times = [c.message_start_time for c in index.chunks.values() if c.message_end_time]
             times += [] if start is None else [start]
             start = min(times) if times else None
-        return Missing(self.path, self.frames.damages, lost, start)
+        return Missing(self.path, self.damages, lost, start)
 
     @property
     def _counted(self) -> int | None:
         """Messages by the file's own count."""
-        index = self.frames.index
-        return self.frames.claimed if index is None else index.messages
+        index = self.index
+        return self.claimed if index is None else index.messages
 
     @property
     def _together(self) -> int:
@@ -250,7 +234,7 @@ class BagScan:
         """The messages, by chunks; those outside of chunks in batches of their own."""
         loose = bytearray()
         chunks: list[Frame] = []
-        for frame in self.frames:
+        for frame in self:
             if frame.opcode == Opcode.MESSAGE:
                 yield from self._checked(chunks)
                 loose += FRAME.pack(frame.opcode, len(frame.content)) + frame.content
@@ -268,8 +252,8 @@ class BagScan:
         yield from self._checked(chunks)
         if loose:
             yield self._batch(bytes(loose), Said())
-        if not self.frames.damages and self._counted not in (None, self.messages):
-            self.frames.damages.append(Damage(self.frames.size, self.frames.size, OTHER_COUNT))
+        if not self.damages and self._counted not in (None, self.messages):
+            self.damages.append(Damage(self.size, self.size, OTHER_COUNT))
 
     def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
         """The messages of the chunks, which are forgotten; of each by itself if one is broken."""
@@ -297,7 +281,7 @@ class BagScan:
         """
         times = frame.start, frame.end
         if frame.checked or frame.compressed:
-            self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD, *times))
+            self.damages.append(Damage(frame.offset, frame.offset, NO_RECORD, *times))
             return
         data, cut = frame.content, frame.missing > 0
         records = Unchecked(
@@ -305,19 +289,19 @@ class BagScan:
         ).indexed(index_entries(frame.indices))
         parts = list(records.stretches())
         if parts == [(0, len(data))] and not cut:  # then what it says of its messages is broken
-            self.frames.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
+            self.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
         else:
             records = records._replace(times=times if frame.end else None)
             parts = list(records.stretches())
         for gap in records._replace(end=len(data) + frame.missing).gaps(parts, times):
             at = frame.inside + gap.begin
             reason = CUT_OFF if gap.end > len(data) else NO_RECORD
-            self.frames.damages.append(Damage(at, at, reason, gap.after, gap.before))
+            self.damages.append(Damage(at, at, reason, gap.after, gap.before))
         if parts:
             yield self._batch(b"".join(data[begin:end] for begin, end in parts), Said())
 
     def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
-        index = self.frames.index
+        index = self.index
         at = -1 if frame is None else frame.offset  # -1: within a chunk
         try:
             if index is not None and index.kinds.get(at, opcode) != opcode:
@@ -326,7 +310,7 @@ class BagScan:
         except Exception:
             if frame is None:
                 raise ValueError("no record") from None
-            self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
+            self.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
             return
         match record:
             case Header():
@@ -338,7 +322,7 @@ class BagScan:
             case Metadata():
                 name = name_of(index, at, record.name)
                 if frame is not None and name != record.name:
-                    self.frames.damages.append(Damage(frame.offset, frame.offset, OTHER_NAME))
+                    self.damages.append(Damage(frame.offset, frame.offset, OTHER_NAME))
                 self.metadata.append(replace(record, name=name))
             case Attachment():
                 self.attachments.append(record)
@@ -348,7 +332,7 @@ class BagScan:
 
         Raises ValueError for what are no records.
         """
-        start, size = self._walk(data, strict=unchecked is not None)
+        start, size = self._places(data, strict=unchecked is not None)
         if not len(start):
             return {}
         if size.min() < _MESSAGE.itemsize:
@@ -374,13 +358,13 @@ class BagScan:
 
     def _note_unknown(self, times: np.ndarray) -> None:
         first, last = int(times.min()), int(times.max())
-        damages = self.frames.damages
+        damages = self.damages
         if damages and damages[-1].reason == NO_CHANNEL:
             before = damages.pop()
             first, last = min(first, before.after or first), max(last, before.before or last)
         damages.append(Damage(0, 0, NO_CHANNEL, first, last))
 
-    def _walk(self, data: bytes, strict: bool) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self, data: bytes, strict: bool) -> tuple[np.ndarray, np.ndarray]:
         """Where each message begins and how long it is; keeps what else there is.
 
         strict: no other records than a chunk may hold; zeros would pass for empty ones.
