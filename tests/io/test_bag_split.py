@@ -17,7 +17,7 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.run import RunOptions, splitting
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.recover import recover_bag
