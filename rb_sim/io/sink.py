@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.mechanics.samples import ARRAYS, Input, SampleBlock
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import Array, SampleLayout
+    from rb_sim.mechanics.samples import Array, ContactEvent, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -69,6 +69,13 @@ class Timeline:
         offsets = self._offset + np.cumsum(np.maximum(0.0, -steps))
         self._last, self._offset = float(t[-1]), float(offsets[-1])
         return t + offsets
+
+
+def event_text(event: ContactEvent) -> str:
+    """An event of a contact in one line."""
+    strength = float(np.linalg.norm(event.impulse))
+    struck = f", impulse {strength:.4g} N s" if strength else ""
+    return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
 
 
 # Where a run of ours begins anew: no motion leads from the sample before to the one after.

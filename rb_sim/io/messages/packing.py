@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -127,6 +127,23 @@ def pack_rows(
             times[k, 0],
             times[k, 1],
         )
+
+
+def stamps_of(block: SampleBlock) -> NDArray[Any]:
+    """Stamps of the samples [ns], shape (n,)."""
+    return np.rint(block.t * NANO).astype(np.int64)
+
+
+class MessageTable(Protocol):
+    """Messages of every sample beside those of the table of topics."""
+
+    topics: Sequence[tuple[str, str]]
+    """(name, ROS type) of each."""
+    latched: bool
+
+    def rows(self, block: SampleBlock) -> list[NDArray[np.uint8]]:
+        """Of each topic the messages of the next samples as bytes, shape (n, length)."""
+        ...
 
 
 CONSTANTS = (0.0, 1.0)

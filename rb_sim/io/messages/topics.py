@@ -72,7 +72,7 @@ from rb_sim.base.errors import SinkError
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.packing import Packer, Topic, Values
+from rb_sim.io.messages.packing import Packer, Topic, Values, stamps_of
 from rb_sim.io.messages.robot_description import marker_array, urdf
 from rb_sim.io.messages.topic_names import (
     CLOCK,
@@ -193,11 +193,6 @@ class TopicTable:
         return list(map(SampleMessages, stamps, packed, event_messages))
 
 
-def stamps_of(block: SampleBlock) -> Any:
-    """Stamps of the samples [ns], shape (n,)."""
-    return np.rint(block.t * cdr.NANO).astype(np.int64)
-
-
 def _check_names(entries: list[Topic]) -> None:
     seen: set[str] = set()
     for topic in entries:
@@ -310,7 +305,9 @@ Asked = Callable[["Scene", "SampleLayout"], Accelerating]
 
 
 class AccelTable:
-    """The messages of all bodies. topics: (name, ROS type) of each; prefix: before the frame."""
+    """The messages of all bodies. prefix: before the name of the frame."""
+
+    latched = False
 
     def __init__(self, scene: Scene, layout: SampleLayout, asked: Asked, prefix: str = "") -> None:
         self._accelerations = asked(scene, layout)
@@ -318,25 +315,24 @@ class AccelTable:
         self._codec = cdr.accel_stamped(prefix + WORLD)
         self.topics = [(body_topic(body, "accel"), types.ACCEL_STAMPED) for body in layout.bodies]
 
-    def messages(self, block: SampleBlock) -> list[list[bytes]]:
-        """Of each sample, in the order of the topics."""
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As of MessageTable."""
         linear, angular = self._accelerations(block)
         spin, arm = block.angular_velocity, -self._center_of_mass
         own = cross(angular, arm) + cross(spin, cross(spin, arm))
         turned = rotate(block.orientation, own), rotate(block.orientation, angular)
         values = np.concatenate([linear + turned[0], turned[1]], axis=2)
-        pack = self._codec.pack
-        return [
-            [pack(stamp_of(t), numbers) for numbers in row]
-            for t, row in zip(block.t.tolist(), values.tolist(), strict=True)
-        ]
+        stamps = stamps_of(block)
+        return [self._codec.pack_rows(stamps, values[:, i]) for i in range(len(self.topics))]
 
 
 class OdometryTable:
     """BODY/odometry: the pose in the world, the twist of the body's origin in body axes.
 
-    topics, prefix, messages: as of AccelTable.
+    prefix: as of AccelTable.
     """
+
+    latched = False
 
     def __init__(self, scene: Scene, layout: SampleLayout, prefix: str = "") -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
@@ -344,17 +340,15 @@ class OdometryTable:
         self._codecs = [cdr.odometry(prefix + WORLD, prefix + body_frame(name)) for name in names]
         self.topics = [(body_topic(name, "odometry"), types.ODOMETRY) for name in names]
 
-    def messages(self, block: SampleBlock) -> list[list[bytes]]:
-        """Of each sample, in the order of the topics."""
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As of MessageTable."""
         motion = origins(block, self._center_of_mass)
         velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
         none = np.zeros((*block.position.shape[:2], cdr.COVARIANCE_6X6))
         pose = (motion.position, block.orientation, none)
         values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
-        return [
-            [codec.pack(stamp_of(t), of) for codec, of in zip(self._codecs, row, strict=True)]
-            for t, row in zip(block.t.tolist(), values, strict=True)
-        ]
+        stamps = stamps_of(block)
+        return [codec.pack_rows(stamps, values[:, i]) for i, codec in enumerate(self._codecs)]
 
 
 # What is latched: sent once, for who comes late.
