@@ -137,9 +137,12 @@ def stamps_of(block: SampleBlock) -> NDArray[Any]:
 class MessageTable(Protocol):
     """Messages of every sample beside those of the table of topics."""
 
-    topics: Sequence[tuple[str, str]]
-    """(name, ROS type) of each."""
     latched: bool
+
+    @property
+    def topics(self) -> Sequence[tuple[str, str]]:
+        """(name, ROS type) of each."""
+        ...
 
     def rows(self, block: SampleBlock) -> list[NDArray[np.uint8]]:
         """Of each topic the messages of the next samples as bytes, shape (n, length)."""
