@@ -48,10 +48,10 @@ def contact_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Arr
         for body, sign in ((spec.body, 1.0), (spec.parent, -1.0)):
             if body is not None:
                 i = layout.bodies.index(body)
-                moment = torque + cross(block.anchor[:, k] - block.position[:, i], force)
                 spin = rotate(block.orientation[:, i], block.angular_velocity[:, i])
-                total += sign * np.einsum("ij,ij->i", force, block.linear_velocity[:, i])
-                total += sign * np.einsum("ij,ij->i", moment, spin)
+                arm = block.anchor[:, k] - block.position[:, i]
+                speed = block.linear_velocity[:, i] + cross(spin, arm)
+                total += sign * np.sum(force * speed + torque * spin, axis=1)
     return total
 
 
