@@ -154,23 +154,6 @@ _CHANNELS, _GROWTH = 512, 16
 what is done once for each channel of a batch is dear where it has one message in it."""
 
 
-class Said(NamedTuple):
-    """What chunks without a checksum say of their messages: 0 where they do not."""
-
-    start: int = 0
-    """[ns]"""
-    end: int = 0
-    """[ns]"""
-    messages: int = 0
-    """at least."""
-
-
-def _said(chunks: list[Frame]) -> Said:
-    """What several chunks say together."""
-    start, end = min(c.start for c in chunks), max(c.end for c in chunks)
-    return Said(start, end, sum(count_entries(c.indices) for c in chunks))
-
-
 def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Each channel, and the indices of its messages in their order."""
     order = np.argsort(of, kind="stable")
@@ -179,9 +162,14 @@ def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         yield int(of[at[0]]), at
 
 
-def _as_said(times: np.ndarray, said: Said) -> bool:
-    in_time = said.start <= int(times.min()) and int(times.max()) <= said.end
-    return (in_time or said.end == 0) and len(times) >= said.messages
+LOOSE = Frame(0, Opcode.MESSAGE, b"")
+"""Stands for the chunk of messages that are in none: it says nothing of them."""
+
+
+def _as_said(times: np.ndarray, chunk: Frame) -> bool:
+    """Whether messages may be all that their chunk, which has no checksum, says of them."""
+    in_time = chunk.start <= int(times.min()) and int(times.max()) <= chunk.end
+    return (in_time or chunk.end == 0) and len(times) >= count_entries(chunk.indices)
 
 
 class BagScan(Frames):
@@ -239,19 +227,22 @@ class BagScan(Frames):
                 yield from self._checked(chunks)
                 loose += FRAME.pack(frame.opcode, len(frame.content)) + frame.content
             if loose and (frame.opcode == Opcode.CHUNK or len(loose) > _LOOSE):
-                yield self._batch(bytes(loose), Said())
+                yield self._batch(bytes(loose), LOOSE)
                 loose.clear()
             if frame.opcode == Opcode.CHUNK:
-                if chunks and chunks[0].checked != frame.checked:
+                if not frame.checked:
                     yield from self._checked(chunks)
                 chunks.append(frame)
-                if sum(len(chunk.content) for chunk in chunks) >= self._together:
+                if (
+                    not frame.checked
+                    or sum(len(chunk.content) for chunk in chunks) >= self._together
+                ):
                     yield from self._checked(chunks)
             elif frame.opcode != Opcode.MESSAGE:
                 self._keep(frame.opcode, frame.content, frame)
         yield from self._checked(chunks)
         if loose:
-            yield self._batch(bytes(loose), Said())
+            yield self._batch(bytes(loose), LOOSE)
         if not self.damages and self._counted not in (None, self.messages):
             self.damages.append(Damage(self.size, self.size, OTHER_COUNT))
 
@@ -265,7 +256,7 @@ class BagScan(Frames):
         try:
             if waiting[-1].missing:
                 raise ValueError("cut off")
-            yield self._batch(data, None if waiting[0].checked else _said(waiting))
+            yield self._batch(data, None if waiting[0].checked else waiting[0])
         except ValueError:
             if len(waiting) > 1:
                 for frame in waiting:
@@ -298,7 +289,7 @@ class BagScan(Frames):
             reason = CUT_OFF if gap.end > len(data) else NO_RECORD
             self.damages.append(Damage(at, at, reason, gap.after, gap.before))
         if parts:
-            yield self._batch(b"".join(data[begin:end] for begin, end in parts), Said())
+            yield self._batch(b"".join(data[begin:end] for begin, end in parts), LOOSE)
 
     def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
         index = self.index
@@ -327,8 +318,8 @@ class BagScan(Frames):
             case Attachment():
                 self.attachments.append(record)
 
-    def _batch(self, data: bytes, unchecked: Said | None) -> Batch:
-        """unchecked: None where a checksum is right.
+    def _batch(self, data: bytes, unchecked: Frame | None) -> Batch:
+        """unchecked: the chunk of the messages; None where its checksum is right.
 
         Raises ValueError for what are no records.
         """
