@@ -37,7 +37,7 @@ NONE_OF_THEM = {
     ("simulation/sensitivity.py", "TOLERANCE"),
     ("fit/unknowns.py", "TOLERANCE"),
     ("motion/pieces.py", "FIRST_PIECE"),  # a length to begin with
-    ("fit/unknowns.py", "STEP"),  # lengths of differences
+    ("fit/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
     ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip
 """Small constants that decide nothing."""

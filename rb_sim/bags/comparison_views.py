@@ -153,28 +153,26 @@ def _lines(
     t: np.ndarray, values: np.ndarray, track: Track, most: float = np.inf
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Each column over time, broken at gaps, where the motion begins anew, at leaps by `most`."""
-    begins = np.zeros(len(t), bool)
-    begins[[part.start for part in stretches(track)[1:]]] = True
-    stride = max(1, len(t) // CURVE_POINTS)
-    kept = begins.copy()
-    kept[::stride] = True
-    found = []
-    for column in values.T:
-        new = begins.copy()
-        new[1:] |= np.abs(np.diff(column)) > most
-        at = np.flatnonzero(new[kept])
-        found.append((np.insert(t[kept], at, t[kept][at]), np.insert(column[kept], at, np.nan)))
-    return found
+    begins = [part.start for part in stretches(track)[1:]]
+    return [_curve(t, column, begins, most) for column in values.T]
 
 
 def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The curve, thinned, with a NaN in each interval that is LONG."""
-    gaps = after_gaps(t)
-    kept = np.zeros(len(t), bool)
+    return _curve(t, values, after_gaps(t))
+
+
+def _curve(
+    t: np.ndarray, values: np.ndarray, begins: Any, most: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """The curve, thinned, with a NaN before the samples `begins` and at leaps by `most`."""
+    new = np.zeros(len(t), bool)
+    new[begins] = True
+    kept = new.copy()
     kept[:: max(1, len(t) // CURVE_POINTS)] = True
-    kept[gaps] = True
-    at = np.searchsorted(np.flatnonzero(kept), gaps)
-    return np.insert(t[kept], at, t[gaps]), np.insert(values[kept], at, np.nan)
+    new[1:] |= np.abs(np.diff(values)) > most
+    at = np.flatnonzero(new[kept])
+    return np.insert(t[kept], at, t[kept][at]), np.insert(values[kept], at, np.nan)
 
 
 def attitude_angles(track: Track, near: np.ndarray | None = None) -> np.ndarray:

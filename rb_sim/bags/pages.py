@@ -19,11 +19,13 @@ import numpy as np
 from rb_sim.accuracy.closed_forms import exact_samples
 from rb_sim.bags.compare import CALENDAR
 from rb_sim.bags.comparison_views import drawn
+from rb_sim.bags.message_rates import linear
 from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.palette import CYCLE
 from rb_sim.io.page.motion_page import COLORS, FEW_BODIES, Applied, Lawful, RunPage, packed, spread
 from rb_sim.io.page.supports import ground
+from rb_sim.numerics.rotations import continuous, unit
 from rb_sim.scene.schema import Scene
 from rb_sim.trajectory.record import Record
 from rb_sim.trajectory.wrenches import wrenches_by_body
@@ -48,8 +50,9 @@ def page_of_tracks(
     shown = [tracks.bodies[name] for name in names]
     t, left_out = _instants(shown)
     zero = float(t[0]) if abs(t[0]) > CALENDAR else 0.0
-    position = np.stack([_between(t, track.t, track.position) for track in shown], axis=1)
-    orientation = np.stack([_turned(t, track) for track in shown], axis=1)
+    position = np.stack([linear(t, track.t, track.position) for track in shown], axis=1)
+    turns = [linear(t, track.t, continuous(track.orientation)) for track in shown]
+    orientation = unit(np.stack(turns, axis=1))
     places = np.concatenate([track.position for track in shown])
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     center, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), SMALLEST)
@@ -87,8 +90,8 @@ def page_of_tracks(
                 "name": name,
                 "body": wrench.frame or "its frame",
                 "about": "its frame's origin",
-                "force": packed(_between(t, wrench.t, wrench.values[:, :3])),
-                "torque": packed(_between(t, wrench.t, wrench.values[:, 3:])),
+                "force": packed(linear(t, wrench.t, wrench.values[:, :3])),
+                "torque": packed(linear(t, wrench.t, wrench.values[:, 3:])),
             }
             for name, wrench in tracks.reactions.items()
         ],
@@ -108,18 +111,6 @@ def _instants(tracks: list[Track]) -> tuple[np.ndarray, str]:
     if len(rows) == len(every):
         return every, ""
     return every[rows], f"; the page shows {len(rows)} of {len(every)} instants"
-
-
-def _between(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(t, at, column) for column in values.T], axis=1)
-
-
-def _turned(t: np.ndarray, track: Track) -> np.ndarray:
-    """Unit quaternions; one and its negative are the same attitude, so neighbours get one sign."""
-    q = track.orientation
-    signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
-    q = _between(t, track.t, q * np.cumprod(np.concatenate([[1.0], signs]))[:, None])
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
 def _largest(vectors: list[np.ndarray]) -> float:

@@ -26,7 +26,8 @@ from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.io.bag.reader import BagReader, Rows
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.cdr import NANO
-from rb_sim.mechanics.samples import ARRAYS, Input, SampleBlock, concatenate
+from rb_sim.io.sink import split_at
+from rb_sim.mechanics.samples import Input, SampleBlock, concatenate
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
 from rb_sim.trajectory.wrenches import accelerating
@@ -262,15 +263,11 @@ def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Samp
         whole = stop == count and not stops
         duration = options.duration if whole else (stop - done - 1) / options.rate
         for block in simulation.blocks(duration, options.rate):
-            part = block if done + len(block) <= stop else _first(block, stop - done)
+            part = block if done + len(block) <= stop else split_at(block, stop - done)[0]
             done += len(part)
             yield part
             if done == stop:
                 break
-
-
-def _first(block: SampleBlock, n: int) -> SampleBlock:
-    return replace(block, **{name: getattr(block, name)[:n] for name in ARRAYS})
 
 
 def _batches(samples: Iterator[SampleBlock], simulation: Simulation) -> Iterator[SampleBlock]:

@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.mechanics.samples import ARRAYS, Input, SampleBlock
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import Array, SampleLayout
+    from rb_sim.mechanics.samples import Array, ContactEvent, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -69,6 +69,13 @@ class Timeline:
         offsets = self._offset + np.cumsum(np.maximum(0.0, -steps))
         self._last, self._offset = float(t[-1]), float(offsets[-1])
         return t + offsets
+
+
+def event_text(event: ContactEvent) -> str:
+    """An event of a contact in one line."""
+    strength = float(np.linalg.norm(event.impulse))
+    struck = f", impulse {strength:.4g} N s" if strength else ""
+    return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
 
 
 # Where a run of ours begins anew: no motion leads from the sample before to the one after.
@@ -171,69 +178,59 @@ class Envelope:
         self._low = np.empty((columns, 0))
         self._high = np.empty((columns, 0))
         self._stride = 1
-        self._pending: list[tuple[Array, Array]] = []
-        self._waiting = 0
-        self._open = 0  # samples in the last bucket, if it is not full
+        self._waiting = [(np.empty(0), np.empty((0, columns)))]
+        """samples that are in no bucket yet."""
+        self._fresh = 0
+        """of these, that came since buckets were made."""
 
     def add(self, t: Array, values: Array) -> None:
         """The next samples, kept as they are. t: shape (n,), increasing; values: (n, columns)."""
-        self._pending.append((t, values))
-        self._waiting += len(t)
-        if self._waiting >= BATCH:
+        self._waiting.append((t, values))
+        self._fresh += len(t)
+        if self._fresh >= max(BATCH, self._stride):
             self._settle()
 
     def curves(self) -> tuple[Array, Array]:
         """Times, shape (m,), and values, shape (m, columns), to draw as lines."""
-        self._settle()
+        ((t, rest),) = self._settle()
+        times, low, high = self._times, self._low, self._high
+        if len(t):  # the last bucket is not full
+            times = np.append(times, t[0])
+            low = np.column_stack([low, rest.min(axis=0)])
+            high = np.column_stack([high, rest.max(axis=0)])
         if self._stride == 1:
-            return self._times, self._low.T
-        both = np.stack([self._low, self._high], axis=2)
-        return np.repeat(self._times, 2), both.reshape(len(both), -1).T
+            return times, low.T
+        both = np.stack([low, high], axis=2)
+        return np.repeat(times, 2), both.reshape(len(both), -1).T
 
-    def _settle(self) -> None:
-        """Put what is pending into buckets."""
-        pending, self._pending, self._waiting = self._pending, [], 0
-        for t, values in pending:
-            rows = np.ascontiguousarray(values.T)
-            while len(t):
-                n = min(len(t), self._room())
-                self._put(t[:n], rows[:, :n])
-                t, rows = t[n:], rows[:, n:]
-                if len(self._times) >= 2 * self._capacity and not self._open:
-                    self._halve()
-
-    def _room(self) -> int:
-        """Samples until the open bucket is full, or as many as make whole buckets at once."""
-        if self._open:
-            return self._stride - self._open
-        return self._stride * max(1, 2 * self._capacity - len(self._times))
-
-    def _put(self, t: Array, rows: Array) -> None:
-        """Samples that fill the open bucket or a part of it, or start new ones."""
-        if self._open:
-            self._low[:, -1] = np.minimum(self._low[:, -1], rows.min(axis=1))
-            self._high[:, -1] = np.maximum(self._high[:, -1], rows.max(axis=1))
-        else:
-            self._times = np.concatenate([self._times, t[:: self._stride]])
+    def _settle(self) -> list[tuple[Array, Array]]:
+        """Make buckets of what waits, as many as are full; the rest."""
+        parts = [part for part in self._waiting if len(part[0])] or self._waiting[:1]
+        t, values = parts[0]
+        if len(parts) > 1:  # else without a copy
+            t, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+        while len(t) >= self._stride:
+            room = 2 * self._capacity - len(self._times)
+            n = self._stride * min(room, len(t) // self._stride)
+            rows = np.ascontiguousarray(values[:n].T)
+            self._times = np.concatenate([self._times, t[: n : self._stride]])
             self._low = np.hstack([self._low, _of_buckets(np.minimum, rows, self._stride)])
             self._high = np.hstack([self._high, _of_buckets(np.maximum, rows, self._stride)])
-        self._open = (self._open + len(t)) % self._stride
-
-    def _halve(self) -> None:
-        """Join buckets in pairs."""
-        self._times = self._times[::2].copy()
-        self._low = _of_buckets(np.minimum, self._low, 2)
-        self._high = _of_buckets(np.maximum, self._high, 2)
-        self._stride *= 2
+            t, values = t[n:], values[n:]
+            if len(self._times) == 2 * self._capacity:
+                self._times = self._times[::2].copy()
+                self._low = _of_buckets(np.minimum, self._low, 2)
+                self._high = _of_buckets(np.maximum, self._high, 2)
+                self._stride *= 2
+        self._waiting, self._fresh = [(t, values)], 0
+        return self._waiting
 
 
 def _of_buckets(of: np.ufunc, rows: Array, stride: int) -> Array:
-    """The least or greatest number of each `stride` (a power of 2) in a row, and of what is left.
+    """The least or greatest number of each `stride` (a power of 2) in a row.
 
     In pairs, pairs of pairs, ...: several times faster than `of.reduceat`.
     """
-    whole = rows.shape[1] // stride * stride
-    found, rest = rows[:, :whole], rows[:, whole:]
     while stride > 1:
-        found, stride = of(found[:, ::2], found[:, 1::2]), stride // 2
-    return np.hstack([found, of.reduce(rest, axis=1, keepdims=True)]) if rest.size else found
+        rows, stride = of(rows[:, ::2], rows[:, 1::2]), stride // 2
+    return rows

@@ -21,10 +21,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.io.messages.cdr import NANO, Layout, stamp_of
-from rb_sim.io.messages.packing import Packer
+from rb_sim.io.messages.packing import Packer, columns_of
 from rb_sim.io.messages.topic_names import WORLD, body_frame
 from rb_sim.io.messages.topics import Topic
-from rb_sim.mechanics.samples import Origins, centers_of_mass
+from rb_sim.mechanics.samples import centers_of_mass
 from rb_sim.numerics.rotations import conjugate, rotate
 from rb_sim.ros.build_interfaces import is_there
 from rb_sim.ros.serving import Turns, serve
@@ -40,7 +40,7 @@ from rb_sim.ros.topics.command import (
 )
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, SampleRow
+    from rb_sim.mechanics.samples import SampleLayout, SampleRow
     from rb_sim.ros.stepper import Stepper
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation.simulation import Simulation
@@ -131,7 +131,7 @@ class StateMessages:
         ]
         """for each vector, in the order of the numbers: where it goes, and whether it has a w."""
         size = sum(3 + turns for _, turns in self._places) + 2
-        numbers = Topic("", "", Layout().doubles(size).codec(), _numbers)
+        numbers = Topic("", "", Layout().doubles(size).codec(), _numbers(layout))
         self._codec = numbers.codec
         self._packer = Packer([numbers], layout, centers_of_mass(scene.bodies, layout.bodies))
 
@@ -156,13 +156,12 @@ def _of_reaction(one: Any) -> tuple[tuple[Any, bool], ...]:
     return (one.anchor, False), (one.wrench.force, False), (one.wrench.torque, False)
 
 
-def _numbers(block: SampleBlock, motion: Origins) -> Array:
-    """All numbers of an answer, shape (n, size), in the order of its vectors."""
-    moving = (motion.position, block.orientation, motion.linear_velocity, motion.angular_velocity)
-    acting = (block.anchor, block.reaction_force, block.reaction_torque)
-    parts = [np.concatenate(one, axis=2) for one in (moving, acting)]
-    totals = np.stack([block.energy, block.residual], axis=1)
-    return np.concatenate([*(one.reshape(len(block), -1) for one in parts), totals], axis=1)
+def _numbers(layout: SampleLayout) -> list[int]:
+    """Columns of all numbers of an answer, in the order of its vectors."""
+    of = columns_of(layout)
+    moving = np.hstack([of.position, of.orientation, of.velocity, of.spin])
+    acting = np.hstack([of.anchor, of.reaction_force, of.reaction_torque])
+    return [*moving.ravel(), *acting.ravel(), *of.energy, *of.residual]
 
 
 def set_vector(of: Any, values: Sequence[float]) -> None:

@@ -75,15 +75,7 @@ def _norm(x: Any) -> Any:
     """The length of a vector, or of one a sample."""
     if np.shape(x)[-1:] in ((), (1,)):
         raise ValueError("norm() takes vectors; must be abs() of a number")
-    return np.sqrt(np.sum(np.square(np.asarray(x, dtype=float)), axis=-1))
-
-
-def _together(elements: list[Any]) -> Any:
-    """A vector of these components, or one a sample where they are values over time."""
-    for x in elements:
-        if hasattr(x, "together"):
-            return x.together(elements)
-    return np.stack(np.broadcast_arrays(*elements), axis=-1)
+    return np.sqrt(np.sum(np.square(1.0 * np.asarray(x)), axis=-1))
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -117,11 +109,6 @@ NAMES = {"pi": np.pi}
 
 POINTWISE = ("abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan2")
 """Functions whose value at one sample depends on that sample alone."""
-
-
-def _array(x: Any) -> Any:
-    """An array, or what stands for one (rb_sim.sweeps.slopes)."""
-    return x if hasattr(x, "__array_ufunc__") else np.asarray(x)
 
 
 def _pointwise(node: ast.AST) -> bool:
@@ -228,7 +215,9 @@ class Expression:
             case ast.List(elts=elements) | ast.Tuple(elts=elements):
                 values = [of(e) for e in elements]
                 rows = any(isinstance(e, (ast.List, ast.Tuple)) for e in elements)
-                return values if rows or not values else _together(values)
+                if rows or not values:
+                    return values
+                return np.stack(np.broadcast_arrays(*values), axis=-1)
         raise self._refuse(f"{ast.unparse(node)[:40]!r} is not allowed in an expression")
 
     def _named(self, names: Any, name: str) -> Any:
@@ -242,7 +231,7 @@ class Expression:
         if len(name) != 1 or name not in components:
             allowed = one_of(name, components) if components else "omitted: it is a number"
             raise self._refuse(f"{name!r} must be {allowed}")
-        return _array(names)[..., components.index(name)]
+        return np.asarray(names)[..., components.index(name)]
 
     def _indexed(self, value: Any, index: Any) -> Any:
         """The entry of that name: a number could be meant as a component or as a sample."""
@@ -302,10 +291,10 @@ def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
     def event_count(contact: str, kind: str) -> float:
         return float(len(times(contact, kind)))
 
-    def integral(x: Any) -> float:
+    def integral(x: Any) -> Any:
         """Over time, by the trapezoidal rule."""
-        x = one_a_sample(np.asarray(x, dtype=float))
-        return float(np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(run.t)))
+        x = one_a_sample(1.0 * np.asarray(x))
+        return np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(run.t))
 
     def time_of(condition: Any) -> float:
         """The first sample at which the condition holds; NaN if none [s]."""

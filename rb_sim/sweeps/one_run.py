@@ -27,7 +27,7 @@ from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.catalogue.spec import one_of
+from rb_sim.io.bag.as_run import replaced
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import concatenate
 from rb_sim.scene import yaml_reader
@@ -59,25 +59,12 @@ def parse(text: str, file: str) -> Path:
     return keys
 
 
-def replaced(data: Any, path: Path, value: Any, whole: str, file: str) -> Any:
-    """A copy of `data` that has `value` at `path`; what the path does not touch is shared.
-
-    A last key that is absent is added (the scene's own check says whether it exists).
-    whole: the path as the user wrote it. Raises SceneError where the scene has nothing there.
-    """
-    if not path:
-        return value
-    first, rest = path[0], path[1:]
-    if isinstance(data, Mapping) and isinstance(first, str):
-        if first in data or not rest:
-            below = data.get(first)
-            return {**data, first: replaced(below, rest, value, whole, file)}
-        raise _absent(whole, f"must be {one_of(first, data)} at {first}", file)
-    if isinstance(data, (list, tuple)) and isinstance(first, int) and first < len(data):
-        changed = list(data)
-        changed[first] = replaced(data[first], rest, value, whole, file)
-        return changed
-    raise _absent(whole, f"the scene has no list or mapping with {first!r} there", file)
+def placed(data: Any, path: Path, value: Any, text: str, file: str) -> Any:
+    """As `replaced`; text: the path as the user wrote it. Raises SceneError."""
+    try:
+        return replaced(data, path, value)
+    except RbSimError as error:
+        raise SceneError(f"got {text!r}; {error}", key="path", file=file) from None
 
 
 def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
@@ -103,10 +90,6 @@ def with_default(data: Any, defaults: Any, path: Path) -> Any:
     if first in data:
         return {**data, first: with_default(data[first], defaults.get(first), rest)}
     return {**data, first: defaults[first]} if rest and first in defaults else data
-
-
-def _absent(path: str, why: str, file: str) -> SceneError:
-    return SceneError(f"got {path!r}; {why}", key="path", file=file)
 
 
 OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
@@ -216,10 +199,10 @@ class PlanRunner:
         data = self._base
         for name, places in self._paths.items():
             for text, path in places:
-                data = replaced(data, path, float(values[name]), text, self.loaded.file)
+                data = placed(data, path, float(values[name]), text, self.loaded.file)
         for text, path, expression in self._derived:
             value = _numbers(expression, expression.value(values, {}))
-            data = replaced(data, path, value, text, self.loaded.file)
+            data = placed(data, path, value, text, self.loaded.file)
         return data
 
     def scene(self, values: Mapping[str, float]) -> Scene:

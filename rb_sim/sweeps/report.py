@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import html
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from shlex import quote
@@ -34,9 +34,6 @@ from rb_sim.sweeps.slopes import Slopes, slopes
 
 if TYPE_CHECKING:
     import pyarrow
-
-
-# The pictures of a sweep's report: plotly for the page, matplotlib for the maps as PNG.
 
 
 # The table of a sweep, read a column at a time: a report of a million runs stays small.
@@ -109,6 +106,9 @@ class RunTable:
 def _is_ok(status: Any) -> np.ndarray:
     compute: Any = import_module("pyarrow.compute")
     return compute.equal(status, OK).to_numpy().astype(bool)
+
+
+# The pictures of a sweep's report: plotly for the page, matplotlib for the maps as PNG.
 
 
 STYLE = (
@@ -468,33 +468,36 @@ def _summary(loaded: LoadedPlan, table: RunTable) -> str:
 
 def _slopes_section(found: Slopes, table: RunTable) -> str:
     """A table of derivatives, exact beside differences."""
-    rows = "".join(
-        f"<tr><td>{html.escape(table.label(output))}</td><td>{html.escape(table.label(name))}</td>"
-        f"<td>{slope.exact:.9g}</td><td>{slope.difference:.9g}</td></tr>"
+    rows = [
+        (table.label(output), table.label(name), f"{slope.exact:.9g}", f"{slope.difference:.9g}")
         for output, by_name in found.by_output.items()
         for name, slope in by_name.items()
-    )
+    ]
     if not rows:
         return ""
     at = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
     why = f"<p>Not exact: {html.escape(found.why)}</p>" if found.why else ""
-    head = "<tr><th>d</th><th>/ d</th><th>exact</th><th>difference of two runs</th></tr>"
-    return f"<h2>Derivatives at {html.escape(at)}</h2>{why}<table>{head}{rows}</table>"
+    shown = _table(("d", "/ d", "exact", "difference of two runs"), rows)
+    return f"<h2>Derivatives at {html.escape(at)}</h2>{why}{shown}"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Rows of texts, which are escaped."""
+    cells = [("th", heads), *(("td", row) for row in rows)]
+    lines = ("".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in row) for tag, row in cells)
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable, outputs: int) -> str:
     """A table of the runs at the ends of each output; nothing where there are no outputs."""
     if not extremes:
         return ""
-    rows = "".join(
-        f"<tr><td>{html.escape(table.label(e.output))}</td><td>{e.which}</td><td>{e.run}</td>"
-        f"<td>{e.value:.6g}</td><td><code>{html.escape(e.command)}</code></td></tr>"
-        for e in extremes
-    )
-    head = "<tr><th>output</th><th></th><th>run</th><th>value</th><th>to see it alone</th></tr>"
+    rows = [
+        (table.label(e.output), e.which, str(e.run), f"{e.value:.6g}", e.command) for e in extremes
+    ]
     shown = f" of the first {MOST_WITH_EXTREMES} of {outputs} outputs"
     title = "Extreme runs" + (shown if outputs > MOST_WITH_EXTREMES else "")
-    return f"<h2>{title}</h2><table>{head}{rows}</table>"
+    return f"<h2>{title}</h2>{_table(('output', '', 'run', 'value', 'to see it alone'), rows)}"
 
 
 def _failures_section(table: RunTable) -> str:
@@ -503,5 +506,4 @@ def _failures_section(table: RunTable) -> str:
     if not reasons:
         return ""
     ranked = sorted(reasons.items(), key=lambda item: -item[1])[:20]
-    rows = "".join(f"<tr><td>{n}</td><td>{html.escape(r)}</td></tr>" for r, n in ranked)
-    return f"<h2>Runs that failed</h2><table><tr><th>runs</th><th>why</th></tr>{rows}</table>"
+    return "<h2>Runs that failed</h2>" + _table(("runs", "why"), ((str(n), r) for r, n in ranked))

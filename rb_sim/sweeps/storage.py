@@ -227,75 +227,51 @@ def take_over(
     that it keeps. Raises RbSimError where a row belongs to no run of the plan.
     """
     files = batch_files(folder)
-    numbers = _numbered(folder, files, hashes)
-    for before, now in numbers.values():  # samples are known by the number of their run
-        for run in before[before != now].tolist():
-            shutil.rmtree(trajectory_file(folder, run).parent, ignore_errors=True)
-    held = np.zeros(len(hashes), dtype=bool)
-    for path, (before, now) in numbers.items():
-        table = read(path)
-        kept = _kept(folder, table, now, plan)
-        same = kept.all() and (before == now).all()
-        if not same or not table.schema.equals(schema, check_metadata=True):
-            _rewrite(path, table, now, kept, schema)
-        held[now[kept]] = True
-    return held, max((batch_number(path) + 1 for path in files), default=0)
-
-
-def _numbered(
-    folder: Path, files: list[Path], hashes: np.ndarray
-) -> dict[Path, tuple[np.ndarray, np.ndarray]]:
-    """The number of the run of each row, by file: (as it stands there, the plan's).
-
-    Raises RbSimError where the plan has no run for a row.
-    """
-    order = np.argsort(hashes, kind="stable")
-    free = np.ones(len(hashes), dtype=bool)
-    found = {}
-    for path in files:  # rows that have their number already, first
-        runs, names = _runs_and_hashes(path)
-        own = (runs >= 0) & (runs < len(hashes))
-        own[own] = hashes[runs[own]] == names[own]
-        own[own] = _first_of_each(runs[own]) & free[runs[own]]
-        free[runs[own]] = False
-        found[path] = (runs, np.where(own, runs, NONE))
-    waiting: dict[bytes, Iterator[int]] = {}
-    for path, (_, now) in found.items():
-        rows = np.flatnonzero(now == NONE)
-        if len(rows):
-            for row, name in zip(rows, _runs_and_hashes(path)[1][rows], strict=True):
-                numbers = waiting.setdefault(name, _same(hashes, order, free, name))
-                now[row] = next(numbers, NONE)
-    foreign = sum(int((now == NONE).sum()) for _, now in found.values())
-    if foreign:
+    columns = [_runs_and_hashes(path) for path in files]
+    sizes = np.cumsum([len(runs) for runs, _ in columns])
+    before = np.concatenate([np.empty(0, int), *(runs for runs, _ in columns)])
+    names = np.concatenate([np.empty(0, "S24"), *(name for _, name in columns)])
+    now = _numbered(before, names, hashes)
+    if foreign := int((now == NONE).sum()):
         raise RbSimError(
             f"{folder}: holds {foreign} rows that are no runs of this plan (another scene, other "
             "values, outputs or settings, or another version of rb_sim); must be another folder"
         )
-    return found
+    for run in before[before != now].tolist():  # samples are known by the number of their run
+        shutil.rmtree(trajectory_file(folder, run).parent, ignore_errors=True)
+    held = np.zeros(len(hashes), dtype=bool)
+    for path, old, new in zip(files, np.split(before, sizes), np.split(now, sizes), strict=False):
+        table = read(path)
+        kept = _kept(folder, table, new, plan)
+        same = kept.all() and (old == new).all()
+        if not same or not table.schema.equals(schema, check_metadata=True):
+            _rewrite(path, table, new, kept, schema)
+        held[new[kept]] = True
+    return held, max((batch_number(path) + 1 for path in files), default=0)
 
 
-def _first_of_each(numbers: np.ndarray) -> np.ndarray:
-    """True where a number stands for the first time."""
-    first = np.zeros(len(numbers), dtype=bool)
-    first[np.unique(numbers, return_index=True)[1]] = True
-    return first
+def _numbered(before: np.ndarray, names: np.ndarray, hashes: np.ndarray) -> np.ndarray:
+    """The number that the plan gives the run of each row, NONE where it has none such.
 
-
-def _same(hashes: np.ndarray, order: np.ndarray, free: np.ndarray, name: bytes) -> Iterator[int]:
-    """Runs of that hash that no row had from the start."""
-    for place in range(int(np.searchsorted(hashes, name, sorter=order)), len(order)):
-        number = int(order[place])
-        if hashes[number] != name:
-            return
-        if free[number]:
-            yield number
+    before: numbers so far, names: hashes of the rows. Runs of equal values are counted each: the
+    k-th row of them is the k-th run.
+    """
+    order = np.argsort(hashes, kind="stable")
+    wanted = hashes[order]
+    rows = np.lexsort((before, names))
+    names = names[rows]
+    place = np.searchsorted(wanted, names) + np.arange(len(names)) - np.searchsorted(names, names)
+    found = place < len(wanted)
+    found[found] = wanted[place[found]] == names[found]
+    now = np.full(len(names), NONE)
+    now[rows[found]] = order[place[found]]
+    return now
 
 
 def _runs_and_hashes(path: Path) -> tuple[np.ndarray, np.ndarray]:
     table = read(path, ["run", "scene_hash"])
     names = np.array(table.column("scene_hash").to_pylist(), dtype="S24")
-    return table.column("run").to_numpy().copy(), names
+    return table.column("run").to_numpy(), names
 
 
 def _kept(folder: Path, table: pyarrow.Table, runs: np.ndarray, plan: Plan) -> np.ndarray:

@@ -136,10 +136,10 @@ def test_scene_as_run(tmp_path):
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ("effects.wight.acceleration=1", "there is no 'wight'; must be one of: weight, drive"),
+        ("effects.wight.acceleration=1", "there is no 'wight'; must be weight or drive"),
         ("mass=2", "must be KEY=VALUE with a path as KEY"),
         ("bodies.box.mass", "must be KEY=VALUE"),
-        ("bodies.box.mass.x=2", "there is no 'mass'"),
+        ("bodies.box.mass.x=2", "there is no 'x'; must be omitted: there is a single value"),
     ],
 )
 def test_a_change_that_will_not_do(change, line):

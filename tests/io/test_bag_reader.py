@@ -112,7 +112,7 @@ def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     assert one_line(tmp_path / "text.mcap") == ": not an MCAP file"
     (tmp_path / "empty.mcap").write_text("")
     assert one_line(tmp_path / "empty.mcap") == ": not an MCAP file"
-    assert one_line(tmp_path).startswith(": not one bag: 2 .mcap files")
+    assert one_line(tmp_path).startswith(": not one bag: 2 files without metadata.yaml")
     bag = record("whole/bag")
     data = (bag / "bag_0.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,20 +103,3 @@ def test_what_touches() -> None:
     scene = load_scene(SCENES["rigid"])
     assert list(contacts_of(scene)) == ["rub"]
     assert list(contacts_of(load_scene(SCENES["string"]))) == ["link"]
-
-
-@pytest.mark.parametrize("packed", [False, True])
-def test_compiled_code_gives_what_numpy_gives(
-    monkeypatch: pytest.MonkeyPatch, packed: bool
-) -> None:
-    """From MANY samples on; also of arrays that lie otherwise than a run's own."""
-    simulation = Simulation(load_scene(ball_on_plate(False)), announce=None)
-    block = simulation.run(watched=False).block
-    if packed:
-        spin = np.asfortranarray(block.angular_velocity)
-        block = replace(block, angular_velocity=spin, position=block.position.copy())
-    wanted = contact_power(block, simulation.scene, simulation.layout)
-    monkeypatch.setattr("rb_sim.io.contact_power.MANY", 1)
-    got = contact_power(block, simulation.scene, simulation.layout)
-    assert np.abs(wanted).max() > 1e-3
-    np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-13 * np.abs(wanted).max())

@@ -216,7 +216,7 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
     np.testing.assert_allclose(shown, whole.anchor[closed, 2], atol=1e-6)  # single precision
     times, texts = column(sink.path, "/events", "TextLog:text")
     assert times.tolist() == [round(event.t * 1e9) for event in EVENTS]
-    assert texts[1] == ["t = 0.123456789 s: floor impact, 0.348 N s"]
+    assert texts[1] == ["t = 0.123456789 s: floor impact, impulse 0.348 N s"]
 
 
 def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):

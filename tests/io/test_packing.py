@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rb_sim.io.messages.packing import FIELDS
 from rb_sim.io.messages.topics import TopicTable
 from rb_sim.mechanics.samples import (
     ARRAYS,
@@ -62,11 +63,16 @@ def test_packed_at_once_or_field_by_field(n: int, skip: tuple[str, ...]) -> None
     )
     table = TopicTable(scene, LAYOUT, skip)
     motion = origins(block, centers_of_mass(scene.bodies, LAYOUT.bodies))
-    values = [topic.values(block, motion).tolist() for topic in table.topics]
+    fields = (motion.position, block.orientation, *motion[1:], block.energy)
+    fields += tuple(getattr(block, name) for name in FIELDS)
+    source = np.hstack([np.tile([0.0, 1.0], (n, 1)), *(field.reshape(n, -1) for field in fields)])
     for k, instant in enumerate(table.messages(block)):
         assert instant.stamp == round(block.t[k] * 1e9)
-        for topic, rows, data in zip(table.topics, values, instant.messages, strict=True):
-            assert data == topic.codec.pack(instant.stamp, rows[k]), topic.name
+        states = iter(block.contact_state[k].astype(int).tolist())
+        for topic, data in zip(table.topics, instant.messages, strict=True):
+            octet = topic.name.endswith("/state")
+            numbers = [next(states)] if octet else source[k, list(topic.columns)].tolist()
+            assert data == topic.codec.pack(instant.stamp, numbers), topic.name
 
 
 def test_no_samples_are_no_messages() -> None:

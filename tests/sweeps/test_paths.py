@@ -14,7 +14,7 @@ from __future__ import annotations
 import pytest
 
 from rb_sim.base.errors import SceneError
-from rb_sim.sweeps.one_run import parse, replaced, with_default
+from rb_sim.sweeps.one_run import parse, placed, with_default
 
 SCENE = {"bodies": {"top": {"position": [1.0, 2.0, 3.0], "mass": 1.0}}, "effects": {}}
 
@@ -35,7 +35,7 @@ def test_what_is_no_path_is_refused_in_one_line(text: str) -> None:
 
 def test_only_the_named_number_changes() -> None:
     path = parse("bodies.top.position[1]", "f")
-    changed = replaced(SCENE, path, 9.0, "p", "f")
+    changed = placed(SCENE, path, 9.0, "p", "f")
     assert changed["bodies"]["top"] == {"position": [1.0, 9.0, 3.0], "mass": 1.0}
     assert SCENE["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]
 
@@ -45,12 +45,12 @@ def test_only_the_named_number_changes() -> None:
 )
 def test_a_path_to_nowhere_is_refused(text: str) -> None:
     with pytest.raises(SceneError, match="path"):
-        replaced(SCENE, parse(text, "f"), 0.0, text, "f")
+        placed(SCENE, parse(text, "f"), 0.0, text, "f")
 
 
 def test_a_default_that_a_path_goes_through_is_written_out() -> None:
     defaults = {"bodies": {"top": {"position": [0.0] * 3, "angular_velocity": [0.0] * 3}}}
     path = parse("bodies.top.angular_velocity[1]", "f")
     filled = with_default(SCENE, defaults, path)
-    assert replaced(filled, path, 2.0, "p", "f")["bodies"]["top"]["angular_velocity"] == [0, 2, 0]
+    assert placed(filled, path, 2.0, "p", "f")["bodies"]["top"]["angular_velocity"] == [0, 2, 0]
     assert filled["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]

@@ -84,20 +84,12 @@ def _verdict(found: Analysis) -> str:
     ]
     problems = [*found.notes, *gaps[:MOST]] or ["none found: no gaps, no notes"]
     balances = []
-    for name, balance in ({"": found.balance} if found.balance else found.balances).items():
-        momentum = balance["momentum"] or {}
-        rows = (
-            ("energy", "J", balance["energy"]),
-            ("linear momentum", "N s", momentum.get("linear")),
-            ("angular momentum", "N m s", momentum.get("angular")),
-        )
-        for what, unit, row in rows:
-            if row is not None:
-                doubt = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
-                holds = abs(row["error"]) <= max(BALANCED * row["scale"], doubt)
-                verdict = "balances" if holds else "does NOT balance"
-                rest = f"{abs(row['error']):.2g} of {row['scale']:.3g} {unit} not accounted for"
-                balances.append(f"{name} {what} {verdict}: {rest}".strip())
+    for what, unit, row in _judged(found):
+        doubt = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
+        holds = abs(row["error"]) <= max(BALANCED * row["scale"], doubt)
+        verdict = "balances" if holds else "does NOT balance"
+        rest = f"{abs(row['error']):.2g} of {row['scale']:.3g} {unit} not accounted for"
+        balances.append(f"{what} {verdict}: {rest}")
     judged = bool(balances)
     if not judged:
         balances = ["not judged: masses or forces are not known (--masses FILE)"]
@@ -112,6 +104,19 @@ def _verdict(found: Analysis) -> str:
         f'<p class="verdict {kind}"><b>{head}.</b> {"<br>".join(map(html.escape, lines))}</p>'
         for kind, head, lines in lists
     )
+
+
+def _judged(found: Analysis) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """What is balanced, its unit, and its balance."""
+    for name, balance in ({"": found.balance} if found.balance else found.balances).items():
+        momentum = balance["momentum"] or {}
+        for what, unit, row in (
+            ("energy", "J", balance["energy"]),
+            ("linear momentum", "N s", momentum.get("linear")),
+            ("angular momentum", "N m s", momentum.get("angular")),
+        ):
+            if row is not None:
+                yield f"{name} {what}".strip(), unit, row
 
 
 def _title(found: Analysis) -> str:
@@ -151,16 +156,10 @@ def _bodies(found: Analysis) -> str:
 def _balances(found: Analysis) -> str:
     """Change less supply of energy and momenta, as in the terminal."""
     rows = []
-    balances = {"": found.balance} if found.balance else found.balances
-    for name, balance in balances.items():
-        momentum = balance["momentum"] or {}
-        parts = {"energy [J]": balance["energy"], "linear momentum [N s]": momentum.get("linear"),
-                 "angular momentum [N m s]": momentum.get("angular")}  # fmt: skip
-        for what, row in parts.items():
-            if row is not None:
-                numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
-                numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
-                rows.append(_row([f"{name} {what}".strip(), *numbers]))
+    for what, unit, row in _judged(found):
+        numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
+        numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
+        rows.append(_row([f"{what} [{unit}]", *numbers]))
     heads = ["balance", "left", "of", "sampling error", "noise up to"]
     return _table("Balance errors", heads, rows) if rows else ""
 

@@ -34,7 +34,7 @@ from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.base.errors import SinkError
 from rb_sim.base.names import MOST_NAMED, first_few
-from rb_sim.checks.balance import FIRST_EVENTS, Ledger
+from rb_sim.checks.balance import Events, Ledger
 from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.reader import BagReader, reader_of
 from rb_sim.io.sink import stretches
@@ -225,7 +225,7 @@ class Balances:
         self._ledger = Ledger(scene, layout)
         self._energy: dict[str, Any] | None = None
         self._momentum: dict[str, Any] | None = None
-        self._contacts: dict[str, Any] | None = None
+        self._events, self._contact_work = Events(), 0.0
         self._anew: list[float] = []
         self._latest = -np.inf
         self._count = self._samples = self._changes = 0
@@ -238,6 +238,7 @@ class Balances:
             self._count += 1
             self._anew += part.block.t[: MOST_NAMED - len(self._anew)][:1].tolist()
         self._samples += len(part.block)
+        self._events.add(part.block.events)
         self._ledger.add(part.block, self._commands(part.block, part.anew))
         if len(part.block):  # else events alone, after the last sample
             self._latest = float(part.block.t[-1])
@@ -251,7 +252,9 @@ class Balances:
     @property
     def contacts(self) -> dict[str, Any] | None:
         """Work and events of all stretches, after `finish`."""
-        return self._contacts
+        if not self._layout.contacts:
+            return None
+        return {"work": self._contact_work, **self._events.as_dict()}
 
     @property
     def notes(self) -> list[str]:
@@ -282,7 +285,7 @@ class Balances:
         if not ledger.samples:
             return
         self._energy = _energies(self._energy, ledger.energy())
-        self._contacts = _contacts(self._contacts, ledger.contacts())
+        self._contact_work += (ledger.contacts() or {"work": 0.0})["work"]
         momentum = ledger.momentum()
         if momentum is not None:
             before = self._momentum or dict.fromkeys(momentum)
@@ -306,23 +309,6 @@ def _energies(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict
     if before is None or now is None:
         return before or now
     return _joined(before, now) | {"final": now["final"], "work": before["work"] + now["work"]}
-
-
-def _contacts(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict[str, Any] | None:
-    if before is None or now is None:
-        return before or now
-    counts = {
-        kind: before["events"].get(kind, 0) + now["events"].get(kind, 0)
-        for kind in {**before["events"], **now["events"]}
-    }
-    sums = [before["impulses"], now["impulses"]]
-    impulses = {
-        name: np.sum([part[name] for part in sums if name in part], axis=0).tolist()
-        for name in {**sums[0], **sums[1]}
-    }
-    first = (before["first_events"] + now["first_events"])[:FIRST_EVENTS]
-    return {"work": before["work"] + now["work"], "events": counts, "first_events": first,
-            "impulses": impulses}  # fmt: skip
 
 
 # Everything that a bag tells, in one pass over it and in bounded memory.

@@ -16,6 +16,7 @@ from typing import Any
 
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.base.names import keys_of
+from rb_sim.catalogue.spec import one_of
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
@@ -63,36 +64,26 @@ def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
         value = yaml_reader.parse(f"value: {text}", "--set")["value"]
     except SceneError as error:
         raise RbSimError(f"--set {change}: {error.message}") from None
-    copy: dict[str, Any] = dict(data)
-    at: Any = copy
-    for name in names[:-1]:
-        if not _has(at, name) or not isinstance(at[name], (dict, list)):
-            raise RbSimError(f"--set {key}: there is no {name!r}; must be one of: {_known(at)}")
-        at[name] = dict(at[name]) if isinstance(at[name], dict) else list(at[name])
-        at = at[name]
-    if not _takes(at, names[-1]):
-        raise RbSimError(f"--set {key}: there is no {names[-1]!r}; must be one of: {_known(at)}")
-    at[names[-1]] = value
+    try:
+        return replaced(data, names, value)
+    except RbSimError as error:
+        raise RbSimError(f"--set {key}: {error}") from None
+
+
+def replaced(data: Any, keys: Sequence[str | int], value: Any) -> Any:
+    """A copy of `data` with that value at the path `keys`; what the path does not touch is shared.
+
+    A last key that a mapping lacks is added: the scene's own check says whether it exists. Raises
+    RbSimError where the path leads nowhere.
+    """
+    first, rest = keys[0], keys[1:]
+    new = not rest and isinstance(data, Mapping) and isinstance(first, str)
+    if not (new or _has(data, first)):
+        raise RbSimError(_absent(data, first))
+    inner = replaced(data[first], rest, value) if rest else value
+    copy: Any = dict(data) if isinstance(data, Mapping) else list(data)
+    copy[first] = inner
     return copy
-
-
-def _known(at: Any) -> str:
-    """The keys of a mapping, or the indices of a list, in words."""
-    if isinstance(at, list):
-        return f"[0] to [{len(at) - 1}]"
-    return ", ".join(map(str, at)) if isinstance(at, Mapping) else "a mapping"
-
-
-def _takes(at: Any, key: str | int) -> bool:
-    """Whether a value can be put there: a mapping takes new keys, too."""
-    return _has(at, key) if isinstance(at, list) else isinstance(key, str)
-
-
-def _has(at: Any, key: str | int) -> bool:
-    """Whether a mapping has the key, or a list the index."""
-    if isinstance(at, list):
-        return isinstance(key, int) and key < len(at)
-    return isinstance(at, Mapping) and key in at
 
 
 def value_at(data: Mapping[str, Any], key: str) -> Any:
@@ -100,7 +91,22 @@ def value_at(data: Mapping[str, Any], key: str) -> Any:
     at: Any = data
     for name in keys_of(key) or (key,):
         if not _has(at, name):
-            allowed = ", ".join(map(str, at)) if isinstance(at, Mapping) else "a number"
-            raise RbSimError(f"{key}: there is no {name!r}; must be one of: {allowed}")
+            raise RbSimError(f"{key}: {_absent(at, name)}")
         at = at[name]
     return at
+
+
+def _has(at: Any, key: str | int) -> bool:
+    """Whether a mapping has the key, or a list the index."""
+    if isinstance(at, (list, tuple)):
+        return isinstance(key, int) and key < len(at)
+    return isinstance(at, Mapping) and key in at
+
+
+def _absent(at: Any, key: str | int) -> str:
+    known = "omitted: there is a single value"
+    if isinstance(at, Mapping):
+        known = one_of(key, at)
+    elif isinstance(at, (list, tuple)):
+        known = f"[0] to [{len(at) - 1}]"
+    return f"there is no {key!r}; must be {known}"

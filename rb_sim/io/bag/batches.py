@@ -154,23 +154,6 @@ _CHANNELS, _GROWTH = 512, 16
 what is done once for each channel of a batch is dear where it has one message in it."""
 
 
-class Said(NamedTuple):
-    """What chunks without a checksum say of their messages: 0 where they do not."""
-
-    start: int = 0
-    """[ns]"""
-    end: int = 0
-    """[ns]"""
-    messages: int = 0
-    """at least."""
-
-
-def _said(chunks: list[Frame]) -> Said:
-    """What several chunks say together."""
-    start, end = min(c.start for c in chunks), max(c.end for c in chunks)
-    return Said(start, end, sum(count_entries(c.indices) for c in chunks))
-
-
 def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Each channel, and the indices of its messages in their order."""
     order = np.argsort(of, kind="stable")
@@ -179,12 +162,17 @@ def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         yield int(of[at[0]]), at
 
 
-def _as_said(times: np.ndarray, said: Said) -> bool:
-    in_time = said.start <= int(times.min()) and int(times.max()) <= said.end
-    return (in_time or said.end == 0) and len(times) >= said.messages
+LOOSE = Frame(0, Opcode.MESSAGE, b"")
+"""Stands for the chunk of messages that are in none: it says nothing of them."""
 
 
-class BagScan:
+def _as_said(times: np.ndarray, chunk: Frame) -> bool:
+    """Whether messages may be all that their chunk, which has no checksum, says of them."""
+    in_time = chunk.start <= int(times.min()) and int(times.max()) <= chunk.end
+    return (in_time or chunk.end == 0) and len(times) >= count_entries(chunk.indices)
+
+
+class BagScan(Frames):
     """Reads one MCAP file from front to back; iterate over `batches` once.
 
     header, schemas, channels, metadata, attachments: what was met so far. Afterwards `missing`.
@@ -192,10 +180,9 @@ class BagScan:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.frames = Frames(path)
+        super().__init__(path)
         self.header: Header | None = None
-        index = self.frames.index
+        index = self.index
         # a file names its channels within its chunks; where such a chunk is broken, its index helps
         self.schemas: dict[int, Schema] = {} if index is None else dict(index.schemas)
         self.channels: dict[int, Channel] = {} if index is None else dict(index.channels)
@@ -209,37 +196,22 @@ class BagScan:
         self._first: int | None = None
 
     @property
-    def chunks(self) -> int:
-        """Whole chunks so far."""
-        return self.frames.chunks
-
-    @property
-    def unchecked_chunks(self) -> int:
-        """Chunks without a checksum so far."""
-        return self.frames.unchecked
-
-    @property
-    def complete(self) -> bool:
-        """Whether the file ends as a finished one does."""
-        return self.frames.complete
-
-    @property
     def missing(self) -> Missing:
         """What could not be read; complete after the last batch."""
-        index = self.frames.index
+        index = self.index
         start = self._first
         lost = None if self._counted is None else max(0, self._counted - self.messages)
         if index is not None:
             times = [c.message_start_time for c in index.chunks.values() if c.message_end_time]
             times += [] if start is None else [start]
             start = min(times) if times else None
-        return Missing(self.path, self.frames.damages, lost, start)
+        return Missing(self.path, self.damages, lost, start)
 
     @property
     def _counted(self) -> int | None:
         """Messages by the file's own count."""
-        index = self.frames.index
-        return self.frames.claimed if index is None else index.messages
+        index = self.index
+        return self.claimed if index is None else index.messages
 
     @property
     def _together(self) -> int:
@@ -250,26 +222,29 @@ class BagScan:
         """The messages, by chunks; those outside of chunks in batches of their own."""
         loose = bytearray()
         chunks: list[Frame] = []
-        for frame in self.frames:
+        for frame in self:
             if frame.opcode == Opcode.MESSAGE:
                 yield from self._checked(chunks)
                 loose += FRAME.pack(frame.opcode, len(frame.content)) + frame.content
             if loose and (frame.opcode == Opcode.CHUNK or len(loose) > _LOOSE):
-                yield self._batch(bytes(loose), Said())
+                yield self._batch(bytes(loose), LOOSE)
                 loose.clear()
             if frame.opcode == Opcode.CHUNK:
-                if chunks and chunks[0].checked != frame.checked:
+                if not frame.checked:
                     yield from self._checked(chunks)
                 chunks.append(frame)
-                if sum(len(chunk.content) for chunk in chunks) >= self._together:
+                if (
+                    not frame.checked
+                    or sum(len(chunk.content) for chunk in chunks) >= self._together
+                ):
                     yield from self._checked(chunks)
             elif frame.opcode != Opcode.MESSAGE:
                 self._keep(frame.opcode, frame.content, frame)
         yield from self._checked(chunks)
         if loose:
-            yield self._batch(bytes(loose), Said())
-        if not self.frames.damages and self._counted not in (None, self.messages):
-            self.frames.damages.append(Damage(self.frames.size, self.frames.size, OTHER_COUNT))
+            yield self._batch(bytes(loose), LOOSE)
+        if not self.damages and self._counted not in (None, self.messages):
+            self.damages.append(Damage(self.size, self.size, OTHER_COUNT))
 
     def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
         """The messages of the chunks, which are forgotten; of each by itself if one is broken."""
@@ -281,7 +256,7 @@ class BagScan:
         try:
             if waiting[-1].missing:
                 raise ValueError("cut off")
-            yield self._batch(data, None if waiting[0].checked else _said(waiting))
+            yield self._batch(data, None if waiting[0].checked else waiting[0])
         except ValueError:
             if len(waiting) > 1:
                 for frame in waiting:
@@ -297,7 +272,7 @@ class BagScan:
         """
         times = frame.start, frame.end
         if frame.checked or frame.compressed:
-            self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD, *times))
+            self.damages.append(Damage(frame.offset, frame.offset, NO_RECORD, *times))
             return
         data, cut = frame.content, frame.missing > 0
         records = Unchecked(
@@ -305,19 +280,19 @@ class BagScan:
         ).indexed(index_entries(frame.indices))
         parts = list(records.stretches())
         if parts == [(0, len(data))] and not cut:  # then what it says of its messages is broken
-            self.frames.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
+            self.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
         else:
             records = records._replace(times=times if frame.end else None)
             parts = list(records.stretches())
         for gap in records._replace(end=len(data) + frame.missing).gaps(parts, times):
             at = frame.inside + gap.begin
             reason = CUT_OFF if gap.end > len(data) else NO_RECORD
-            self.frames.damages.append(Damage(at, at, reason, gap.after, gap.before))
+            self.damages.append(Damage(at, at, reason, gap.after, gap.before))
         if parts:
-            yield self._batch(b"".join(data[begin:end] for begin, end in parts), Said())
+            yield self._batch(b"".join(data[begin:end] for begin, end in parts), LOOSE)
 
     def _keep(self, opcode: int, content: bytes, frame: Frame | None = None) -> None:
-        index = self.frames.index
+        index = self.index
         at = -1 if frame is None else frame.offset  # -1: within a chunk
         try:
             if index is not None and index.kinds.get(at, opcode) != opcode:
@@ -326,7 +301,7 @@ class BagScan:
         except Exception:
             if frame is None:
                 raise ValueError("no record") from None
-            self.frames.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
+            self.damages.append(Damage(frame.offset, frame.offset, NO_RECORD))
             return
         match record:
             case Header():
@@ -338,17 +313,17 @@ class BagScan:
             case Metadata():
                 name = name_of(index, at, record.name)
                 if frame is not None and name != record.name:
-                    self.frames.damages.append(Damage(frame.offset, frame.offset, OTHER_NAME))
+                    self.damages.append(Damage(frame.offset, frame.offset, OTHER_NAME))
                 self.metadata.append(replace(record, name=name))
             case Attachment():
                 self.attachments.append(record)
 
-    def _batch(self, data: bytes, unchecked: Said | None) -> Batch:
-        """unchecked: None where a checksum is right.
+    def _batch(self, data: bytes, unchecked: Frame | None) -> Batch:
+        """unchecked: the chunk of the messages; None where its checksum is right.
 
         Raises ValueError for what are no records.
         """
-        start, size = self._walk(data, strict=unchecked is not None)
+        start, size = self._places(data, strict=unchecked is not None)
         if not len(start):
             return {}
         if size.min() < _MESSAGE.itemsize:
@@ -374,13 +349,13 @@ class BagScan:
 
     def _note_unknown(self, times: np.ndarray) -> None:
         first, last = int(times.min()), int(times.max())
-        damages = self.frames.damages
+        damages = self.damages
         if damages and damages[-1].reason == NO_CHANNEL:
             before = damages.pop()
             first, last = min(first, before.after or first), max(last, before.before or last)
         damages.append(Damage(0, 0, NO_CHANNEL, first, last))
 
-    def _walk(self, data: bytes, strict: bool) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self, data: bytes, strict: bool) -> tuple[np.ndarray, np.ndarray]:
         """Where each message begins and how long it is; keeps what else there is.
 
         strict: no other records than a chunk may hold; zeros would pass for empty ones.

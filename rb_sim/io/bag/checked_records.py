@@ -36,6 +36,7 @@ from rb_sim.io.bag.records import (
     NO_SUMMARY,
     ChunkPlace,
     Unchecked,
+    offsets,
     past_indices,
     read_summary,
 )
@@ -118,6 +119,7 @@ class Missing(NamedTuple):
 # A record of an MCAP file; of a chunk its records, its checksum checked, and where it ends.
 
 
+CHUNK = int(Opcode.CHUNK)
 _HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
 SHORTEST_HEAD = _HEAD.size + _LENGTH.size
@@ -128,19 +130,6 @@ WRONG_CHECKSUM = "its checksum is wrong"
 NOT_DECOMPRESSED = "it cannot be decompressed"
 NO_DECOMPRESSOR = "its compression is none of zstd and lz4"
 REASONS = (WRONG_CHECKSUM, NOT_DECOMPRESSED, NO_DECOMPRESSOR)
-
-
-class Opened(NamedTuple):
-    """The records of a chunk, and their log times [ns]."""
-
-    data: bytes
-    start: int
-    end: int
-    checked: bool
-    """a checksum covers them, and is right."""
-    compressed: bool
-    head: int
-    """bytes before them in the chunk."""
 
 
 class Frame(NamedTuple):
@@ -176,35 +165,38 @@ def said_size(content: bytes) -> int | None:
     return at + _LENGTH.size + _LENGTH.unpack_from(content, at)[0]
 
 
-def open_chunk(content: bytes, *, short: bool = False) -> Opened | str:
-    """The chunk whose content this is all of, or why it cannot be read.
+def open_chunk(offset: int, content: bytes, *, missing: int = 0) -> Frame | str:
+    """The chunk at `offset` whose content this is, or why it cannot be read.
 
-    short: it is the beginning; only what is not compressed can be read then, and not checked.
+    missing: bytes at its end that are cut off; only what is not compressed can be read then, and
+    not checked.
     """
     start, end, size, checksum, name = _HEAD.unpack_from(content)
     head = _HEAD.size + name + _LENGTH.size
     compression = content[_HEAD.size : _HEAD.size + name].decode(errors="replace")
     if compression not in ("", "zstd", "lz4"):
         return NO_DECOMPRESSOR
-    if short:
+    inside = offset + FRAME.size + head
+    if missing:
+        if compression:
+            return NOT_DECOMPRESSED
         data = content[head:]
-        return NOT_DECOMPRESSED if compression else Opened(data, start, end, False, False, head)
+        return Frame(offset, CHUNK, data, start, end, False, inside=inside, missing=missing)
     chunk = Chunk(compression, content[head:], end, start, checksum, size)
     try:
         stream, found = get_chunk_data_stream(chunk, validate_crc=True)
         data = stream.read(found)
     except Exception:  # decompressors and checksums fail with classes of their own
-        return WRONG_CHECKSUM if checksum else NOT_DECOMPRESSED
+        found = None
     if found != size:
         return WRONG_CHECKSUM if checksum else NOT_DECOMPRESSED
-    return Opened(data, start, end, checksum != 0, bool(compression), head)
+    return Frame(offset, CHUNK, data, start, end, checksum != 0, bool(compression), inside)
 
 
 _INDEX = struct.Struct("<HI")
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
 _SHORTEST_FILE = 8
 """Content of a metadata record or an attachment: its lengths at least [bytes]."""
-_WINDOW = 1 << 20
 _KEPT = 1 << 18
 """Bytes that are read at once: records are many and small, calls of the file dear."""
 _CHUNK_HEAD = re.compile(rb"\x06(?=.{5}\x00\x00\x00)", re.DOTALL)
@@ -220,8 +212,8 @@ class Frames:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.damages: list[Damage] = []
-        self.unchecked = 0
-        """chunks without a checksum."""
+        self.unchecked_chunks = 0
+        """whole chunks without a checksum so far."""
         self.chunks = 0
         """whole chunks so far."""
         self._kept, self._kept_from = b"", 0
@@ -240,8 +232,6 @@ class Frames:
         self.index = summary.index if summary.checked else None
         self.claimed = summary.index.messages if summary.index and not summary.checked else None
         """messages that an index without a checksum counts; None: there is none."""
-        self.span = None if summary.index is None else summary.index.times
-        """log times of the first and of the last message by the summary [ns], if there is one."""
         self._broken_index = summary.broken
         self._channels: set[int] = set()
         self._loose = False  # messages that stand in no chunk
@@ -250,7 +240,7 @@ class Frames:
 
     def __iter__(self) -> Iterator[Frame]:
         with self._file:
-            yield from self._walk()
+            yield from self._frames()
         self.damages += self._open
 
     def close(self) -> None:
@@ -266,7 +256,7 @@ class Frames:
                 if opcode != Opcode.CHUNK and length <= self.size - at:
                     yield Frame(at, opcode, self._at(at + FRAME.size, length))
 
-    def _walk(self) -> Iterator[Frame]:
+    def _frames(self) -> Iterator[Frame]:
         at, finished = len(MCAP0_MAGIC), False
         while at < self.size:
             opcode, length = self._head(at)
@@ -338,14 +328,12 @@ class Frames:
         missing = length - len(content)
         if len(content) < SHORTEST_HEAD or (missing and said_size(content) != length):
             return (CUT_OFF if missing else NO_RECORD), None
-        opened = open_chunk(content, short=missing > 0)
+        opened = open_chunk(at, content, missing=missing)
         if isinstance(opened, str):
             return (CUT_OFF if missing else opened), None
         self.chunks += not missing
-        self.unchecked += not (missing or opened.checked)
-        inside = at + FRAME.size + opened.head
-        frame = Frame(at, Opcode.CHUNK, *opened[:5], inside, missing=missing)
-        return (CUT_OFF if missing else None), frame
+        self.unchecked_chunks += not (missing or opened.checked)
+        return (CUT_OFF if missing else None), opened
 
     def _chunk_size(self, at: int, length: int) -> int:
         """The size of the content of the chunk at `at`, which says it twice; 0 if it is none.
@@ -360,7 +348,7 @@ class Frames:
         for size in (said or 0, length):
             if not SHORTEST_HEAD <= size <= room:
                 continue
-            opened = open_chunk(self._at(at + FRAME.size, size))
+            opened = open_chunk(at, self._at(at + FRAME.size, size))
             end = at + FRAME.size + size
             if not isinstance(opened, str) and (opened.checked or self._is_record(end)):
                 self.damages.append(Damage(at, at, ONE_LENGTH))
@@ -411,13 +399,8 @@ class Frames:
         return (self._messages(end).resume(at) or end) if self._channels else end
 
     def _next_chunk(self, at: int) -> int:
-        while at < self.size:
-            window = self._at(at, _WINDOW + FRAME.size)
-            for match in _CHUNK_HEAD.finditer(window):
-                if self._is_record(at + match.start()):
-                    return at + match.start()
-            at += _WINDOW
-        return self.size
+        chunks = offsets(self._at, _CHUNK_HEAD, at, self.size)
+        return next((offset for offset in chunks if self._is_record(offset)), self.size)
 
     def _messages(self, end: int | None = None) -> Unchecked:
         """The messages that stand in no chunk, up to `end`."""

@@ -21,6 +21,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -412,13 +413,6 @@ def _topic_metadata(channel: _Channel) -> dict[str, Any]:
         "name": channel.topic,
         "type": channel.ros_type,
         "serialization_format": "cdr",
-        "offered_qos_profiles": _copy(channel.qos),
+        "offered_qos_profiles": deepcopy(channel.qos),  # YAML would write an alias
         "type_description_hash": channel.type_hash,
     }
-
-
-def _copy(value: Any) -> Any:
-    """A deep copy, so that YAML writes it out instead of an alias."""
-    if isinstance(value, dict):
-        return {key: _copy(item) for key, item in value.items()}
-    return [_copy(item) for item in value] if isinstance(value, list) else value

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import closing, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,12 +22,11 @@ import numpy as np
 import yaml
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
-from mcap.writer import MCAP0_MAGIC
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.io.bag.batches import BagScan, Batch, Messages
 from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Frames, Missing
-from rb_sim.io.bag.records import MESSAGE_HEAD, BrokenRecordError, name_of, parse_record
+from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
 
 # The messages of an SQLite file of rosbag2 (.db3), as `batches` gives those of an MCAP file.
 #
@@ -46,12 +44,6 @@ _TOGETHER = 1 << 21
 def is_sqlite(path: Path) -> bool:
     """Whether it is a file of that storage, by its name."""
     return path.suffix == SUFFIX
-
-
-def span_of(path: Path) -> tuple[int, int]:
-    """Log times of the first and of the last message [ns]; (0, 0) for a file that has none."""
-    with _opened(path) as reader:
-        return (reader.start_time, reader.end_time - 1) if reader.message_count else (0, 0)
 
 
 class SqliteScan:
@@ -179,9 +171,8 @@ def bag_paths(bag: Path) -> list[Path]:
     """The files of `bag` in their order: of a directory, or the file itself.
 
     Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
-    without it all, if they follow each other in time. The order is that of their numbers, or of
-    their first stamps if they have none: log times of a bag may go back where its clock was reset.
-    Raises SinkError where there is none, or they are several bags.
+    without it all, if their names are a series (NAME_0, NAME_1 ...). The order is that of their
+    numbers, else that of metadata.yaml. Raises SinkError where there is none, or several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -200,26 +191,14 @@ def bag_paths(bag: Path) -> list[Path]:
             raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
         inner = f"; the bag of this run is {bag / 'bag'}" if (bag / "bag").is_dir() else ""
         raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it{inner}")
-    if len({path.suffix for path in found}) > 1:
-        raise SinkError(
-            f"{bag}: not one bag: files of two storages without metadata.yaml, as {found[0].name}"
-            f" and {found[-1].name}; name one of them"
-        )
-    if len(found) == 1:
-        return found
-    numbered = all(path.stem.rpartition("_")[2].isdigit() for path in found)
-    if numbered and len({path.stem.rpartition("_")[0] for path in found}) == 1:
-        return sorted(found, key=_number)
-    spans = {path: _span(path) for path in found}
-    found = sorted(found, key=lambda path: spans[path][0])  # equal ones, as of empty files, stay
+    series = [_number(path) for path in found]
+    if len({(path.suffix, stem) for path, (stem, _) in zip(found, series, strict=True)}) == 1:
+        return [path for _, path in sorted(zip(series, found, strict=True))]
     if not listed:
-        for one, two in zip(found, found[1:], strict=False):
-            if spans[one][1] >= spans[two][0]:
-                raise SinkError(
-                    f"{bag}: not one bag: {len(found)} {found[0].suffix} files without "
-                    f"metadata.yaml, of which {one.name} and {two.name} overlap in time; name one "
-                    "of them"
-                )
+        raise SinkError(
+            f"{bag}: not one bag: {len(found)} files without metadata.yaml whose names are no "
+            f"series, as {found[0].name} and {found[-1].name}; name one of them"
+        )
     return found
 
 
@@ -238,27 +217,6 @@ def _packed(bag: Path, path: Path) -> str:
 def holds_bag(folder: Path) -> bool:
     """Whether there are files of a bag in a folder."""
     return bool(_files(folder))
-
-
-def _span(path: Path) -> tuple[int, int]:
-    """Log times of the first and of the last message of a file, as its summary, or its first chunk
-    or message, has them [ns]; (0, 0) for a file that has none."""
-    if is_sqlite(path):
-        return span_of(path)
-    try:
-        frames = Frames(path)
-    except SinkError:
-        return 0, 0
-    if frames.span is not None:
-        frames.close()
-        return frames.span
-    for frame in frames:
-        if frame.opcode == Opcode.CHUNK:
-            return frame.start, frame.end
-        if frame.opcode == Opcode.MESSAGE:
-            time = MESSAGE_HEAD.unpack_from(frame.content)[2]
-            return time, time
-    return 0, 0
 
 
 def unlisted(bag: Path) -> list[str]:
@@ -302,45 +260,34 @@ def _number(path: Path) -> tuple[str, int]:
     return (stem, int(number)) if number.isdigit() else (path.stem, 0)
 
 
-def read_metadata(path: Path) -> Iterator[Metadata]:
-    """The metadata records of a file: those that its index names, else by reading all of it.
+def metadata_of(path: Path, name: str) -> tuple[dict[str, str] | None, bool]:
+    """The values of the last metadata record of that name in a file, None if none can be read; and
+    whether there is or was one.
 
-    SQLite files have none. Raises SinkError for a file that is no MCAP or cannot be opened.
+    The index tells where they are; without it all of the file is read. SQLite files have none.
+    Raises SinkError for a file that is no MCAP or cannot be opened.
     """
     if is_sqlite(path):
-        return
+        return None, False
     frames = Frames(path)
-    found = frames.named() if frames.index is not None else iter(frames)
-    for frame in found:
-        if frame.opcode != Opcode.METADATA:  # chunks hold none
-            continue
-        try:
-            record = parse_record(frame.opcode, frame.content)
-        except BrokenRecordError:
-            continue
-        if isinstance(record, Metadata):
-            yield replace(record, name=name_of(frames.index, frame.offset, record.name))
-
-
-def metadata_names(path: Path) -> set[str]:
-    """Of all metadata records that the index of a file names."""
-    if is_sqlite(path):
-        return set()
-    frames = Frames(path)
-    frames.close()
-    return set() if frames.index is None else set(frames.index.names.values())
+    found = None
+    for frame in frames if frames.index is None else frames.named():
+        if frame.opcode == Opcode.METADATA:  # chunks hold none
+            with suppress(BrokenRecordError):
+                record = parse_record(frame.opcode, frame.content)
+                assert isinstance(record, Metadata)
+                if name_of(frames.index, frame.offset, record.name) == name:
+                    found = record.metadata
+    named = frames.index is not None and name in frames.index.names.values()
+    return found, named or found is not None
 
 
 def is_complete(path: Path) -> bool:
     """True if the file ends as a finished one does; of SQLite files each does."""
     if is_sqlite(path):
         return True
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
-        if size < 2 * len(MCAP0_MAGIC):
-            return False
-        file.seek(size - len(MCAP0_MAGIC))
-        return file.read() == MCAP0_MAGIC
+    with closing(Frames(path)) as frames:
+        return frames.complete
 
 
 Scan = BagScan | SqliteScan

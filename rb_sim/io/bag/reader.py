@@ -34,8 +34,7 @@ from rb_sim.io.bag.folder import (
     Scan,
     bag_paths,
     is_complete,
-    metadata_names,
-    read_metadata,
+    metadata_of,
     scan_of,
     unlisted,
 )
@@ -293,7 +292,7 @@ class BagReader:
     def summary(self) -> dict[str, Any] | None:
         """Summary of the run, if it had come to one and is whole; `damage` tells if it is not."""
         try:
-            return summary_in(metadata_of(self.paths[-1], SUMMARY_RECORD))
+            return summary_in(metadata_of(self.paths[-1], SUMMARY_RECORD)[0])
         except ValueError as error:
             self._broken_summary = [f"{self.paths[-1]}: {error}"]
             return None
@@ -374,23 +373,14 @@ def reader_of(bag: Path, *, unfinished: bool = False) -> BagReader | None:
         return None
 
 
-def metadata_of(path: Path, name: str) -> dict[str, str] | None:
-    """The values of the metadata record called `name`, the last one; None if there is none."""
-    found = None
-    for record in read_metadata(path):
-        if record.name == name:
-            found = record.metadata
-    return found
-
-
 def _first_record(path: Path) -> dict[str, str] | None:
     """What rb_sim writes before the first message; None in a bag of somebody else.
 
     Raises SinkError if it is broken.
     """
-    found = metadata_of(path, RECORD)
+    found, named = metadata_of(path, RECORD)
     if found is None:
-        if RECORD in metadata_names(path):
+        if named:
             raise SinkError(f"{path}: {UNREADABLE}")
         return None
     if not _is_whole(found):

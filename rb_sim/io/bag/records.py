@@ -97,8 +97,6 @@ class Index(NamedTuple):
     offsets: tuple[int, ...]
     """of all records that the index names, increasing; the end of the data is the last one."""
     messages: int | None
-    times: tuple[int, int] | None
-    """log times of the first and of the last message [ns]."""
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
     names: dict[int, str]
@@ -156,7 +154,6 @@ def parse_index(summary: bytes, start: int) -> Index:
     names: dict[int, str] = {}
     kinds: dict[int, int] = {}
     offsets, messages, at = {start - _DATA_END.size}, None, 0
-    times: tuple[int, int] | None = None
     while at < len(summary):
         opcode, length = FRAME.unpack_from(summary, at)
         at += FRAME.size
@@ -178,16 +175,14 @@ def parse_index(summary: bytes, start: int) -> Index:
             offsets.add(offset)
             kinds[offset] = Opcode.ATTACHMENT
         elif opcode == Opcode.STATISTICS:
-            counted = Statistics.read(stream)
-            messages = counted.message_count
-            times = counted.message_start_time, counted.message_end_time
+            messages = Statistics.read(stream).message_count
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
             schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(stream)
             channels[channel.id] = channel
-    return Index(chunks, tuple(sorted(offsets)), messages, times, schemas, channels, names, kinds)
+    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels, names, kinds)
 
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment
@@ -255,6 +250,17 @@ _LONGEST_DEFINITION = 1 << 24
 _PARSED: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 
 
+def offsets(
+    read: Callable[[int, int], bytes], head: re.Pattern[bytes], at: int, end: int
+) -> Iterator[int]:
+    """Where the head of a record matches between `at` and `end`."""
+    while at < end:
+        for match in head.finditer(read(at, min(_WINDOW + FRAME.size, end - at))):
+            if match.start() < _WINDOW:
+                yield at + match.start()
+        at += _WINDOW
+
+
 class Gap(NamedTuple):
     """Bytes in which no whole record was found, and the log times around them [ns]."""
 
@@ -302,13 +308,9 @@ class Unchecked(NamedTuple):
 
     def resume(self, at: int) -> int | None:
         """The first offset from `at` on where records certainly begin; None if nowhere."""
-        while at < self.end:
-            window = self.read(at, min(_WINDOW + FRAME.size, self.end - at))
-            for match in _RECORD_HEAD.finditer(window):
-                if match.start() < _WINDOW and self._begins(at + match.start()):
-                    return at + match.start()
-            at += _WINDOW
-        return None
+        return next(
+            (k for k in offsets(self.read, _RECORD_HEAD, at, self.end) if self._begins(k)), None
+        )
 
     def is_record(self, at: int, resumed: int | None) -> bool:
         """True if a record begins at `at`, though it cannot be read as one.

@@ -68,7 +68,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
             raise
     except OSError as error:
         raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
-    complete = all(folder.is_complete(source) for source in sources)
+    complete = all(scan.complete for scan in scans)
     missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
     gone = folder.absent(bag)

@@ -34,9 +34,10 @@ from rb_sim.io.bag.file import CHUNK_SIZE, LATCHED, BagFile, mcap_path
 from rb_sim.io.bag.writer import Rows
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages.cdr import JOINT_STATE, NANO, STRING, TYPE_HASHES, schema_text, stamp_of
+from rb_sim.io.messages.cdr import NANO, STRING, TYPE_HASHES, schema_text, stamp_of
+from rb_sim.io.messages.packing import MessageTable, stamps_of
 from rb_sim.io.messages.robot_description import JointTable
-from rb_sim.io.messages.topic_names import JOINT_STATES, NAMESPACE, STATE
+from rb_sim.io.messages.topic_names import NAMESPACE, STATE
 from rb_sim.io.messages.topics import (
     AccelTable,
     Asked,
@@ -45,7 +46,6 @@ from rb_sim.io.messages.topics import (
     SampleMessages,
     TopicTable,
     latched_messages,
-    stamps_of,
 )
 from rb_sim.scene.load import as_run_text
 
@@ -206,9 +206,8 @@ class BagSink:
         self._channels: list[int] = []
         self._events: int | None = None
         self._asked, self._odometry = accelerations, odometry
-        self._tables: list[AccelTable | OdometryTable] = []
+        self._tables: list[MessageTable] = []
         """of what is recorded beside the table of topics, of each sample."""
-        self._joints: JointTable | None = None
         self._latched: dict[int, bytes] = {}
         """the last message of each channel that is latched and sent now and then only."""
         self._state: str | None = None
@@ -222,8 +221,14 @@ class BagSink:
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the file and record the scene in it."""
         self._table = TopicTable(scene, layout)
-        self._tables = [] if self._asked is None else [AccelTable(scene, layout, self._asked)]
-        self._tables += [OdometryTable(scene, layout)] if self._odometry else []
+        self._tables = []
+        if self._asked is not None:
+            self._tables.append(AccelTable(scene, layout, self._asked))
+        if self._odometry:
+            self._tables.append(OdometryTable(scene, layout))
+        joints = JointTable(scene, layout)
+        if joints.names:
+            self._tables.append(joints)
         start = self._base = self._start
         try:
             self._file = BagFile(self.directory, LIBRARY, self._chunk_size)
@@ -243,14 +248,12 @@ class BagSink:
             self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
             for topic in self._table.topics
         ]
-        for name, ros_type in [topic for table in self._tables for topic in table.topics]:
-            channel = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
-            self._channels.append(channel)
-        joints = JointTable(scene, layout)
-        if joints.names:
-            self._joints = joints
-            name = f"{self._namespace}/{JOINT_STATES}"
-            self._channels.append(self._add_channel(self._file, name, JOINT_STATE, LATCHED))
+        for table in self._tables:
+            qos = LATCHED if table.latched else None
+            self._channels += [
+                self._add_channel(self._file, f"{self._namespace}/{name}", ros_type, qos)
+                for name, ros_type in table.topics
+            ]
         self._scene, self._layout = scene, layout
         self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
@@ -338,16 +341,16 @@ class BagSink:
 
     def _is_plain(self, block: SampleBlock) -> bool:
         """Whether nothing but the topics of the table goes into one file, in the order of time."""
-        more = block.events or block.inputs or self._tables or self._splits or not len(block)
+        more = block.events or block.inputs or self._splits or not len(block)
         stamps = stamps_of(block)
         return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
 
     def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
         """The samples, about a chunk's worth at a time, until the disk is full."""
         stamps, rows, bounds = self._table.packed(block)
-        if self._joints is not None:
-            joints, end = self._joints.rows(block), rows.shape[1]
-            rows, bounds = np.hstack([rows, joints]), [*bounds, (end, end + joints.shape[1])]
+        for more in [part for table in self._tables for part in table.rows(block)]:
+            end = rows.shape[1]
+            rows, bounds = np.hstack([rows, more]), [*bounds, (end, end + more.shape[1])]
         some = max(1, self._chunk_size // max(1, rows.shape[1]))
         for first in range(0, len(rows), some):
             part = slice(first, first + some)
@@ -360,16 +363,12 @@ class BagSink:
 
     def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
         inputs = list(block.inputs)
-        more = [table.messages(block) for table in self._tables]
-        joints = None if self._joints is None else self._joints.messages(block)
+        more = [part for table in self._tables for part in table.rows(block)]
         for k, instant in enumerate(self._table.messages(block)):
             file = self._split_before(file, instant)
             while inputs and inputs[0].index <= k:
                 self._write_input(file, inputs.pop(0))
-            for messages in more:
-                instant.messages.extend(messages[k])
-            if joints is not None:
-                instant.messages.append(joints[k])
+            instant.messages.extend(part[k].tobytes() for part in more)
             self._write_sample(file, instant)
             if file.stream.full:
                 return

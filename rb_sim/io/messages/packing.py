@@ -16,17 +16,16 @@ of many, go to their places at once; Python does nothing per field.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from math import prod
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rb_sim.io.messages.cdr import HEADER, NANO, Codec
 from rb_sim.io.messages.topic_names import NAMESPACE
 from rb_sim.mechanics.samples import (
-    Origins,
-    SampleBlock,
     block_of,
     empty_block,
     row_width,
@@ -37,7 +36,7 @@ from rb_sim.numerics.kernels import helper, loop
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rb_sim.mechanics.samples import Array, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
 
 
 # Rows of the kernel into the buffer of all messages: see rb_sim.io.messages.packing.
@@ -129,8 +128,30 @@ def pack_rows(
         )
 
 
+def stamps_of(block: SampleBlock) -> NDArray[Any]:
+    """Stamps of the samples [ns], shape (n,)."""
+    return np.rint(block.t * NANO).astype(np.int64)
+
+
+class MessageTable(Protocol):
+    """Messages of every sample beside those of the table of topics."""
+
+    latched: bool
+
+    @property
+    def topics(self) -> Sequence[tuple[str, str]]:
+        """(name, ROS type) of each."""
+        ...
+
+    def rows(self, block: SampleBlock) -> list[NDArray[np.uint8]]:
+        """Of each topic the messages of the next samples as bytes, shape (n, length)."""
+        ...
+
+
 CONSTANTS = (0.0, 1.0)
 """The first columns of the source: numbers that a topic takes from no sample."""
+NO_ROTATION = (0, 0, 0, 1)
+"""The columns of a unit quaternion among them."""
 FIELDS = (
     "reaction_force",
     "reaction_torque",
@@ -145,24 +166,35 @@ FIELDS = (
 """Of a block, in the source, behind the motion of the body origins and the energy."""
 
 
-Values = Callable[["SampleBlock", Origins], "NDArray[Any]"]
-
-
 class Topic(NamedTuple):
     """One topic.
 
     name: relative to the node's name, or absolute with a leading slash.
-    values: numbers of the messages, shape (n, codec.size), from a block and its body origins.
+    columns: of each double in its messages, where it is in the source (see `columns_of`).
     """
 
     name: str
     ros_type: str
     codec: Codec
-    values: Values
+    columns: Sequence[int] = ()
 
     def full_name(self, namespace: str = NAMESPACE) -> str:
         """Absolute name for a node called `namespace`."""
         return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
+
+
+def columns_of(layout: SampleLayout) -> SimpleNamespace:
+    """The columns of the source: `position`, `velocity` and `spin` (N, 3), world axes, and
+    `orientation` (N, 4) of the body frames, `energy`, and FIELDS of a block."""
+    block, n = empty_block(1, layout), len(layout.bodies)
+    shapes = {"position": (n, 3), "orientation": (n, 4), "velocity": (n, 3), "spin": (n, 3)}
+    shapes |= {"energy": (1,)} | {name: getattr(block, name).shape[1:] or (1,) for name in FIELDS}
+    found, column = SimpleNamespace(), len(CONSTANTS)
+    for name, shape in shapes.items():
+        size = prod(shape)
+        setattr(found, name, np.arange(column, column + size).reshape(shape))
+        column += size
+    return found
 
 
 class Packer:
@@ -190,7 +222,8 @@ class Packer:
         self._numbers = np.concatenate([np.empty(0, dtype=np.intp), *numbers])
         self._octets = np.array(octets, dtype=np.intp)
         self._seconds = np.array(stamps, dtype=np.intp) // 4
-        self._source = _columns(topics, layout)
+        columns = [topic.columns for topic in topics]
+        self._source = np.concatenate([np.empty(0), *columns]).astype(np.intp)
         self._linear, self._energy = _linear(layout)
         self._columns = np.zeros(int(self._linear[:, 1].max()) + 1)
         self._columns[: len(CONSTANTS)] = CONSTANTS
@@ -244,59 +277,20 @@ def _aligned(end: int) -> int:
     return end + (-end - len(HEADER)) % 8
 
 
-def _columns(topics: Sequence[Topic], layout: SampleLayout) -> NDArray[Any]:
-    """The column of the source from which each number of the messages comes.
-
-    Found by asking the topics for their values of a sample whose numbers are those of the columns.
-    """
-    block = empty_block(1, layout)
-    shape = block.position.shape
-    motion = Origins(np.zeros(shape), np.zeros(shape), np.zeros(shape))
-    column = len(CONSTANTS)
-    arrays: dict[str, Any] = {}
-
-    def numbered(array: Array) -> Array:
-        nonlocal column
-        column += array.size
-        return np.arange(column - array.size, column, dtype=float).reshape(array.shape)
-
-    position, arrays["orientation"] = numbered(motion.position), numbered(block.orientation)
-    motion = Origins(position, numbered(motion.linear_velocity), numbered(motion.angular_velocity))
-    arrays["energy"] = numbered(block.energy)
-    arrays |= {name: numbered(getattr(block, name)) for name in FIELDS}
-    energy = arrays.pop("energy")
-    marked = _Marked(**vars(replace(block, **arrays)))
-    object.__setattr__(marked, "_energy", energy)
-    found = [
-        topic.values(marked, motion).reshape(-1)
-        for topic in topics
-        if all(kind == "d" for _, kind, _ in topic.codec.numbers)
-    ]
-    return np.concatenate([np.empty(0), *found]).astype(np.intp)
-
-
 def _linear(layout: SampleLayout) -> tuple[NDArray[Any], NDArray[Any]]:
     """What of a row or a command is copied into the source as it is: (from, to), shape (L, 2);
-    and the columns of the energy and its two parts. Found as `_columns` finds its own."""
-    width = row_width(layout)
-    row = np.arange(float(width))[None]
+    and the columns of the energy and its two parts.
+
+    Found by asking for the fields of a sample whose numbers are the places in its row.
+    """
+    columns = columns_of(layout)
+    row = np.arange(float(row_width(layout)))[None]
     command = -1.0 - np.arange(6.0 * len(layout.commanded)).reshape(1, -1, 6)
     block = block_of(np.zeros(1), row, layout, command)
-    first = len(CONSTANTS) + 13 * len(layout.bodies)
-    moves, starts, at = [], {}, first + 1
-    for name in FIELDS:
-        values = getattr(block, name).reshape(-1)
-        starts[name] = at
-        if name != "contact_work" or layout.contacts:
-            moves += [(int(value), at + i) for i, value in enumerate(values)]
-        at += len(values)
-    energy = (first, starts["kinetic_energy"], starts["potential_energy"])
-    return np.array(moves, dtype=np.int64), np.array(energy, dtype=np.int64)
-
-
-class _Marked(SampleBlock):
-    """A block whose energy is a number of its own, not a sum."""
-
-    @property
-    def energy(self) -> Array:
-        return self._energy  # type: ignore[attr-defined]
+    moves = [
+        np.stack([getattr(block, name).reshape(-1), getattr(columns, name).reshape(-1)], axis=1)
+        for name in FIELDS
+        if name != "contact_work" or layout.contacts
+    ]
+    energy = [*columns.energy, *columns.kinetic_energy, *columns.potential_energy]
+    return np.concatenate(moves).astype(np.int64), np.array(energy, dtype=np.int64)

@@ -19,7 +19,8 @@ import numpy as np
 from rb_sim.base.names import ros_name
 from rb_sim.io.extent import drawn_cylinder
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages.topic_names import WORLD, body_frame
+from rb_sim.io.messages.packing import stamps_of
+from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import conjugate, from_z, product, roll_pitch_yaw, rotate
 from rb_sim.numerics.vectors import quaternion_product
@@ -47,6 +48,9 @@ class JointTable:
     """The messages of the joints of a scene, sample after sample. names: in their order; units: of
     their positions."""
 
+    topics = ((JOINT_STATES, cdr.JOINT_STATE),)
+    latched = True
+
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         joints: dict[str, Any] = {
             n: c for n, c in scene.constraints.items() if c.type == "fixed_axis" or slides(c)
@@ -69,14 +73,9 @@ class JointTable:
         self._start = np.zeros((len(guided), 3))
         """of each guided body its centre of mass in the first sample, world axes [m]."""
 
-    def rows(self, block: SampleBlock) -> Any:
-        """The messages of the next samples as bytes, shape (n, length)."""
-        stamps = np.rint(block.t * cdr.NANO).astype(np.int64)
-        return self._codec.pack_rows(stamps, self.values(block))
-
-    def messages(self, block: SampleBlock) -> list[bytes]:
-        """The messages of the next samples."""
-        return [row.tobytes() for row in self.rows(block)]
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As of MessageTable."""
+        return [self._codec.pack_rows(stamps_of(block), self.values(block))]
 
     def values(self, block: SampleBlock) -> Array:
         """Positions, then velocities of the next samples, shape (n, 2 J)."""

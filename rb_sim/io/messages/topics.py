@@ -72,7 +72,7 @@ from rb_sim.base.errors import SinkError
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
-from rb_sim.io.messages.packing import Packer, Topic, Values
+from rb_sim.io.messages.packing import NO_ROTATION, Packer, Topic, columns_of, stamps_of
 from rb_sim.io.messages.robot_description import marker_array, urdf
 from rb_sim.io.messages.topic_names import (
     CLOCK,
@@ -93,11 +93,11 @@ from rb_sim.io.messages.topic_names import (
     reaction_topic,
     state_topic,
 )
-from rb_sim.mechanics.samples import Input, Origins, SampleRow, centers_of_mass, origins, row_width
+from rb_sim.mechanics.samples import Input, SampleRow, centers_of_mass, origins, row_width
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -124,9 +124,6 @@ def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
     return numbers[0], contact, kind, tuple(numbers[1:])
 
 
-_NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
-
-
 class SampleMessages(NamedTuple):
     """What is to be sent at one sample."""
 
@@ -150,13 +147,14 @@ class TopicTable:
         self, scene: Scene, layout: SampleLayout, skip: Collection[str] = (), prefix: str = ""
     ) -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        entries = [*_body_topics(layout, prefix), *_reaction_topics(layout, prefix)]
-        entries += _scalar_topics()
-        entries += _contact_topics(layout)
-        entries += [_tf_topic(layout, prefix), Topic(CLOCK, types.CLOCK, cdr.clock(), _nothing)]
-        events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock(), _nothing)
+        of = columns_of(layout)
+        entries = [*_body_topics(layout, prefix, of), *_reaction_topics(layout, prefix, of)]
+        entries += _scalar_topics(of)
+        entries += _contact_topics(layout, of)
+        entries += [_tf_topic(layout, prefix, of), Topic(CLOCK, types.CLOCK, cdr.clock())]
+        events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock())
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
-        inputs = [Topic(*topic, cdr.clock(), _nothing) for topic in InputTable(layout).topics]
+        inputs = [Topic(*topic, cdr.clock()) for topic in InputTable(layout).topics]
         _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
         self._packer = Packer(self.topics, layout, self._center_of_mass)
@@ -193,11 +191,6 @@ class TopicTable:
         return list(map(SampleMessages, stamps, packed, event_messages))
 
 
-def stamps_of(block: SampleBlock) -> Any:
-    """Stamps of the samples [ns], shape (n,)."""
-    return np.rint(block.t * cdr.NANO).astype(np.int64)
-
-
 def _check_names(entries: list[Topic]) -> None:
     seen: set[str] = set()
     for topic in entries:
@@ -207,91 +200,54 @@ def _check_names(entries: list[Topic]) -> None:
         seen.add(name)
 
 
-def _body_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
+def _body_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
     pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
     for i, name in enumerate(layout.bodies):
-        yield Topic(body_topic(name, "pose"), types.POSE_STAMPED, pose, _pose(i))
-        yield Topic(body_topic(name, "twist"), types.TWIST_STAMPED, twist, _twist(i))
+        columns = [*of.position[i], *of.orientation[i]]
+        yield Topic(body_topic(name, "pose"), types.POSE_STAMPED, pose, columns)
+        columns = [*of.velocity[i], *of.spin[i]]
+        yield Topic(body_topic(name, "twist"), types.TWIST_STAMPED, twist, columns)
     for i, name in enumerate(layout.commanded):
-        codec = cdr.wrench_stamped(prefix + origin_frame(name))
-        yield Topic(body_topic(name, "wrench_applied"), types.WRENCH_STAMPED, codec, _command(i))
+        codec, topic = cdr.wrench_stamped(prefix + origin_frame(name)), "wrench_applied"
+        yield Topic(body_topic(name, topic), types.WRENCH_STAMPED, codec, of.command[i])
 
 
-def _reaction_topics(layout: SampleLayout, prefix: str) -> Iterator[Topic]:
+def _reaction_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
     for i, name in enumerate(layout.reactions):
         codec = cdr.wrench_stamped(prefix + anchor_frame(name))
-        yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, _reaction(i))
+        columns = [*of.reaction_force[i], *of.reaction_torque[i]]
+        yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, columns)
 
 
-def _scalar_topics() -> Iterator[Topic]:
-    for name, field in (
-        ("energy", "energy"),
-        ("energy/kinetic", "kinetic_energy"),
-        ("energy/potential", "potential_energy"),
-        ("power", "power"),
-        ("residual", "residual"),
+def _scalar_topics(of: Any) -> Iterator[Topic]:
+    for name, columns in (
+        ("energy", of.energy),
+        ("energy/kinetic", of.kinetic_energy),
+        ("energy/potential", of.potential_energy),
+        ("power", of.power),
+        ("residual", of.residual),
     ):
-        yield Topic(name, types.FLOAT64, cdr.float64(), _scalar(field))
+        yield Topic(name, types.FLOAT64, cdr.float64(), columns)
 
 
-def _contact_topics(layout: SampleLayout) -> Iterator[Topic]:
-    for c, name in enumerate(layout.contacts):
-        yield Topic(state_topic(name), types.UINT8, cdr.uint8(), _state(c))
+def _contact_topics(layout: SampleLayout, of: Any) -> Iterator[Topic]:
+    for name in layout.contacts:
+        yield Topic(state_topic(name), types.UINT8, cdr.uint8())
     if layout.contacts:
-        yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), _scalar("contact_work"))
+        yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), of.contact_work)
 
 
-def _tf_topic(layout: SampleLayout, prefix: str) -> Topic:
+def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
     children = [
         *(body_frame(name) for name in layout.bodies),
         *(anchor_frame(name) for name in layout.reactions),
         *(origin_frame(name) for name in layout.commanded),
     ]
     codec = cdr.tf_message([(prefix + WORLD, prefix + child) for child in children])
-    return Topic(TF, types.TF_MESSAGE, codec, _transforms(layout))
-
-
-def _pose(i: int) -> Values:
-    return lambda block, motion: np.hstack([motion.position[:, i], block.orientation[:, i]])
-
-
-def _twist(i: int) -> Values:
-    return lambda _, motion: np.hstack(
-        [motion.linear_velocity[:, i], motion.angular_velocity[:, i]]
-    )
-
-
-def _command(i: int) -> Values:
-    return lambda block, _: block.command[:, i]
-
-
-def _reaction(i: int) -> Values:
-    return lambda block, _: np.hstack([block.reaction_force[:, i], block.reaction_torque[:, i]])
-
-
-def _state(c: int) -> Values:
-    return lambda block, _: block.contact_state[:, c : c + 1].astype(np.uint8)
-
-
-def _scalar(field: str) -> Values:
-    return lambda block, _: getattr(block, field)[:, None]
-
-
-def _nothing(block: SampleBlock, _: Origins) -> Array:
-    return np.empty((len(block), 0))
-
-
-def _transforms(layout: SampleLayout) -> Values:
-    commanded = [layout.bodies.index(name) for name in layout.commanded]
-
-    def values(block: SampleBlock, motion: Origins) -> Array:
-        moving = np.concatenate([motion.position, block.orientation], axis=2)
-        points = np.concatenate([block.anchor, motion.position[:, commanded]], axis=1)
-        turns = np.broadcast_to(_NO_ROTATION, (*points.shape[:2], 4))
-        fixed = np.concatenate([points, turns], axis=2)
-        return np.concatenate([moving, fixed], axis=1).reshape(len(block), -1)
-
-    return values
+    points = [*of.anchor, *(of.position[layout.bodies.index(name)] for name in layout.commanded)]
+    columns = [*np.hstack([of.position, of.orientation]).ravel()]
+    columns += [column for point in points for column in (*point, *NO_ROTATION)]
+    return Topic(TF, types.TF_MESSAGE, codec, columns)
 
 
 # BODY/accel: what BODY/twist changes by, as geometry_msgs/AccelStamped, where it is asked for.
@@ -310,7 +266,9 @@ Asked = Callable[["Scene", "SampleLayout"], Accelerating]
 
 
 class AccelTable:
-    """The messages of all bodies. topics: (name, ROS type) of each; prefix: before the frame."""
+    """The messages of all bodies. prefix: before the name of the frame."""
+
+    latched = False
 
     def __init__(self, scene: Scene, layout: SampleLayout, asked: Asked, prefix: str = "") -> None:
         self._accelerations = asked(scene, layout)
@@ -318,25 +276,24 @@ class AccelTable:
         self._codec = cdr.accel_stamped(prefix + WORLD)
         self.topics = [(body_topic(body, "accel"), types.ACCEL_STAMPED) for body in layout.bodies]
 
-    def messages(self, block: SampleBlock) -> list[list[bytes]]:
-        """Of each sample, in the order of the topics."""
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As of MessageTable."""
         linear, angular = self._accelerations(block)
         spin, arm = block.angular_velocity, -self._center_of_mass
         own = cross(angular, arm) + cross(spin, cross(spin, arm))
         turned = rotate(block.orientation, own), rotate(block.orientation, angular)
         values = np.concatenate([linear + turned[0], turned[1]], axis=2)
-        pack = self._codec.pack
-        return [
-            [pack(stamp_of(t), numbers) for numbers in row]
-            for t, row in zip(block.t.tolist(), values.tolist(), strict=True)
-        ]
+        stamps = stamps_of(block)
+        return [self._codec.pack_rows(stamps, values[:, i]) for i in range(len(self.topics))]
 
 
 class OdometryTable:
     """BODY/odometry: the pose in the world, the twist of the body's origin in body axes.
 
-    topics, prefix, messages: as of AccelTable.
+    prefix: as of AccelTable.
     """
+
+    latched = False
 
     def __init__(self, scene: Scene, layout: SampleLayout, prefix: str = "") -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
@@ -344,17 +301,15 @@ class OdometryTable:
         self._codecs = [cdr.odometry(prefix + WORLD, prefix + body_frame(name)) for name in names]
         self.topics = [(body_topic(name, "odometry"), types.ODOMETRY) for name in names]
 
-    def messages(self, block: SampleBlock) -> list[list[bytes]]:
-        """Of each sample, in the order of the topics."""
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As of MessageTable."""
         motion = origins(block, self._center_of_mass)
         velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
         none = np.zeros((*block.position.shape[:2], cdr.COVARIANCE_6X6))
         pose = (motion.position, block.orientation, none)
         values = np.concatenate([*pose, velocity_B, block.angular_velocity, none], axis=2)
-        return [
-            [codec.pack(stamp_of(t), of) for codec, of in zip(self._codecs, row, strict=True)]
-            for t, row in zip(block.t.tolist(), values, strict=True)
-        ]
+        stamps = stamps_of(block)
+        return [codec.pack_rows(stamps, values[:, i]) for i, codec in enumerate(self._codecs)]
 
 
 # What is latched: sent once, for who comes late.

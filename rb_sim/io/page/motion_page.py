@@ -44,14 +44,14 @@ from rb_sim.io.rerun.arrow_scales import (
     local_origin,
     nice,
 )
-from rb_sim.io.sink import Envelope, Timeline
+from rb_sim.io.sink import Envelope, Timeline, event_text
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
 
 
 COLORS = {
@@ -338,13 +338,6 @@ class RunPage:
             row = min(int(np.searchsorted(times, event.t)), len(times) - 1)
             found.append((event.t + float(clock[row] - times[row]), event_text(event)))
         return found
-
-
-def event_text(event: ContactEvent) -> str:
-    """An event of a contact in one line."""
-    strength = float(np.linalg.norm(event.impulse))
-    struck = f", impulse {strength:.4g} N s" if strength else ""
-    return f"t = {event.t:.6g} s: {event.contact} {event.kind}{struck}"
 
 
 def _rows_of(block: SampleBlock, rows: np.ndarray) -> SampleBlock:

@@ -17,6 +17,7 @@ import numpy as np
 
 from rb_sim.base.rounding import NEGLIGIBLE, WRITTEN_ROUNDING
 from rb_sim.io.extent import reach_of
+from rb_sim.io.sink import Thinned
 from rb_sim.numerics.rotations import conjugate, rotate
 
 if TYPE_CHECKING:
@@ -90,24 +91,19 @@ KEPT = 4096
 
 
 class Lengths:
-    """The typical length of vectors of a run of any length: those of every n-th sample are kept."""
+    """The typical length of vectors of a run of any length: those of some samples are kept."""
 
     def __init__(self) -> None:
-        self._kept: list[float] = []
-        self._every, self._seen = 1, 0
+        self._longest = Thinned(1, 2 * KEPT)
 
     def add(self, vectors: Array) -> None:
         """Those of the next samples, shape (n, k, 3); of a sample the longest counts."""
         longest = np.linalg.norm(vectors, axis=-1).max(axis=1, initial=0.0)
-        first = -self._seen % self._every
-        self._seen += len(longest)
-        self._kept += longest[first :: self._every].tolist()
-        while len(self._kept) > 2 * KEPT:
-            self._kept, self._every = self._kept[::2], 2 * self._every
+        self._longest.add(longest[:, None])
 
     def per_metre(self, length: float) -> float:
         """Metres of arrow for a unit of the vector, so that at the median it has this length."""
-        return 1.0 / nice(middle(np.array(self._kept)) / length)
+        return 1.0 / nice(middle(self._longest.rows) / length)
 
 
 class Extent:

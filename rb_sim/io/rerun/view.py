@@ -53,7 +53,7 @@ from rb_sim.io.rerun.arrow_scales import (
 )
 from rb_sim.io.rerun.static import Static, entity_path, has_plane, spacing
 from rb_sim.io.rerun.viewer import MOTION
-from rb_sim.io.sink import Timeline
+from rb_sim.io.sink import Timeline, event_text
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import rotate
 
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rb_sim.io.rerun.arrow_scales import Scales
-    from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
@@ -87,13 +87,6 @@ def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -
         lines += [f"**positions** in the 3D view are relative to {scales.origin.tolist()} m  "]
     lines += ["**trail** of the centre of mass so far (grey); body axes x red, y green, z blue"]
     return "\n".join(lines)
-
-
-def event_text(event: ContactEvent) -> str:
-    """An event of a contact in one line."""
-    strength = float(np.linalg.norm(event.impulse))
-    struck = f", {strength:.4g} N s" if strength else ""
-    return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
 
 
 def markdown(text: str) -> Any:

@@ -27,7 +27,7 @@ from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.robot_description import JointTable, marker_array, urdf
-from rb_sim.io.messages.topic_names import JOINT_STATES, MARKERS, body_frame, body_topic
+from rb_sim.io.messages.topic_names import MARKERS, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.ros.serving import message_class, offer
@@ -39,11 +39,12 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.publisher import Publisher
 
+    from rb_sim.io.messages.packing import MessageTable
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.ros.parameters import Settings
     from rb_sim.scene.schema import Scene
 
-    Make = Callable[[Scene, SampleLayout, str], AccelTable | OdometryTable]
+    Make = Callable[[Scene, SampleLayout, str], MessageTable]
     from rb_sim.mechanics.samples import SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -102,7 +103,7 @@ class Markers:
         self._publisher = None
 
 
-# ~/BODY/accel and ~/BODY/odometry: published where parameters ask, as the bag has them.
+# ~/BODY/accel, ~/BODY/odometry and joint_states: where parameters ask, as the bag has them.
 
 
 class OfTable:
@@ -118,14 +119,18 @@ class OfTable:
         self._table = self._make(scene, layout, self._settings.frame_prefix)
         depth = self._settings.publish_depth
         self._publishers = [
-            offer(self._node, message_class(ros_type), f"~/{name}", depth)
+            offer(
+                self._node, message_class(ros_type), f"~/{name}", depth, latched=self._table.latched
+            )
             for name, ros_type in self._table.topics
         ]
         self.latest.open(self._publishers)
 
     def write(self, block: SampleBlock) -> None:
         """Publish every sample of the block."""
-        for messages in self._table.messages(block):
+        rows = self._table.rows(block)
+        for k in range(len(block)):
+            messages = [row[k].tobytes() for row in rows]
             for publisher, data in zip(self._publishers, messages, strict=True):
                 publisher.publish(data)
             self.latest.sent(messages)
@@ -145,6 +150,11 @@ def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
             "parameter accelerations: method time_stepping has none; must be another method"
         )
     return AccelTable(scene, layout, accelerating, prefix)
+
+
+def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
+    """Of all joints; where there is none its message is empty."""
+    return JointTable(scene, layout)
 
 
 # ~/BODY/imu (sensor_msgs/Imu): what an inertial sensor at a point of the body would measure.
@@ -259,41 +269,14 @@ def imu_codec(frame_id: str) -> cdr.Codec:
     return layout.doubles(4 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3 + 3 + COVARIANCE_3X3).codec()
 
 
-class JointStates:
-    """Publishes joint_states, as the bag has them (`rb_sim.io.messages.robot_description`)."""
-
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node, self._settings = node, settings
-        self._publisher: Publisher | None = None
-        self.latest = Latest()
-
-    def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the publisher, also where no axis is there: then the message is empty."""
-        self._table = JointTable(scene, layout)
-        kind, depth = import_module("sensor_msgs.msg").JointState, self._settings.publish_depth
-        self._publisher = offer(self._node, kind, f"~/{JOINT_STATES}", depth, latched=True)
-        self.latest.open([self._publisher])
-
-    def write(self, block: SampleBlock) -> None:
-        """Publish every sample of the block."""
-        assert self._publisher is not None
-        for data in self._table.messages(block):
-            self._publisher.publish(data)
-            self.latest.sent([data])
-
-    def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Remove the publisher."""
-        self.latest.close()
-        if self._publisher is not None:
-            self._node.destroy_publisher(self._publisher)
-        self._publisher = None
-
-
 def asked_for(node: Node, settings: Settings) -> list[Any]:
     """A sink for each convention that a parameter asks for."""
-    tables = {OdometryTable: settings.odometry, accel_table: settings.accelerations}
+    tables = {
+        joint_table: settings.joint_states,
+        OdometryTable: settings.odometry,
+        accel_table: settings.accelerations,
+    }
     wanted = {
-        JointStates: settings.joint_states,
         Imu: bool(settings.imu),
         Markers: settings.markers,
         RobotDescription: settings.robot_description,
