@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# The ROS 2 message types that rb_sim publishes, records or reads: fields and type hashes.
+# The ROS 2 message types that rb_sim publishes and records: fields and type hashes.
 #
 # Kept here, because a bag must name them where no ROS is installed. The definitions hold the fields
 # and nothing else; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
@@ -52,10 +52,6 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
     "geometry_msgs/msg/PoseWithCovariance": ("Pose pose", "float64[36] covariance"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": (
-        "std_msgs/Header header",
-        "PoseWithCovariance pose",
-    ),
     "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
     "geometry_msgs/msg/Transform": ("Vector3 translation", "Quaternion rotation"),
     "geometry_msgs/msg/TransformStamped": (
@@ -65,25 +61,12 @@ FIELDS: dict[str, tuple[str, ...]] = {
     ),
     "geometry_msgs/msg/Twist": ("Vector3 linear", "Vector3 angular"),
     "geometry_msgs/msg/TwistWithCovariance": ("Twist twist", "float64[36] covariance"),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": (
-        "std_msgs/Header header",
-        "TwistWithCovariance twist",
-    ),
     "geometry_msgs/msg/Vector3": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
     "sensor_msgs/msg/CompressedImage": (
         "std_msgs/Header header",
         "string format",
         "uint8[] data",
-    ),
-    "sensor_msgs/msg/Imu": (
-        "std_msgs/Header header",
-        "geometry_msgs/Quaternion orientation",
-        "float64[9] orientation_covariance",
-        "geometry_msgs/Vector3 angular_velocity",
-        "float64[9] angular_velocity_covariance",
-        "geometry_msgs/Vector3 linear_acceleration",
-        "float64[9] linear_acceleration_covariance",
     ),
     "std_msgs/msg/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
     "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),

@@ -174,7 +174,7 @@ def test_a_wrong_schema_is_told(tmp_path):
     with pytest.raises(SinkError) as caught:
         analyze(path)
     (line,) = str(caught.value).splitlines()
-    assert "/x: skipped: its schema of geometry_msgs/msg/PoseStamped is not that of ROS 2" in line
+    assert "/x: skipped: its schema of geometry_msgs/msg/PoseStamped lacks header, pose" in line
     assert "/short: skipped: a message of 12 bytes is not a geometry_msgs/msg/PoseStamped" in line
     assert "/big: skipped: its encoding 0000 is not CDR, little endian" in line
 
