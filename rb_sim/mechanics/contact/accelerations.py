@@ -31,7 +31,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_FUNCTIONS_BEFORE,
     EVENT_RATES_BEFORE,
     FREE,
-    HELD,
     HOLDS,
     MOST_RANK,
     NORMAL_FORCE,
@@ -74,6 +73,7 @@ from rb_sim.mechanics.systems.multibody import (
 from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mass_row
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
+from rb_sim.numerics.rank import RANK_TOLERANCE
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
 
 # Contacts that give way and creep: slips so slow that their direction is lost in errors.
@@ -266,7 +266,7 @@ def pivots(system, holding):
         if joints > 0:
             ideal -= joints_share(system, joints, at, -1)
             effective -= joints_share(system, joints, at, at)
-        if ideal > HELD * alone:
+        if ideal > RANK_TOLERANCE * alone:  # else the joints hold its place by themselves
             touch[c, PIVOT] = effective / ideal
 
 

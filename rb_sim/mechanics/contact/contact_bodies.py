@@ -190,10 +190,6 @@ NEAR_JAM = 1e-3
 """The same, below which a contact is the one that jams where no force or no step is found."""
 
 
-HELD = 1e-9
-"""Part of a contact's pivot left by the joints below which they hold it in place by themselves."""
-
-
 class ContactBodies(NamedTuple):
     """As MultiBody, with contacts; y has WIDTH coordinates per body, then the contacts' work."""
 
