@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.base.rounding import COMPUTED_ROUNDING, TWO_ULPS
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
 from rb_sim.contact.events.grid import Grid, branch, copy, note_stiffness, reach, stop_that_is_due
 from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
@@ -99,6 +99,8 @@ from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
 
 LOCATED = 1e-15
 """Depth below zero, in natural units, at which an event counts as located."""
+FLOOR = 3e-16
+"""Part of the time that is hardly more than its rounding."""
 REFINED = 6
 """Steps of Newton's method for the zero of a cubic."""
 EARLY, LATE, BEGIN, END = 0, 2, 4, 6
@@ -194,7 +196,7 @@ def first_crossing(system, bracket, early, late):
                 )
                 if t <= first:
                     first, slope = t, rate
-    least = TWO_ULPS * abs(late)
+    least = FLOOR * abs(late)
     beyond = 0.5 * LOCATED / abs(slope) if slope != 0.0 else 0.0
     t = first + max(beyond, least)
     if not t < late:

@@ -39,7 +39,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     POINT,
     RANK,
     REDUNDANT,
-    SECOND_ORDER,
     SHARES,
     SLIDE,
     SLIP,
@@ -227,8 +226,7 @@ def joints_share(system, joints, at, column):
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
         b[j] = A[j, column] if column >= 0 else A[at, j]
-    row_table = system.row_table
-    solve_unsymmetric(A, b, x, spare, row_table[:, ORDER], row_table[:, SECOND_ORDER], joints)
+    solve_unsymmetric(A, b, x, spare, system.row_table[:, ORDER], joints)
     share = 0.0
     for j in range(joints):
         share += A[at, j] * x[j]
@@ -407,7 +405,6 @@ def accelerations_in(system, t, y, everywhere):
         multipliers,
         system.delassus[1],
         row_table[:, ORDER],
-        row_table[:, SECOND_ORDER],
         holding,
     )
     rank = min(rank, row_table[0, MOST_RANK])
