@@ -165,15 +165,23 @@ def at(i: int, j: int) -> int:
 
 
 def inverse_of(matrix: tuple[Any, ...], diagonal: tuple[Any, ...], hub: bool) -> tuple[list, Any]:
-    """(D^+, rank), packed, without the rows whose pivots are lost; of a hub all are kept."""
+    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, packed, without the rows whose pivots are lost;
+    of a hub all are kept."""
     n = len(diagonal)
     rows = range(n)
     full = {i: {j: matrix[at(i, j)] for j in rows} for i in rows}
-    factors = Factors(
-        full, rows, sure=frozenset(rows if hub else ()), scales=dict(enumerate(diagonal))
-    )
-    columns = [factors.solve({i: float(i == j) for i in rows}) for j in rows]
-    return [columns[j][i] for i in rows for j in range(i + 1)], factors.rank
+    kept = frozenset(rows if hub else ())
+    factors = Factors(full, rows, sure=kept, scales=dict(enumerate(diagonal)))
+    unit = {(i, i): 1.0 for i in rows}  # L^-1
+    for j in rows:
+        for i in range(j + 1, n):
+            unit[i, j] = -sum(factors.rows[k][i] * unit[k, j] for k in range(j, i))
+    result = [
+        sum(unit[k, i] * factors.inverse[k] * unit[k, j] for k in range(i, n))
+        for i in rows
+        for j in range(i + 1)
+    ]
+    return result, factors.rank
 
 
 def times(rows: int, columns: int, a: Any, x: Any) -> list[Any]:
