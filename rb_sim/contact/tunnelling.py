@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.base.errors import SimulationError
+from rb_sim.base.rounding import SOLVED
 from rb_sim.catalogue.contacts.touching import Sides, edges_of_box
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder, Resting, carrier
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
@@ -39,8 +40,6 @@ from rb_sim.numerics.vectors import cross, norm, rotate, sub, unrotate
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUNDS = 48
 """Of the golden section: the depth has then no more error than rounding."""
-SUNK = 1e-9
-"""Depth, over the scene's length, by which a side may lie deeper than its ends."""
 STILL = 0.1
 """Share of that depth by which sides that are looked at once have not moved."""
 
@@ -136,7 +135,7 @@ def moved(edges: Array, least: float) -> NDArray[np.intp]:
 
 
 def refuse_sunk(
-    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SUNK
+    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SOLVED
 ) -> None:
     """Raise SimulationError where a side lies deeper in its support than the points that touch.
 
@@ -249,7 +248,7 @@ def run_looking(
     all_sides: tuple[Sides, ...],
     times: Array,
     out: Array | None,
-    sunk: float = SUNK,
+    sunk: float = SOLVED,
 ) -> int:
     """`run` to the times, looking at the sides there and between; see Motion.run_to.
 

@@ -45,54 +45,16 @@ def jacobian(outputs: Sequence[Any], inputs: Sequence[Symbol]) -> Sparse:
     A selection is differentiated on the side that holds, a step (floor) has the derivative zero.
     Raises TypeError for functions called by address that do not tell their slopes.
     """
-    column = {x.number: j for j, x in enumerate(inputs)}
-    known: dict[int, dict[int, Any]] = {}
-    for x in in_order(outputs):
-        known[x.number] = _of(x, column, known)
-    rows, columns, values = [], [], []
-    for i, x in enumerate(outputs):
-        for j, value in sorted(_derivatives(x, known).items()):
-            rows.append(i)
-            columns.append(j)
-            values.append(value)
-    return Sparse((len(outputs), len(inputs)), tuple(rows), tuple(columns), tuple(values))
-
-
-def _derivatives(x: Any, known: dict[int, dict[int, Any]]) -> dict[int, Any]:
-    return known[x.number] if isinstance(x, Symbol) else {}
-
-
-def _of(x: Symbol, column: dict[int, int], known: dict[int, dict[int, Any]]) -> dict[int, Any]:
-    """The derivatives of one operation by column, exact zeros left out."""
-    if x.op in INPUTS:
-        return {column[x.number]: 1.0} if x.number in column else {}
-    if isinstance(x, Condition) or x.op in ("floor", "call"):
-        return {}
-    if x.op == "item":
-        found = _of_result(x, known)
-        return {j: value for j, value in found.items() if isinstance(value, Symbol) or value != 0.0}
-    inner = [_derivatives(o, known) for o in x.operands]
-    touched = dict.fromkeys(j for d in inner for j in d)
-    if not touched:
-        return {}
-    rule = RULES.get(x.op)
-    if rule is None:
-        raise TypeError(f"no derivative of {x.op}")
-    found = {j: rule(x, *x.operands, *(d.get(j, 0.0) for d in inner)) for j in touched}
-    return {j: value for j, value in found.items() if isinstance(value, Symbol) or value != 0.0}
-
-
-def _of_result(x: Symbol, known: dict[int, dict[int, Any]]) -> dict[int, Any]:
-    """The derivatives of a result of a function called by address."""
-    _, *arguments = x.operands[0].operands
-    inner = [_derivatives(o, known) for o in arguments]
-    found: dict[int, Any] = {}
-    if not any(inner):
-        return found
-    for derivatives, slope in zip(inner, slopes_of(x), strict=False):
-        for j, value in derivatives.items():
-            found[j] = found.get(j, 0.0) + slope * value
-    return found
+    smooth = _smooth(outputs)
+    changes = [_changes(smooth, {x.number: 1.0}) for x in inputs]
+    entries = [
+        (i, j, change[x.number])
+        for i, x in enumerate(outputs)
+        for j, change in enumerate(changes)
+        if isinstance(x, Symbol) and x.number in change
+    ]
+    rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
+    return Sparse((len(outputs), len(inputs)), rows, columns, values)
 
 
 def slopes_of(x: Symbol) -> Sequence[Any]:
@@ -152,37 +114,48 @@ def tangent(outputs: Sequence[Any], direction: Mapping[Symbol, Any]) -> list[Any
     Selections and steps as in `derivative.jacobian`.
     Raises TypeError for functions called by address that do not tell their slopes.
     """
-    changes = {x.number: change for x, change in direction.items()}
-    known: dict[int, Any] = {}
-    for x in in_order(outputs):
-        known[x.number] = _change_of(x, changes, known)
-    return [known[x.number] if isinstance(x, Symbol) else 0.0 for x in outputs]
+    known = _changes(_smooth(outputs), {x.number: change for x, change in direction.items()})
+    return [known.get(x.number, 0.0) if isinstance(x, Symbol) else 0.0 for x in outputs]
 
 
-def _change_of(x: Symbol, changes: Mapping[int, Any], known: Mapping[int, Any]) -> Any:
-    """The change of one operation."""
-    if x.op in INPUTS:
-        return changes.get(x.number, 0.0)
-    if isinstance(x, Condition) or x.op in ("floor", "call"):
-        return 0.0
-    if x.op == "item":
-        return _change_of_result(x, known)
-    inner = [known[o.number] if isinstance(o, Symbol) else 0.0 for o in x.operands]
-    if all(_is_zero(change) for change in inner):
-        return 0.0
-    rule = RULES.get(x.op)
-    if rule is None:
-        raise TypeError(f"no derivative of {x.op}")
-    return rule(x, *x.operands, *inner)
+def _smooth(outputs: Sequence[Any]) -> list[tuple[Symbol, list[int]]]:
+    """The operations that may change with their operands, and the numbers of these; those of the
+    result of a function called by address are its arguments."""
+    return [
+        (x, [o.number for o in _operands(x) if isinstance(o, Symbol)])
+        for x in in_order(outputs)
+        if not (x.op in INPUTS or isinstance(x, Condition) or x.op in ("floor", "call"))
+    ]
 
 
-def _change_of_result(x: Symbol, known: Mapping[int, Any]) -> Any:
-    """The change of a result of a function called by address."""
+def _operands(x: Symbol) -> Sequence[Any]:
+    return x.operands[0].operands[1:] if x.op == "item" else x.operands
+
+
+def _changes(
+    smooth: Sequence[tuple[Symbol, list[int]]], given: Mapping[int, Any]
+) -> dict[int, Any]:
+    """The changes of arguments and operations, by their numbers, exact zeros left out."""
+    known = {number: change for number, change in given.items() if not _is_zero(change)}
+    for x, numbers in smooth:
+        if known.keys().isdisjoint(numbers):
+            continue
+        changes = [known.get(o.number, 0.0) if isinstance(o, Symbol) else 0.0 for o in _operands(x)]
+        change = _change_of(x, changes)
+        if not _is_zero(change):
+            known[x.number] = change
+    return known
+
+
+def _change_of(x: Symbol, changes: list[Any]) -> Any:
+    """The change of one operation; changes: of its operands."""
+    if x.op != "item":
+        rule = RULES.get(x.op)
+        if rule is None:
+            raise TypeError(f"no derivative of {x.op}")
+        return rule(x, *x.operands, *changes)
     call, result = x.operands
     function, *arguments = call.operands
-    changes = [known[o.number] if isinstance(o, Symbol) else 0.0 for o in arguments]
-    if all(_is_zero(change) for change in changes):
-        return 0.0
     if function.along is not None:
         return function.along(*arguments, *changes)[result]
     terms = [slope * change for slope, change in zip(slopes_of(x), changes, strict=False)]

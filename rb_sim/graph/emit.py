@@ -24,8 +24,6 @@ _DOUBLE = struct.Struct(">d")
 RARELY = '!0 = !{!"branch_weights", i32 1, i32 1000000}'
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _COMPARE = {"lt": "olt", "le": "ole"}
-_JOIN = {"and": "and", "or": "or"}
-_INTRINSIC = ("sqrt", "sin", "cos", "fabs", "floor")
 
 
 def constant(x: float) -> str:
@@ -104,15 +102,69 @@ def _types(pointer: str) -> str:
     return f"double, {pointer}, {pointer}, {pointer}, {pointer}"
 
 
-class Piece:
+class Operations:
+    """Writes operations on values of one type of LLVM: numbers, or vectors of them."""
+
+    kind, truth, true, suffix = "double", "i1", "true", "f64"
+    """LLVM's words for a value, for a condition and for a condition that holds, and the end of the
+    names of its intrinsic functions."""
+    intrinsic: tuple[str, ...] = ("sqrt", "sin", "cos", "fabs", "floor")
+
+    def __init__(self, pointer: str) -> None:
+        self.pointer = pointer
+        self.lines: list[str] = []
+        self.names: dict[int, str] = {}
+        """of the results, by the numbers of symbols."""
+        self.declared: set[str] = set()
+
+    def line(self, text: str) -> str:
+        """Write one instruction and return the name of its result."""
+        name = f"%v{len(self.lines)}"
+        self.lines.append(f"  {name} = {text}")
+        return name
+
+    def operation_on(self, x: Symbol, a: list[str]) -> str:
+        """Write an operation on the operands of these names; the name of its result."""
+        if x.op in _BINARY:
+            return self.line(f"{_BINARY[x.op]} {self.kind} {a[0]}, {a[1]}")
+        if x.op == "neg":
+            return self.line(f"fneg {self.kind} {a[0]}")
+        if x.op in _COMPARE:
+            return self.line(f"fcmp {_COMPARE[x.op]} {self.kind} {a[0]}, {a[1]}")
+        if x.op in ("and", "or"):
+            return self.line(f"{x.op} {self.truth} {a[0]}, {a[1]}")
+        if x.op == "not":
+            return self.line(f"xor {self.truth} {a[0]}, {self.true}")
+        if x.op in ("select", "rarely"):
+            return self.selected(x, *a)
+        if x.op in self.intrinsic:
+            name = f"llvm.{x.op}.{self.suffix}"
+            self.declared.add(f"declare {self.kind} @{name}({self.kind})")
+            return self.called(name, a)
+        return self.by_library(x.op, a)
+
+    def selected(self, x: Symbol, condition: str, one: str, other: str) -> str:
+        """The one value where the condition holds, else the other."""
+        odds = ", !prof !0" if x.op == "rarely" and self.truth == "i1" else ""
+        values = f"{self.kind} {one}, {self.kind} {other}"
+        return self.line(f"select {self.truth} {condition}, {values}{odds}")
+
+    def called(self, name: str, a: list[str]) -> str:
+        """The result of a function of values."""
+        return self.line(f"call {self.kind} @{name}({', '.join(f'{self.kind} {v}' for v in a)})")
+
+    def by_library(self, name: str, a: list[str]) -> str:
+        """The result of a function of the C library."""
+        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(a))})")
+        return self.called(name, a)
+
+
+class Piece(Operations):
     """Writes one function."""
 
     def __init__(self, pieces: Pieces, number: int, pointer: str) -> None:
-        self.pieces, self.number, self.pointer = pieces, number, pointer
-        self.lines: list[str] = []
-        self.names: dict[int, str] = {}
-        self.declared: set[str] = set()
-        self.count = 0
+        super().__init__(pointer)
+        self.pieces, self.number = pieces, number
 
     def module(self, whole: bool = False) -> str:
         """The function alone; `whole`: it is the law."""
@@ -138,12 +190,6 @@ class Piece:
     def belongs(self, x: Any) -> bool:
         """True for an output that this piece writes."""
         return self.pieces.part_of_output(x) == self.number
-
-    def line(self, text: str) -> str:
-        """Write one instruction and return the name of its result."""
-        self.count += 1
-        self.lines.append(f"  %v{self.count} = {text}")
-        return f"%v{self.count}"
 
     def place(self, base: str, index: int) -> str:
         """The address of the number at an index."""
@@ -185,34 +231,12 @@ class Piece:
 
     def operation(self, x: Symbol) -> str:
         """Write one operation and return the name of its result."""
-        if x.op in _BINARY:  # nearly all are
-            first, second = x.operands
-            a, b = self.value(first), self.value(second)
-            return self.line(f"{_BINARY[x.op]} double {a}, {b}")
         if x.op == "call":
             return self.call(x)
         if x.op == "item":
             call, index = x.operands
             return self.load("%frame", self.pieces.slots[call.number] + index)
-        return self.seldom(x, [self.value(o) for o in x.operands])
-
-    def seldom(self, x: Symbol, a: list[str]) -> str:
-        """An operation on the operands of these names that is neither arithmetic nor a call."""
-        if x.op == "neg":
-            return self.line(f"fneg double {a[0]}")
-        if x.op in _COMPARE:
-            return self.line(f"fcmp {_COMPARE[x.op]} double {a[0]}, {a[1]}")
-        if x.op in _JOIN:
-            return self.line(f"{_JOIN[x.op]} i1 {a[0]}, {a[1]}")
-        if x.op == "not":
-            return self.line(f"xor i1 {a[0]}, true")
-        if x.op == "select":
-            return self.line(f"select i1 {a[0]}, double {a[1]}, double {a[2]}")
-        if x.op == "rarely":
-            return self.line(f"select i1 {a[0]}, double {a[1]}, double {a[2]}, !prof !0")
-        name = f"llvm.{x.op}.f64" if x.op in _INTRINSIC else x.op
-        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(a))})")
-        return self.line(f"call double @{name}({', '.join(f'double {v}' for v in a)})")
+        return self.operation_on(x, [self.value(o) for o in x.operands])
 
     def call(self, x: Symbol) -> str:
         """A function by address: arguments in an array of this function, results in the frame."""

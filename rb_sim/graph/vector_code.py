@@ -20,10 +20,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rb_sim.graph.emit import RARELY, constant
+from rb_sim.graph.emit import RARELY, Operations, constant
 from rb_sim.graph.functions import floor, where
 from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
-from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, in_order
+from rb_sim.graph.symbols import INPUTS, Graph, Symbol, in_order
 
 # Sine and cosine from arithmetic alone, for code that computes several numbers at once.
 #
@@ -89,9 +89,6 @@ MOST_OPERATIONS = 8000
 
 VECTOR, MASK = f"<{LANES} x double>", f"<{LANES} x i1>"
 PAIR = f"{{{VECTOR}, {VECTOR}}}"
-_BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-_COMPARE = {"lt": "olt", "le": "ole"}
-_INTRINSIC = ("sqrt", "fabs", "floor")
 
 
 def compile_lanes(outputs: Sequence[Any], time: int) -> Law | None:
@@ -129,23 +126,19 @@ def splat(x: float) -> str:
     return "<" + ", ".join([f"double {constant(x)}"] * LANES) + ">"
 
 
-class Vectors:
+class Vectors(Operations):
     """Writes operations on vectors of LANES numbers."""
 
+    kind, truth, suffix = VECTOR, MASK, f"v{LANES}f64"
+    true = "<" + ", ".join(["i1 true"] * LANES) + ">"
+    intrinsic = ("sqrt", "fabs", "floor")
+
     def __init__(self, pointer: str, time: int) -> None:
-        self.pointer, self.time = pointer, time
-        self.lines: list[str] = []
-        self.names: dict[int, str] = {}
+        super().__init__(pointer)
+        self.time = time
         self.pairs: dict[str, str] = {}
-        self.declared: set[str] = set()
         self.scalar: dict[str, int] = {}
         self.turns = False
-
-    def line(self, text: str) -> str:
-        """Write one instruction and return the name of its result."""
-        name = f"%v{len(self.lines)}"
-        self.lines.append(f"  {name} = {text}")
-        return name
 
     def value(self, x: Any) -> str:
         """The name of an operand, or a vector of one constant."""
@@ -175,35 +168,14 @@ class Vectors:
             base, index = ("%p", self.time) if x.op == "t" else (f"%{x.op}", x.operands[0])
             self.names[x.number] = self.load(base, index)
         else:
-            self.names[x.number] = self.operation(x, [self.value(o) for o in x.operands])
+            self.names[x.number] = self.operation_on(x, [self.value(o) for o in x.operands])
 
-    def operation(self, x: Symbol, a: list[str]) -> str:
-        """Write one operation on its operands and return the name of its result."""
-        if x.op in _BINARY:
-            return self.line(f"{_BINARY[x.op]} {VECTOR} {a[0]}, {a[1]}")
-        if x.op == "neg":
-            return self.line(f"fneg {VECTOR} {a[0]}")
-        if x.op in _COMPARE:
-            return self.line(f"fcmp {_COMPARE[x.op]} {VECTOR} {a[0]}, {a[1]}")
-        if x.op in ("and", "or"):
-            return self.line(f"{x.op} {MASK} {a[0]}, {a[1]}")
-        if x.op == "not":
-            everywhere = "<" + ", ".join(["i1 true"] * LANES) + ">"
-            return self.line(f"xor {MASK} {a[0]}, {everywhere}")
-        if x.op in ("select", "rarely"):
-            condition, one, other = a
-            if not isinstance(x.operands[0], Condition):
-                raise TypeError("a selection needs a condition")
-            return self.line(f"select {MASK} {condition}, {VECTOR} {one}, {VECTOR} {other}")
-        if x.op in ("sin", "cos"):
-            return self.turn(x.op, a[0])
-        arguments = ", ".join(f"{VECTOR} {v}" for v in a)
-        if x.op in _INTRINSIC:
-            name = f"llvm.{x.op}.v{LANES}f64"
-            self.declared.add(f"declare {VECTOR} @{name}({VECTOR})")
-            return self.line(f"call {VECTOR} @{name}({arguments})")
-        self.scalar[x.op] = len(a)
-        return self.line(f"call {VECTOR} @lanes_{x.op}({arguments})")
+    def by_library(self, name: str, a: list[str]) -> str:
+        """As for one number; sines and cosines in lanes are our own."""
+        if name in ("sin", "cos"):
+            return self.turn(name, a[0])
+        self.scalar[name] = len(a)
+        return self.called(f"lanes_{name}", a)
 
     def turn(self, op: str, angle: str) -> str:
         """The sine or cosine; both come from one call."""

@@ -230,14 +230,15 @@ def solve_semidefinite(A, b, x, L, order, n):
 
 
 @inline
-def solve_unsymmetric(A, b, x, L, order, columns, n):
+def solve_unsymmetric(A, b, x, L, columns, n):
     """Some solution of A x = b and the rank of A, by elimination with complete pivoting.
 
-    A: (n, n), b, x: (n,); L: (n, n), order, columns: (n,) are work space.  Rows and columns that
-    vanish are left out (x = 0 there).
+    A: (n, n), b, x: (n,); L: (n, n), columns: (n,) are work space.  Rows and columns that vanish
+    are left out (x = 0 there).  Reflections would cost as much, but mix the small numbers of one
+    row with the large ones of another: a slip that begins would lose its direction.
     """
     for i in range(n):
-        order[i], columns[i] = i, i
+        columns[i] = i
         size = 0.0
         for j in range(n):
             size = max(size, abs(A[i, j]))
@@ -255,7 +256,6 @@ def solve_unsymmetric(A, b, x, L, order, columns, n):
             rank = k
             break
         if row != k:
-            order[k], order[row] = order[row], order[k]
             x[k], x[row] = x[row], x[k]
             for j in range(n):
                 L[k, j], L[row, j] = L[row, j], L[k, j]

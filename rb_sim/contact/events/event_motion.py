@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import SimulationError, StepTooLargeError
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.contacts.touching import ContactLaw
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import (
@@ -87,7 +88,6 @@ from rb_sim.contact.problem.assembly import velocities
 from rb_sim.contact.problem.event_workspace import (
     AMBIGUOUS,
     LEAPS,
-    NO_PUSH,
     Journal,
 )
 from rb_sim.contact.problem.event_workspace import JAMS as JAMMED_NOTE
@@ -151,10 +151,6 @@ from rb_sim.scene.compiled import Compiled
 # more.  To open one alone lets the others open and it close in turns, by rounding, without end.
 
 
-SAME_INSTANT = 1e-12
-"""Share of the time, or of 1 s before, within which two changes are at one instant."""
-
-
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     """Rigid contacts whose push has fallen in the step and is over at t, but for rounding of t.
 
@@ -167,7 +163,7 @@ def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
     rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
     push = touch[:, NORMAL_FORCE] / unit
     fallen = touch[:, EVENT_FUNCTIONS_BEFORE] - push
-    left = push * (t - begun) <= fallen * SAME_INSTANT * max(1.0, abs(t))
+    left = push * (t - begun) <= fallen * COMPUTED_ROUNDING * max(1.0, abs(t))
     return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
 
 
@@ -587,7 +583,7 @@ class ContactMotion(GridMotion):
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
         push = np.abs(self.system.touch[:, NORMAL_FORCE])
-        pushes = self.laws[code[0]].bilateral or push[code[0]] > NO_PUSH * push.max()
+        pushes = self.laws[code[0]].bilateral or push[code[0]] > SOLVED * push.max()
         if not pushes or code[0] in lifted:
             code = code[0], LIFT_OFF
         if code[1] == LIFT_OFF:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.grid_motion import Grid
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS, address
@@ -230,9 +231,6 @@ LONG = 2.0
 stable up to 6, and a is taken for one to four times what it is."""
 IMPLICIT_ORDER = 4.0
 """Of the error estimate of the implicit step."""
-LEAST_IMPLICIT = 1e-12
-"""Tolerance of these steps at the least: their stages are solved to a tenth of it (SLIPS_STALLED),
-and below that the estimate is rounding, which shorter steps only add up."""
 
 
 @inline
@@ -359,7 +357,8 @@ def attempt(method, system, t, y, h, work):
     error = increment(method, system, t, y, h, work)
     tolerance = method.setting[1]
     if is_implicit(work):
-        tolerance = max(tolerance, LEAST_IMPLICIT)
+        # Stages are solved to a tenth of it (SLIPS_STALLED): below, the estimate is rounding.
+        tolerance = max(tolerance, COMPUTED_ROUNDING)
     return error / tolerance if tolerance > 0.0 else 0.0
 
 

@@ -66,7 +66,6 @@ from rb_sim.mechanics.contact.accelerations import contact_accelerations, power_
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     GAP,
-    HELD,
     NORMAL,
     ROLL,
     SLIDE,
@@ -81,7 +80,7 @@ from rb_sim.mechanics.system import settle
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, WIDTH
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
-from rb_sim.numerics.rank import LEAST_SINGULAR
+from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
 
 # What is done between the calls of the loop, compiled once for all scenes.
@@ -372,7 +371,7 @@ class Instant:
         push = J[k] - law.kinetic * (float(d @ t1) * J[k + 1] + float(d @ t2) * J[k + 2])
         alone = float(J[k] @ self.inverse_mass @ J[k])
         ideal, effective = self.pivot_of(J[[k]], np.array([J[k], push]))[0]
-        return float(effective / ideal) if ideal > HELD * alone else 1.0
+        return float(effective / ideal) if ideal > RANK_TOLERANCE * alone else 1.0
 
 
 def frame(n: Array) -> tuple[Array, Array]:

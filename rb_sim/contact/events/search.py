@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
 from rb_sim.contact.events.grid import Grid, branch, copy, note_stiffness, reach, stop_that_is_due
 from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
@@ -220,11 +221,9 @@ def first_crossing(system, bracket, early, late):
 # such a span is parted until the sides agree or the ways of the surfaces are too short to meet.
 #
 # The first look costs nothing where an event function changes by less, over the step, than what it
-# is away from zero.
+# is away from zero.  Event functions are in natural units; a depth of COMPUTED_ROUNDING is none.
 
 
-SLACK = 1e-12
-"""Depth of an event function below zero, in natural units, that is round-off."""
 ROUNDS, DEPTH = 60, 40
 """Points looked at for one event function of one step; spans kept at a time."""
 SHORT = 1.0
@@ -356,7 +355,7 @@ def may_dip(system, grid, ends, rates, i, k):
         ends[i, EVENT_FUNCTIONS + k],
         grid.t1 - grid.t0,
     )
-    if low == FREE or high == FREE or high < -SLACK:
+    if low == FREE or high == FREE or high < -COMPUTED_ROUNDING:
         return False
     if k == 0 and ends[i, CLOSED] == 0.0:
         if ends[i, AROUND] > 0.0 and ends[i, LEAN_SIGN] == IN_FLIGHT:
@@ -372,22 +371,22 @@ def may_dip(system, grid, ends, rates, i, k):
         if corner_of(low, ends[i, EVENT_RATES_BEFORE], high, rates[i, 0], width) >= 0.0:
             return True
     lowest, highest = cubic_range(low, ends[i, EVENT_RATES_BEFORE + k], high, rates[i, k], width)
-    return highest > SLACK and not lowest > highest - lowest
+    return highest > COMPUTED_ROUNDING and not lowest > highest - lowest
 
 
 @inline
 def is_clear(a, ra, b, rb, width, error):
     """The function whose cubic is given, and wrong by no more than `error`, has no zero inside."""
-    if not max(a, b) > SLACK:
+    if not max(a, b) > COMPUTED_ROUNDING:
         return True  # what is left is round-off
     s = cubic_minimum(a, ra, b, rb, width)
     if s > 0.0:
         least, _ = cubic_at(a, ra, b, rb, width, s)
         if not least > error:
-            return error <= 0.1 * SLACK and least > -SLACK
+            return error <= 0.1 * COMPUTED_ROUNDING and least > -COMPUTED_ROUNDING
     rises_from_a = a > error or ra * width > 8.0 * error
     falls_to_b = b > error or -rb * width > 8.0 * error
-    return error <= 0.1 * SLACK or (rises_from_a and falls_to_b)
+    return error <= 0.1 * COMPUTED_ROUNDING or (rises_from_a and falls_to_b)
 
 
 @inline
@@ -477,7 +476,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
             continue
         level_at(method, system, grid, t, work, y, c)
         level = touch[i, EVENT_FUNCTIONS + k]
-        if level < -SLACK:
+        if level < -COMPUTED_ROUNDING:
             return t
         rate = rate_of(system, t, y, i, k)
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
@@ -767,7 +766,7 @@ def next_event(method, system, grid, work, kept, arms):
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
     rates = level_rates(system, grid.t1, grid.y1)
     late = first_dip(method, system, grid, rates, work, y, c)
-    if late == grid.t1 and not lowest < -SLACK:
+    if late == grid.t1 and not lowest < -COMPUTED_ROUNDING:
         note_slow_slips(system, kept, arms, grid)
         look_ahead(system, rates)
         note_stiffness(system, grid.y1)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.effects.wrench import BodyHarmonicRow, WorldHarmonicRow
 from rb_sim.catalogue.geometry.pairs import Shaken, Turntable, carrier, touching
 from rb_sim.catalogue.types import WORLD
@@ -103,9 +104,9 @@ OF_SLIP = 1e-4
 OF_PLACES = 1e-3
 """Difference of places, in lengths of the scene, over the slowest slip, in its speeds: a support
 that turns makes a slip of it."""
-LEAST, MOST = 1e-12, 1e-8
-"""Bounds of the difference of places, in lengths of the scene, and of quaternions: below rounding
-counts, above the bend of the equations."""
+MOST = 1e-8
+"""Bound of the difference of places, in lengths of the scene, and of quaternions: above, the bend
+of the equations counts; below COMPUTED_ROUNDING, rounding."""
 FASTEST = 1e-3
 """Slip, in speeds of the scene, beyond which differences do not grow with it."""
 
@@ -126,7 +127,7 @@ def difference(system, k, slip):
     if k >= 7:
         speed = OF_SLIP * slip * system.speed
         return speed if k < 10 else speed / system.length
-    place = max(LEAST, min(MOST, OF_PLACES * slip))
+    place = max(COMPUTED_ROUNDING, min(MOST, OF_PLACES * slip))
     return place * system.length if k < 3 else place
 
 

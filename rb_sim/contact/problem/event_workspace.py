@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import SOLVED
 from rb_sim.catalogue.contacts.touching import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
@@ -233,8 +234,6 @@ KINDS = (
     IMPACT, RESTS, CLOSES, OPENS, SLIPS, STICKS, ROLLS, STOPS_ROLLING, SPINS, STOPS_SPINNING,
     REVERSES, JAMS, LEAPS, AMBIGUOUS,
 ) = range(14)  # fmt: skip
-NO_PUSH = 1e-9
-"""Part of the largest impulse, or push, that is none."""
 OF_ROUND, CHANGES = 3, 5
 """Most notes of one contact in a round of impacts, and of its changes at one instant."""
 
@@ -263,7 +262,7 @@ def note_impulses(system, workspace, t, kind):
         most = max(most, abs(x[k]))
     for c in range(system.touch.shape[0]):
         k = first_row_of(system, c)
-        if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > NO_PUSH * most:
+        if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > SOLVED * most:
             b = 6 * system.row_table[k, BODY]
             note(
                 workspace, t, c, kind,

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.problem.assembly import (
     NOT_FINITE,
     SOLVED,
@@ -291,9 +292,6 @@ def time_of_flights(system, workspace, t, y, fixed):
 
 MANY = 4
 """Contacts that have to press in an impact for their shares to be undetermined."""
-ROUND_OFF = 1e-12
-"""Pull, relative to the largest impulse, and gain of kinetic energy, relative to what impulses
-exchange, that are round-off of none."""
 
 
 class Rule(NamedTuple):
@@ -378,7 +376,7 @@ def keeps_pushing(workspace, pressing, x):
     for i in range(x.shape[0]):
         most = max(most, abs(x[i]))
     for i in range(x.shape[0]):
-        if pressing[i] == 1.0 and x[i] < workspace.least[i] - ROUND_OFF * most:
+        if pressing[i] == 1.0 and x[i] < workspace.least[i] - COMPUTED_ROUNDING * most:
             return False
     return True
 
@@ -487,7 +485,7 @@ def gains_energy(system, workspace, u, x):
         size += abs(p[j]) * abs(u[j])
     for k in range(x.shape[0]):
         work -= x[k] * workspace.row_rate[k]
-    return work > ROUND_OFF * size
+    return work > COMPUTED_ROUNDING * size
 
 
 @inline

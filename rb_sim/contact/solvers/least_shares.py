@@ -26,6 +26,7 @@ import math
 
 import numpy as np
 
+from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.contact.solvers.gauss_seidel import (
     PROXIMAL,
     give_joints,
@@ -58,11 +59,8 @@ of joints (1e-9 of the scene's length), below what a mass ratio of a million mak
 ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
 """Of finding least shares and checking them by sweeps; turns of pushes and friction in each; sweeps
 of friction in a turn; sweeps of the check."""
-FINE = 1e-9
-"""Change of an impulse, relative to the largest, at which turns of pushes and friction end."""
-FAR, OPEN = 1e3, 1e-6
-"""Times the largest impulse that other shares are not followed beyond; change of a velocity by
-other shares, or slip, relative to what impulses give, that is none: solvers leave it."""
+FAR = 1e3
+"""Times the largest impulse that other shares are not followed beyond."""
 
 
 @inline
@@ -123,7 +121,7 @@ def friction_of(graph, i, W, r, v, k, slow):
         per_push = graph.rules[i, VISCOUS_PER_PUSH]
         return False, -per_push * v[k + 1], -per_push * v[k + 2]
     slip = math.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
-    if slip <= slow + OPEN * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
+    if slip <= slow + SOLVED_IN_CONTACT * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
         return True, 0.0, 0.0
     if r[k] > 0.0:
         return False, r[k + 1] / r[k], r[k + 2] / r[k]
@@ -269,7 +267,7 @@ def find_open(graph, chosen, W, r, rows, along, n, Q, rank, x, spare):
                         turned += W[o, first + k] * along[m, k] * (spare[m] - x[m])
                 if reach * abs(turned) > most:
                     most, found = reach * abs(turned), chosen[rows[j] // 3]
-    return (most / largest_given if most > OPEN * largest_given else 0.0), found
+    return (most / largest_given if most > SOLVED_IN_CONTACT * largest_given else 0.0), found
 
 
 @inline
@@ -377,9 +375,9 @@ def take_least_shares(graph, u, x, joints, size, slow, rest, look):
         if not moved > ENOUGH * most:
             break
         for _ in range(TURNS):
-            settle_friction(graph, chosen, W, r, v, FINE * most)
+            settle_friction(graph, chosen, W, r, v, SOLVED * most)
             moved, _, _ = even_out(graph, chosen, W, r, v, slow, False, False)
-            if not moved > FINE * most:
+            if not moved > SOLVED * most:
                 break
         take_over(graph, u, x, chosen, r)
         relax_joints(graph, u, joints)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.solvers.graph import (
     BOUND,
@@ -46,11 +47,9 @@ from rb_sim.contact.stepping.scene_tables import (
 )
 from rb_sim.contact.stepping.step_workspace import (
     CLOSED,
-    EXACT,
     FRESH,
     GAP,
     IMPULSE,
-    LEAVES,
     LENGTH,
     MOVES,
     MOVES_AT,
@@ -158,12 +157,12 @@ def write_rules(
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
-    stuck = slides == STUCK if slides >= 0.0 else slip <= LEAVES * scales[1]
+    stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
     rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
-        slip = max(slip, LEAVES * scales[1])
+        slip = max(slip, SOLVED * scales[1])
         own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
         law = addresses[int(laws[c, TRACTION])]
         per_push, alone = traction_at(law, slip, own, pointer(scratch))
@@ -203,8 +202,8 @@ def nearness(scales, bodies, y, b, a, h):
         speed += norm(A.v_WC) + length * norm(A.w_WB_B)
         pull = max(pull, norm(triple(bodies, a, LOAD)) / bodies[a, MASS])
     if speed <= MOVES_AT * h * pull:
-        return EXACT * length
-    return EXACT * length + min(NEAR * h * h * pull, NEAREST * length)
+        return COMPUTED_ROUNDING * length
+    return COMPUTED_ROUNDING * length + min(NEAR * h * h * pull, NEAREST * length)
 
 
 @inline

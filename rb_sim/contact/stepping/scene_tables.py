@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SceneError
+from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.contacts import friction
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.pairs import (
@@ -217,8 +218,6 @@ def addresses(found: Sequence[Any]) -> np.ndarray:
 SLIPS = (0.01, 1.0, 30.0)
 """[m/s]: speeds at which a law of friction is looked at."""
 ALONG = ((1.0, 0.0, 0.0), (0.0, 0.6, -0.8), (-0.36, 0.48, 0.8))
-ASKEW = 1e-9
-"""Part of a traction across the slip, or of one direction beside another, that is rounding."""
 
 
 def refuse_traction(rubs: Any, name: str) -> None:
@@ -231,10 +230,10 @@ def refuse_traction(rubs: Any, name: str) -> None:
             found = np.array(friction.traction(rubs, s, along, 0.0, False))
             sizes.append(found @ along)
             askew = np.abs(found - np.outer(sizes[-1], along)).max()
-            if askew > ASKEW * np.abs(found).max() or sizes[-1].max() > 0.0:
+            if askew > WRITTEN_ROUNDING * np.abs(found).max() or sizes[-1].max() > 0.0:
                 what = "a traction against the slip"
                 raise refused(rubs, name, what)
-        if np.ptp(np.array(sizes), axis=0).max() > ASKEW * np.abs(sizes).max():
+        if np.ptp(np.array(sizes), axis=0).max() > WRITTEN_ROUNDING * np.abs(sizes).max():
             raise refused(rubs, name, "the same traction in each direction")
         if rubs.static > 0.0 and np.abs(np.array(sizes)[:, 1]).max() > 0.0:
             raise refused(rubs, name, "a traction proportional to N if it can stick")

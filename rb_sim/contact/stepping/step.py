@@ -28,6 +28,7 @@ import math
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
 from rb_sim.contact.solvers.gauss_seidel import (
     ROUGH,
     eliminates,
@@ -76,7 +77,6 @@ from rb_sim.contact.stepping.step_workspace import (
     GAVE,
     GYROSCOPIC_ROUNDS,
     IMPULSE,
-    LEAVES,
     LENGTH,
     MOVES,
     NEXT,
@@ -88,19 +88,16 @@ from rb_sim.contact.stepping.step_workspace import (
     OPEN_OF_NOW,
     POINT,
     QUIET,
-    REPORTED,
     RESIDUAL,
     ROLL,
     ROUGH_SLIPS,
     SELDOM,
-    SETTLED,
     SEVERAL,
     SLIDE,
     SLIDING,
     SPIN,
     STAYS,
     STEPS,
-    STILL,
     STRUCK,
     STUCK,
     SWEEPS,
@@ -153,7 +150,7 @@ def quieten(tables, workspace, n, h):
     for i in range(b.shape[0]):
         for part in range(2):
             v = triple(u, i, 3 * part)
-            if norm(v) <= STILL * sizes[2 * i + part]:
+            if norm(v) <= SOLVED * sizes[2 * i + part]:  # what rests does not creep
                 put(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
@@ -223,7 +220,7 @@ def keep_impulses(tables, memory, workspace, y, n, h):
     x, laws, turned, several, rough = workspace.x, tables.laws, 0.0, 0.0, 0.0
     active, ends, spots, rules = workspace.active, workspace.ends, workspace.spots, workspace.rules
     rows, blocks, targets, u = workspace.rows, workspace.blocks, workspace.targets, workspace.u
-    slow = LEAVES * tables.scales[1]
+    slow = SOLVED * tables.scales[1]
     for i in range(n):
         c, k, b, a = active[i], CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         bears, mu = x[k] != 0.0, rules[i, BOUND]
@@ -515,7 +512,7 @@ def solve_impulses(tables, workspace, graph, x, y):
     rest, made = some_impulses(tables, workspace, graph, x, y)
     if made == 1 or not (eliminates(graph) or stand_alone(graph)):
         return rest, made
-    length, slow, notes = tables.scales[0], LEAVES * tables.scales[1], workspace.notes
+    length, slow, notes = tables.scales[0], SOLVED * tables.scales[1], workspace.notes
     rest, more, figure, of = take_least_shares(
         graph, workspace.u, x, workspace.joint_x, length, slow, rest, notes[OPEN] == 0.0
     )
@@ -534,15 +531,17 @@ def some_impulses(tables, workspace, graph, x, y):
     where they do not do, Newton's method as far as the step needs it.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
-    rest, made = gauss_seidel(graph, u, x, joints, length, SETTLED, FEW_SWEEPS)
-    if not rest > SETTLED:
+    rest, made = gauss_seidel(graph, u, x, joints, length, COMPUTED_ROUNDING, FEW_SWEEPS)
+    if not rest > COMPUTED_ROUNDING:
         return rest, made
     if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
         sweeps = FIRST_SWEEPS if notes[FRESH] == 1.0 else SWEEPS
         n = graph.ends.shape[0]
-        rest, more = solve_exactly(graph, tables.bodies, u, x, joints, length, SETTLED, sweeps)
+        rest, more = solve_exactly(
+            graph, tables.bodies, u, x, joints, length, COMPUTED_ROUNDING, sweeps
+        )
         made += more
-        often = OFTEN if not rest > SETTLED else SELDOM
+        often = OFTEN if not rest > COMPUTED_ROUNDING else SELDOM
         notes[NEXT] = notes[STEPS] + often * n * n
     if rest > ENOUGH and is_plain(graph):
         given, more = sweep_near(graph, u, x, FINE)
@@ -620,7 +619,7 @@ def solve_step(tables, memory, workspace, y, h):
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)
-    notes[UNSOLVED] += 1.0 if rest > REPORTED else 0.0
+    notes[UNSOLVED] += 1.0 if rest > SOLVED_IN_CONTACT else 0.0
     notes[LENGTH], notes[FRESH] = h, 0.0
     keep_impulses(tables, memory, workspace, y, n, h)
     for i in range(u.shape[0]):

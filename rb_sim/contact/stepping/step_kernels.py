@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.types import BodyState
 from rb_sim.contact.solvers.graph import CONTACT_ROWS, coupled, push, rate_of
 from rb_sim.contact.stepping.constraint_rows import six, write_row
@@ -59,7 +60,6 @@ from rb_sim.contact.stepping.step_workspace import (
     ASTRAY_AT,
     ASTRAY_OF,
     CLOSED,
-    EXACT,
     GAINED,
     GAP,
     IMPULSE,
@@ -94,8 +94,6 @@ from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, s
 
 MARGIN = 4.0
 """Of the deepest overlap: contacts as near as this may come to overlap when others are moved."""
-SETTLED = 1e-9
-"""Change in one sweep, relative to the largest, at which the bodies are far enough apart."""
 
 
 @inline
@@ -135,7 +133,7 @@ def push_apart(tables, workspace, y):
     After the spots at y have been found.  True once nothing overlaps.
     """
     deepest, _ = deepest_overlap(tables, workspace)
-    if deepest >= -EXACT * tables.scales[0]:
+    if deepest >= -COMPUTED_ROUNDING * tables.scales[0]:
         return True
     n, shift = near_normals(tables, workspace, y, -MARGIN * deepest), workspace.turning
     for i in range(shift.shape[0]):
@@ -151,7 +149,7 @@ def push_apart(tables, workspace, y):
             push(workspace.rows, k, shift, b, a, value - workspace.x[k])
             change, largest = max(change, abs(value - workspace.x[k])), max(largest, value)
             workspace.x[k] = value
-        if change <= SETTLED * largest:
+        if change <= SOLVED * largest:
             break
     for i in range(shift.shape[0]):
         move(y, i, triple(shift, i, 0), triple(shift, i, 3), 1.0)
@@ -163,7 +161,7 @@ def shift_deepest(tables, workspace, y):
     """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
     for the rounds of `push_apart` to converge.  True once nothing overlaps."""
     deepest, c = deepest_overlap(tables, workspace)
-    if deepest >= -EXACT * tables.scales[0]:
+    if deepest >= -COMPUTED_ROUNDING * tables.scales[0]:
         return True
     b, a = tables.owners[c, 0], tables.owners[c, 1]
     light_B = 1.0 / tables.bodies[b, MASS]

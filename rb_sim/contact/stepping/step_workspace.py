@@ -32,8 +32,6 @@ THEN, ENDS, MEMORY = 21, 25, 29
 """The same: velocity of the body relative to its support at P, along the normal and across it (3,
 world axes), with which the step ended, in its middle and at its end."""
 NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
-SETTLED = 1e-12
-"""Change of an impulse in one sweep, relative to the largest, at which the sweeps end."""
 FEW_SWEEPS = 5
 """Sweeps of a moving heap that are made in any case."""
 FINE = 1e-4
@@ -42,27 +40,18 @@ no Newton's method, and in it contacts need not grip firmer: what is left is rep
 alone."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
-REPORTED = 1e-6
-"""The same change above which a step that has used all its sweeps is reported as unconverged."""
 TOO_FAR = 0.1
 """Turn [rad] of the arm from a body to its only point of contact, in half a step in which it bears,
 above which the step is reported as too long: bearing here and then there, it is struck each
 time."""
 QUIET = 1e-3
-"""Speed, relative to the scene's, below which a heap is solved to SETTLED, so that it rests."""
+"""Speed, relative to the scene's, below which a heap is solved to rounding, so that it rests."""
 OFTEN, SELDOM = 0.02, 0.5
-"""Steps per squared contact from one solve of a quiet heap to SETTLED to the next: where it has
+"""Steps per squared contact from one solve of a quiet heap to rounding to the next: where it has
 been reached, and where it has not."""
-STILL = 1e-9
-"""Velocity of a body relative to the sum of what its loads and contacts add in a step, below which
-it is none: what rests does not creep."""
-EXACT = 1e-12
-"""Gap or overlap, relative to the scene's length, that is none."""
 NEAR, NEAREST, MOVES_AT = 0.1, 1e-4, 0.01
 """Of what their loads could move bodies in a step, and of the scene's length: a gap between bodies
 that move which is left as it is; of the speed that loads give in a step, above which they move."""
-LEAVES = 1e-9
-"""Speed, relative to the scene's, above which a contact has been left, or slips at the start."""
 PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
 """Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
 GYROSCOPIC_ROUNDS = 12

@@ -31,7 +31,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_FUNCTIONS_BEFORE,
     EVENT_RATES_BEFORE,
     FREE,
-    HELD,
     HOLDS,
     MOST_RANK,
     NORMAL_FORCE,
@@ -40,7 +39,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     POINT,
     RANK,
     REDUNDANT,
-    SECOND_ORDER,
     SHARES,
     SLIDE,
     SLIP,
@@ -74,6 +72,7 @@ from rb_sim.mechanics.systems.multibody import (
 from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mass_row
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
+from rb_sim.numerics.rank import RANK_TOLERANCE
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
 
 # Contacts that give way and creep: slips so slow that their direction is lost in errors.
@@ -227,8 +226,7 @@ def joints_share(system, joints, at, column):
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
         b[j] = A[j, column] if column >= 0 else A[at, j]
-    row_table = system.row_table
-    solve_unsymmetric(A, b, x, spare, row_table[:, ORDER], row_table[:, SECOND_ORDER], joints)
+    solve_unsymmetric(A, b, x, spare, system.row_table[:, ORDER], joints)
     share = 0.0
     for j in range(joints):
         share += A[at, j] * x[j]
@@ -266,7 +264,7 @@ def pivots(system, holding):
         if joints > 0:
             ideal -= joints_share(system, joints, at, -1)
             effective -= joints_share(system, joints, at, at)
-        if ideal > HELD * alone:
+        if ideal > RANK_TOLERANCE * alone:  # else the joints hold its place by themselves
             touch[c, PIVOT] = effective / ideal
 
 
@@ -407,7 +405,6 @@ def accelerations_in(system, t, y, everywhere):
         multipliers,
         system.delassus[1],
         row_table[:, ORDER],
-        row_table[:, SECOND_ORDER],
         holding,
     )
     rank = min(rank, row_table[0, MOST_RANK])

@@ -190,10 +190,6 @@ NEAR_JAM = 1e-3
 """The same, below which a contact is the one that jams where no force or no step is found."""
 
 
-HELD = 1e-9
-"""Part of a contact's pivot left by the joints below which they hold it in place by themselves."""
-
-
 class ContactBodies(NamedTuple):
     """As MultiBody, with contacts; y has WIDTH coordinates per body, then the contacts' work."""
 
@@ -235,10 +231,10 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-SECOND_ORDER, HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
-    ROW_TABLE_COLUMNS, ROW_TABLE_COLUMNS + 8
+HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
+    ROW_TABLE_COLUMNS, ROW_TABLE_COLUMNS + 7
 )
-"""Columns of ContactBodies.row_table for the solver's column order, the rows that hold, and whether
+"""Columns of ContactBodies.row_table for the rows that hold, and whether
 a row of a joint depends on other joints': the sum of what it is among.  Of all rows, in the first
 row: the rank found last, the most that counts, the most that counts in the step taken last, and 1
 if one was less than the rows that hold."""

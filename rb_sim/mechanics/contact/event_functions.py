@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rb_sim.base.rounding import TWO_ULPS
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT, FLAT, IN_FLIGHT, SLAMS
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -111,8 +112,6 @@ of a swing that a step of order 8 follows to rounding."""
 ROUND, ROUND_PART, NEARER = 0.3, 0.03, 0.5
 """Parts of the time of a swing that a step of fixed length may take; that one takes which is too
 long; and that one takes of a rim that goes straight to flat as yet."""
-ROUNDING = 4e-16
-"""Error of a tilt [rad], of that of a rim in any axes."""
 STRAIGHT = 0.99995
 """Cosine of the angle between where a rim leans and where it goes from which on it is straight."""
 
@@ -212,7 +211,7 @@ def turned_by_rounding(touch, c):
     """Angle [rad] by which rounding turns the lean of the rim of contact c at the start of the
     step, while its low point goes round; 0 of others."""
     goes = touch[c, CLOSED] == 1.0 and touch[c, SWING] < FREE and abs(touch[c, NEARS]) < STRAIGHT
-    return ROUNDING / norm(vec(touch, c, LEAN_BEFORE + 3)) if goes else 0.0
+    return TWO_ULPS / norm(vec(touch, c, LEAN_BEFORE + 3)) if goes else 0.0
 
 
 @inline

@@ -25,7 +25,7 @@ from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
 from rb_sim.numerics.kernels import inline, part, pointer, routine
 from rb_sim.numerics.linear_solves import of_rank
-from rb_sim.numerics.rank import RANK_TOLERANCE
+from rb_sim.numerics.rank import RANK_TOLERANCE, rank_of
 
 # Which rows of constraints depend on others: decided once, so that doubles can keep the decision.
 #
@@ -40,8 +40,6 @@ LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
 """Shares of the diagonal element up to which a pivot leaves its row out, tried in turn."""
 SURE = 1e-3
 """Share of the diagonal element above which pivots cost few digits, so that none is round-off."""
-APART = 1e-7
-"""Eigenvalue of the scaled rows, the largest about 1, that is no round-off by far."""
 MOST = 1500
 """Rows up to which the rank is asked of all rows as a whole, which takes their number cubed."""
 
@@ -117,17 +115,11 @@ def factored(system: MultiBody, order: list[int]) -> Factors:
 
 
 def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
-    """The number of eigenvalues of the scaled A that are not zero; `otherwise` where the rows are
-    too many, or an eigenvalue is neither round-off nor far from it."""
+    """The rank of A by its eigenvalues; `otherwise` where the rows are too many or not finite."""
     if len(order) > MOST:
         return otherwise
     matrix = dense_matrix(system, order)
-    if not np.isfinite(matrix).all():
-        return otherwise
-    sizes = np.sqrt(np.diag(matrix))
-    values = np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))
-    zero = values <= RANK_TOLERANCE * len(order)
-    return int((~zero).sum()) if (values[~zero] > APART).all() else otherwise
+    return rank_of(matrix) if np.isfinite(matrix).all() else otherwise
 
 
 def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:

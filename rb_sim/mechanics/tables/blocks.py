@@ -18,10 +18,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.functions import divide, rarely
 from rb_sim.graph.table_program import Field, Program
-from rb_sim.mechanics.systems.elimination import elimination_order
-from rb_sim.numerics.rank import RANK_TOLERANCE
+from rb_sim.mechanics.systems.elimination import Factors, elimination_order
 
 # Which constraint rows are neighbours, which bodies stay unknowns, and what goes out when.
 #
@@ -167,35 +165,23 @@ def at(i: int, j: int) -> int:
 
 
 def inverse_of(matrix: tuple[Any, ...], diagonal: tuple[Any, ...], hub: bool) -> tuple[list, Any]:
-    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, without the rows whose pivots are lost."""
+    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, packed, without the rows whose pivots are lost;
+    of a hub all are kept."""
     n = len(diagonal)
-    left = {(i, j): matrix[at(i, j)] for i in range(n) for j in range(i + 1)}
-    inverse: list[Any] = []
-    lower: dict[tuple[int, int], Any] = {}
-    rank: Any = 0.0
-    for k in range(n):
-        pivot = left[k, k]
-        one = divide(1.0, pivot)
-        if not hub:
-            lost = pivot <= RANK_TOLERANCE * diagonal[k]
-            one = rarely(lost, 0.0, one)
-            rank = rank + rarely(lost, 0.0, 1.0)
-        inverse.append(one)
-        for i in range(k + 1, n):
-            lower[i, k] = left[i, k] * one
-        for i in range(k + 1, n):
-            for j in range(k + 1, i + 1):
-                left[i, j] = left[i, j] - lower[i, k] * left[j, k]
-    unit = {(i, i): 1.0 for i in range(n)}  # L^-1
-    for j in range(n):
+    rows = range(n)
+    full = {i: {j: matrix[at(i, j)] for j in rows} for i in rows}
+    kept = frozenset(rows if hub else ())
+    factors = Factors(full, rows, sure=kept, scales=dict(enumerate(diagonal)))
+    unit = {(i, i): 1.0 for i in rows}  # L^-1
+    for j in rows:
         for i in range(j + 1, n):
-            unit[i, j] = -sum(lower[i, k] * unit[k, j] for k in range(j, i))
+            unit[i, j] = -sum(factors.rows[k][i] * unit[k, j] for k in range(j, i))
     result = [
-        sum(unit[k, i] * inverse[k] * unit[k, j] for k in range(i, n))
-        for i in range(n)
+        sum(unit[k, i] * factors.inverse[k] * unit[k, j] for k in range(i, n))
+        for i in rows
         for j in range(i + 1)
     ]
-    return result, rank
+    return result, factors.rank
 
 
 def times(rows: int, columns: int, a: Any, x: Any) -> list[Any]:
