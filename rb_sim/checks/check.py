@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from rb_sim.checks.balance import Ledger
     from rb_sim.checks.sample_integrals import Resolutions
     from rb_sim.contact.grid_motion import LeftOpen
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
     Ahead = Callable[..., SampleBlock | None]
+    Between = Callable[[float, Array, Array], Array | None]
 
 
 class Run(NamedTuple):
@@ -172,6 +173,8 @@ class Effort(NamedTuple):
     """the widest choice that the laws of contact left."""
     ahead: Ahead | None = None
     """gives the motion from here on over a span [s] in so many steps; None: nobody does."""
+    between: Between | None = None
+    """gives the motion between two samples; None: nobody does."""
     asked: float | None = None
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
     kept_to: float = 0.0
@@ -235,6 +238,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.local_error,
         simulation.left_open,
         simulation.ahead,
+        simulation.between,
         None if choice is None else choice.target,
         options.duration if choice is not None and choice.reached else 0.0,
     )

@@ -23,7 +23,7 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import rows_ahead, singular_end
+from rb_sim.checks.singular_configuration import rows_ahead, rows_between, singular_end
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
@@ -156,6 +156,10 @@ class Simulation(SceneInMotion):
         times = self.time + span * np.arange(count + 1) / count
         rows = rows_ahead(self._motion, times)
         return None if rows is None else self._block(times, rows)
+
+    def between(self, t: float, y: Array, times: Array) -> Array | None:
+        """The motion at the times from one of its states on (see `rows_between`)."""
+        return rows_between(self._motion, t, y, times)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """Linear model of small deviations from the motion, about the present state.
