@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -505,7 +506,8 @@ def rows_ahead(run: Motion, times: Array) -> Array | None:
     None where the motion does not come so far, or takes too long, and with contacts, whose modes
     the motion beside would have to choose anew.
     """
-    return _rows_from(run, run.time, run.coordinates, times)
+    rows = _rows_from(run, run.time, run.coordinates, times)
+    return rows if len(rows) == len(times) else None
 
 
 def rows_between(run: Motion, t: float, y: Array, times: Array) -> Array | None:
@@ -516,12 +518,13 @@ def rows_between(run: Motion, t: float, y: Array, times: Array) -> Array | None:
     if run.compiled.reduced:
         return None
     rows = _rows_from(run, t, y, times)
-    return None if rows is None else rows[:, : len(y)]
+    return rows[:, : len(y)] if len(rows) == len(times) else None
 
 
-def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array | None:
+def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array:
+    """Rows at the times of a motion like `run` from its state y at t on, as far as it comes."""
     if run.layout.contacts:
-        return None
+        return np.zeros((0, 0))
     beside, looks = motion_of(run.compiled, run.method), 0
 
     def look() -> None:
@@ -538,7 +541,7 @@ def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array | None:
         beside.watch = look
         beside.run_to(times, out)
     except SimulationError:
-        return None
+        return out[: np.searchsorted(times, beside.time, side="right")]
     return out
 
 
@@ -550,7 +553,8 @@ def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array | None:
 
 
 LAST, BETWEEN = 4, 8
-"""Samples, and states between the last of them and the end of the last step, that are looked at."""
+"""Samples, and states between the last of them and the end of the last step, that are looked at,
+and others that are each half as far from the end as the one before, down to a step and below."""
 
 STEPS = 2.0
 """Steps after the last state in which s has to come to zero, fixed ones, or of those states."""
@@ -568,10 +572,12 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
     t, rows = t[-LAST:], rows[-LAST:]
     end, step = run.frontier
     if end > t[-1]:
-        between = np.linspace(t[-1], end, BETWEEN + 1)[1:]
-        found = rows_ahead(run, between)
-        if found is not None:
-            t, rows = np.append(t, between), np.append(rows, found, 0)
+        gap = end - t[-1]
+        halvings = math.log2(gap / step) if gap > step > 0.0 else 0.0
+        ever_closer = end - gap * 0.5 ** np.arange(1, BETWEEN + math.ceil(halvings))
+        between = np.union1d(np.linspace(t[-1], end, BETWEEN + 1)[1:], ever_closer)
+        found = _rows_from(run, run.time, run.coordinates, between)
+        t, rows = np.append(t, between[: len(found)]), np.concatenate([rows, found])
     width = 13 * len(simulation.layout.bodies)
     with np.errstate(all="ignore"):
         s, row = conditioning.shares(t, rows[:, :width])
