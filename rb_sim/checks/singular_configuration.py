@@ -172,7 +172,7 @@ class Follower:
             times, states = t[k : k + 2], y[k : k + 2]
             if not way <= RESOLVED:
                 count = int(min(np.nan_to_num(way / RESOLVED), MOST_BETWEEN)) + 1
-                inner = np.linspace(*times, count + 1)[1:-1]
+                inner = np.linspace(t[k], t[k + 1], count + 1)[1:-1]
                 found = self.motion(float(t[k]), y[k], inner)
                 if found is not None:
                     self._fastest = max(self._fastest, float(self._rates(found).max()))
