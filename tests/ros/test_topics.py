@@ -250,7 +250,7 @@ def test_two_nodes_in_one_domain_do_not_disturb_each_other(sphere, start, client
 @pytest.mark.parametrize(
     ("broken", "words"),
     [
-        ("class TFMessage:\n    pass\n", "TFMessage"),
+        ("class TFMessage:\n    pass\n", "should be a ROS 2 message type"),
         ("raise OSError('libtf2_msgs.so: undefined symbol: x')\n", "undefined symbol: x"),
     ],
 )
