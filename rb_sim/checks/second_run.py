@@ -77,7 +77,8 @@ MOST = 4096
 
 BETWEEN, FEW = 256, 32
 """Instants at which the second run is looked at besides the samples, at most; the run itself is
-made once more at all of them where samples are fewer than FEW, or show less than half of the motion."""
+made once more at all of them where samples are fewer than FEW, or show less than half of the
+motion."""
 
 PATIENCE, GRACE = 8.0, 0.5
 """The second run may take this many times the counted time of the first, and so much more [s]."""
