@@ -90,18 +90,15 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("fit", "statics"):  # packages that are functions (rb_sim.base.callable_package)
-        return import_module(f"{__name__}.{name}")
-    if name not in _HOMES:
+    is_package = name in ("fit", "statics")  # that is a function (rb_sim.base.callable_package)
+    if not is_package and name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        module = import_module(_HOMES[name])
-    except ImportError as error:
-        from rb_sim.base.installed import complaint
+    from rb_sim.base.errors import named_if_lacking
 
-        if not (line := complaint()):
-            raise
-        raise ImportError(line.removeprefix("error: "), name=error.name) from None
+    with named_if_lacking():
+        module = import_module(f"{__name__}.{name}" if is_package else _HOMES[name])
+    if is_package:
+        return module
     value = getattr(module, _NAMES_THERE.get(name, name))
     globals()[name] = value
     return value

@@ -15,7 +15,7 @@ import gc
 import os
 import sys
 
-from rb_sim.simulation.signals import EARLY
+from rb_sim.simulation.signals import EARLY, deafen
 
 YOUNG = 50_000
 """New objects between two collections: imports and the trace of laws make many, which stay."""
@@ -40,6 +40,7 @@ def main() -> None:
                     raise
                 sys.exit(line)
     finally:
+        deafen()
         gc.freeze()  # the end of the process would go through all that was imported
 
 

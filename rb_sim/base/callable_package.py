@@ -15,6 +15,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from rb_sim.base.errors import named_if_lacking
+
 
 class Called(ModuleType):
     """A package that calls the function of its name in rb_sim.cli.public."""
@@ -22,4 +24,6 @@ class Called(ModuleType):
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """As that function."""
         name = self.__name__.rpartition(".")[2]
-        return getattr(import_module("rb_sim.cli.public"), name)(*arguments, **keywords)
+        with named_if_lacking():
+            function = getattr(import_module("rb_sim.cli.public"), name)
+        return function(*arguments, **keywords)

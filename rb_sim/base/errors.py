@@ -11,6 +11,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -82,3 +84,17 @@ def check_ending(path: Path | None, ending: str) -> None:
     """Refuse a file name with another ending. Raises SinkError."""
     if path is not None and path.suffix != ending:
         raise SinkError(f"{path}: the name must end in {ending}")
+
+
+@contextmanager
+def named_if_lacking() -> Iterator[None]:
+    """Within it, and in a function that it decorates: an ImportError for a package that rb_sim
+    needs says in one line which and how to get it."""
+    try:
+        yield
+    except ImportError as error:
+        from rb_sim.base.installed import complaint
+
+        if not (line := complaint(error=error)):
+            raise
+        raise ImportError(line.removeprefix("error: "), name=error.name) from None

@@ -63,9 +63,15 @@ def _numbers(version: str) -> list[int]:
     return [int(number) for number in _NUMBERS.findall(version)[:3]]
 
 
-def complaint(requirements: list[str] | None = None) -> str:
-    """One line on what is lacking, with the command that brings it; "" if nothing is."""
+def complaint(requirements: list[str] | None = None, error: BaseException | None = None) -> str:
+    """One line on what is lacking, with the command that brings it; "" if nothing is.
+
+    error: what the start has failed with; a module that it misses is named, whatever is recorded.
+    """
     found = lacking(requirements)
+    if not found and isinstance(error, ModuleNotFoundError) and error.name:
+        package = error.name.partition(".")[0]
+        found = [] if package == "rb_sim" else [(f"{package} is not installed", package)]
     if not found:
         return ""
     wrong = "; ".join(text for text, _ in found)

@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -50,10 +51,20 @@ def refuse(allowed: str) -> PydanticCustomError:
     return PydanticCustomError("rb_sim", "must be {allowed}", {"allowed": allowed})
 
 
-def refuse_at(
-    *problems: tuple[tuple[str | int, ...], object, PydanticCustomError],
-) -> ValidationError:
-    """The error for fields below the value being validated: (path, value, error) each."""
+Problem = tuple[tuple[str | int, ...], object, PydanticCustomError]
+"""Path, value, and what is wrong with it."""
+
+
+def problems_of(error: ValidationError) -> list[Problem]:
+    """What an error says, to be said together with more."""
+    return [
+        (of["loc"], of["input"], PydanticCustomError(of["type"], of["msg"], of.get("ctx")))  # type: ignore[arg-type]
+        for of in error.errors(include_url=False)
+    ]
+
+
+def refuse_at(*problems: Problem) -> ValidationError:
+    """The error for fields below the value being validated."""
     details = [
         InitErrorDetails(type=error, loc=path, input=value) for path, value, error in problems
     ]
@@ -159,16 +170,25 @@ class Spec(BaseModel):
         defer_build=True,
     )
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _unknown_keys(cls, data: Any) -> Any:
-        """Name the keys that exist where one is given that does not."""
-        if isinstance(data, Mapping):
-            known = {field.alias or name for name, field in cls.model_fields.items()}
-            unknown = [key for key in data if key not in known]
-            if unknown:
-                raise refuse_at(*(((str(key),), key, _unknown_key(key, known)) for key in unknown))
-        return data
+    def _unknown_keys(cls, data: Any, validate: Callable[[Any], Any]) -> Any:
+        """Name the keys that exist where one is given that does not, and what else is wrong.
+
+        A key that is missing is left out there: it is what the unknown one meant.
+        """
+        if not isinstance(data, Mapping):
+            return validate(data)
+        known = {field.alias or name for name, field in cls.model_fields.items()}
+        unknown = [((str(key),), key, _unknown_key(key, known)) for key in data if key not in known]
+        if not unknown:
+            return validate(data)
+        beside: list[Problem] = []
+        try:
+            validate({key: value for key, value in data.items() if key in known})
+        except ValidationError as error:
+            beside = [of for of in problems_of(error) if of[0] and of[0][0] in data]
+        raise refuse_at(*unknown, *beside)
 
     EQUATION: ClassVar[str] = ""
     """of a law: what it demands or exerts, in the symbols of docs/method.md; its page shows it."""
@@ -188,12 +208,19 @@ class Spec(BaseModel):
         """The points of contact of a constraint, named as its reactions are; none in a joint."""
         return ()
 
-    def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
-        """(path, name) of each body that the fields `body`, `parent` and `bodies` name."""
-        single = (((field,), getattr(self, field, None)) for field in ("body", "parent"))
-        several = enumerate(getattr(self, "bodies", None) or ())
-        listed = ((("bodies", i), name) for i, name in several)
-        return tuple((path, name) for path, name in (*single, *listed) if name is not None)
+
+def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """(path, name) of each body that the fields `body`, `parent`, `bodies` and `between` name.
+
+    entry: checked, or as it stands in the file.
+    """
+    value_of = entry.get if isinstance(entry, Mapping) else partial(getattr, entry)
+    for field in ("body", "parent", "bodies", "between"):
+        value = value_of(field, None)
+        if isinstance(value, (list, tuple)):
+            yield from (((field, i), name) for i, name in enumerate(value) if isinstance(name, str))
+        elif isinstance(value, str) and field in ("body", "parent"):
+            yield (field,), value
 
 
 def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:

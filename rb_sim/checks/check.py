@@ -30,9 +30,11 @@ if TYPE_CHECKING:
     from rb_sim.checks.balance import Ledger
     from rb_sim.checks.sample_integrals import Resolution
     from rb_sim.contact.grid_motion import LeftOpen
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
+    from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
+
+    Between = Callable[[float, Array, Array], Array | None]
 
 
 class Run(NamedTuple):
@@ -168,6 +170,8 @@ class Effort(NamedTuple):
     """what a fixed step misses of the motion."""
     left_open: LeftOpen | None = None
     """the widest choice that the laws of contact left."""
+    between: Between | None = None
+    """gives the motion between two samples; None: nobody does."""
     asked: float | None = None
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
     kept_to: float = 0.0
@@ -230,6 +234,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.astray,
         simulation.local_error,
         simulation.left_open,
+        simulation.between,
         None if choice is None else choice.target,
         options.duration if choice is not None and choice.reached else 0.0,
     )

@@ -83,8 +83,9 @@ MOST = 4096
 """Instants of a run that are kept to be compared; of more every second, fourth, ... is kept."""
 
 BETWEEN, FEW = 256, 32
-"""Instants at which the second run is looked at besides the samples; the run itself is made once
-more at all of them where samples are fewer than FEW, or show less than half of the motion."""
+"""Instants at which the second run is looked at besides the samples, at most; the run itself is
+made once more at all of them where samples are fewer than FEW, or show less than half of the
+motion."""
 
 PATIENCE, GRACE = 8.0, 0.5
 """The second run may take this many times the counted time of the first, and so much more [s]."""
@@ -165,11 +166,13 @@ class SecondRun:
         always: bool | None = None,
         look: Callable[[], None] | None = None,
         singular: float | None = None,
+        within: float = math.inf,
     ) -> GlobalError:
         """The global error of the run so far, or up to a singular configuration at `singular` [s].
 
         always: make the finer run whatever it costs (True), or no second run (False); None: as
         AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
+        within: counted time that each run made for it may take [s].
         """
         motion = self._simulation.motion
         if always is False:
@@ -182,7 +185,7 @@ class SecondRun:
             return GlobalError(unknown="the run has one sample")
         took, self._look = self._took, look
         self._end = math.inf if singular is None else singular
-        limit = PATIENCE * took + GRACE if took <= LONGEST else AFFORDED
+        limit = min(within, PATIENCE * took + GRACE if took <= LONGEST else AFFORDED)
         try:
             found = self._by_events(limit)
             if found is None and AFFORDED < took <= LONGEST and not always:
@@ -253,7 +256,7 @@ class SecondRun:
         """
         simulation, run = self._simulation, self._simulation.motion
         (times, poses), layout = self._kept(), run.layout
-        grid = np.union1d(times, np.linspace(times[0], times[-1], BETWEEN))
+        grid = np.union1d(times, self._between(times))
         try:
             rows, upto, self._second_steps = self._carried(other.motion, grid, limit)
         except SimulationError:
@@ -283,6 +286,16 @@ class SecondRun:
         why = "use --check for the whole run" if upto is not None else ""
         relative = found.relative / other.share
         return found._replace(relative=relative, by=other.by, upto=upto, why=why)
+
+    def _between(self, times: Array) -> Array:
+        """Instants between the samples: where steps of the run end, if they are fixed ones. Any
+        other instant costs one step more, and of a run of few steps there are more instants."""
+        step = getattr(self._simulation.method, "step", None)
+        if step is None:
+            return np.linspace(times[0], times[-1], BETWEEN)
+        count = int((times[-1] - self._t0) / step)
+        ends = self._t0 + step * np.arange(0, count + 1, max(1, math.ceil(count / BETWEEN)))
+        return ends[(ends >= times[0]) & (ends <= times[-1])]
 
     def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None, int]:
         """Rows of the trial at the instants, where it was at the limit [s] (None: at its end), and

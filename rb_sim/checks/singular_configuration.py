@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -73,8 +74,10 @@ class LeastOf:
 GRID = 0.1
 """What bodies turn by, or go on by over the scene's length, between two looks at s [rad]."""
 RESOLVED = 0.8
-"""As GRID, between two samples: up to it interpolation is exact to 1e-3; above it samples have to
-show a V by themselves."""
+"""As GRID, between two samples: up to it interpolation is exact to 1e-3; above it states between
+them are those of a motion beside, or samples have to show a V by themselves."""
+MOST_BETWEEN = 1000
+"""States of a motion beside between two samples."""
 FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
 VANISHED = 1e-5
@@ -84,6 +87,11 @@ OPEN = 1.3
 
 Figure = Callable[["Array", "Array"], "tuple[Array, Indices]"]
 """s, and to which row it belongs, at (t (n,), y (n, 13 N))."""
+
+
+Between = Callable[[float, "Array", "Array"], "Array | None"]
+"""Rows of the motion at the times (n,) from the state y (13 N,) at t on; None where there is none.
+"""
 
 
 class Vanishing(NamedTuple):
@@ -117,8 +125,13 @@ def suspected(s: Array) -> np.ndarray:
 class Follower:
     """Follows s along the samples of a motion."""
 
+    motion: Between | None = None
+    """gives states of the motion itself between two samples."""
+
     def __init__(self, figure: Figure, length: float) -> None:
         self._look, self._length = figure, length
+        self._fastest = 0.0
+        """rate at which bodies turned, or went on over the scene's length, so far [1/s]."""
         self._t, self._y, self._s = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
         """the last places that were looked at closely ..."""
         self._way = np.zeros(0)
@@ -135,6 +148,36 @@ class Follower:
         if len(before):
             t, y = np.append(before, t), np.append(states, y, 0)
         self._sample = t[-1:], y[-1:]
+        for times, states in self._resolved(t, y):
+            place = self._follow(times, states)
+            if place is not None:
+                return place
+        return None
+
+    def _resolved(self, t: Array, y: Array) -> Iterator[tuple[Array, Array]]:
+        """The samples, each two with states of the motion between them where bodies turn by more
+        than RESOLVED, or would at the greatest speed so far: samples far apart show neither."""
+        self._fastest = max(self._fastest, float(self._rates(y).max()))
+        ways = np.maximum(self._ways(t, y), self._fastest * np.diff(t))
+        if self.motion is None or not (ways > RESOLVED).any():
+            yield t, y
+            return
+        yield t[:1], y[:1]
+        for k, way in enumerate(ways):
+            here, there = slice(k, k + 1), slice(k + 1, k + 2)
+            times, states = t[k : k + 2], y[k : k + 2]
+            if not way <= RESOLVED:
+                count = int(min(np.nan_to_num(way / RESOLVED), MOST_BETWEEN)) + 1
+                inner = np.linspace(t[k], t[k + 1], count + 1)[1:-1]
+                found = self.motion(float(t[k]), y[k], inner)
+                if found is not None:
+                    self._fastest = max(self._fastest, float(self._rates(found).max()))
+                    times = np.concatenate([t[here], inner, t[there]])
+                    states = np.concatenate([y[here], found, y[there]])
+            yield times, states
+
+    def _follow(self, t: Array, y: Array) -> Vanishing | None:
+        """As `add`, of samples or of states of the motion, the first of which is that before."""
         times, states, ways = self._filled(t, y)
         s, _ = self._look(times, states)
         if len(self._t):
@@ -159,14 +202,16 @@ class Follower:
 
     def _ways(self, t: Array, y: Array) -> Array:
         """What bodies turn by, or go on by over the scene's length, from each place to the next."""
-        bodies = y.reshape(len(y), -1, WIDTH)
-        p, v, w = bodies[..., :3], bodies[..., 7:10], bodies[..., 10:13]
-        if bodies.shape[1] > 1:
-            p, v = (x - x.sum(axis=1, keepdims=True) / x.shape[1] for x in (p, v))
-        turns, goes = (np.einsum("nbi,nbi->nb", x, x).max(axis=1) for x in (w, v))
-        fastest = np.sqrt(np.maximum(turns, goes / self._length**2))
+        p, fastest = _beside_middle(y.reshape(len(y), -1, WIDTH)[..., :3]), self._rates(y)
         jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
         return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
+
+    def _rates(self, y: Array) -> Array:
+        """The greatest rate at which a body turns, or goes on over the scene's length [1/s]."""
+        bodies = y.reshape(len(y), -1, WIDTH)
+        v, w = _beside_middle(bodies[..., 7:10]), bodies[..., 10:13]
+        turns, goes = (np.einsum("nbi,nbi->nb", x, x).max(axis=1) for x in (w, v))
+        return np.sqrt(np.maximum(turns, goes / self._length**2))
 
     def _first(self, t: Array, y: Array, s: Array, ways: Array) -> Vanishing | None:
         """The first of the places where s passes through zero. ways: from each place to the
@@ -209,6 +254,11 @@ class Follower:
         row = self._look(t[near : near + 1], y[near : near + 1])[1][0]
         around = slice(max(0, near - 4), near + 5)
         return Vanishing(at, float(s[near]), int(row), t[around], y[around])
+
+
+def _beside_middle(x: Array) -> Array:
+    """Vectors (n, N, 3) less their mean over the bodies; that of one body alone."""
+    return x - x.sum(axis=1, keepdims=True) / x.shape[1] if x.shape[1] > 1 else x
 
 
 def parts_of(ways: Array) -> Indices:
@@ -305,7 +355,7 @@ def rank(run: Run) -> Look:
         nonlocal followed
         if followed is None:  # its laws are made where samples come
             followed = Conditioning(*run)
-        followed.add(seen.block)
+        followed.add(seen.block, seen.effort.between)
         if followed.found is not None:
             yield followed.found.finding
 
@@ -359,10 +409,11 @@ class Conditioning:
         """Whether there is something to look at, and nothing has been found."""
         return bool(self._laws) and self.found is None
 
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+    def add(self, block: SampleBlock, between: Between | None = None) -> None:
+        """The next samples. between: gives the motion between them."""
         if not self.is_needed or not len(block):
             return
+        self._follower.motion = between
         place = self._follower.add(block.t, coordinates(block, slice(None)))
         if place is not None:
             owner = self._owner(self._checked_rows[place.row])
@@ -433,20 +484,43 @@ def has_loops(scene: Scene) -> bool:
 # How a motion goes on from where it is, by another one beside it.
 
 
-def rows_ahead(run: Motion, times: Array) -> Array | None:
-    """Rows of samples at the times, as `run` would have them, which stays as it is.
+MOST_LOOKS = 100
+"""Pieces of the comparison motion between two samples; it would take too long."""
 
-    None where the motion does not come so far.
+
+def rows_between(run: Motion, t: float, y: Array, times: Array) -> Array | None:
+    """Coordinates (n, 13 N) at the times of a motion like `run` from its state y at t on.
+
+    None where the motion does not come so far or takes too long, with contacts, whose modes it
+    would have to choose anew, and where its coordinates are others.
     """
-    beside = motion_of(run.compiled, run.method)
+    if run.compiled.reduced:
+        return None
+    rows = _rows_from(run, t, y, times)
+    return rows[:, : len(y)] if len(rows) == len(times) else None
+
+
+def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array:
+    """Rows at the times of a motion like `run` from its state y at t on, as far as it comes."""
+    beside, looks = motion_of(run.compiled, run.method), 0
+
+    def look() -> None:
+        nonlocal looks
+        looks += 1
+        if looks > MOST_LOOKS:
+            raise SimulationError("the comparison motion takes too long")
+
     out = np.zeros((len(times), beside.width))
+    if run.layout.contacts:
+        return out[:0]
     try:
-        beside.reset_beside(run, run.coordinates, run.time)
+        beside.reset_beside(run, y, t)
         if run.layout.commanded:
             beside.change_law(run.system)
+        beside.watch = look
         beside.run_to(times, out)
     except SimulationError:
-        return None
+        return out[: np.searchsorted(times, beside.time, side="right")]
     return out
 
 
@@ -458,7 +532,8 @@ def rows_ahead(run: Motion, times: Array) -> Array | None:
 
 
 LAST, BETWEEN = 4, 8
-"""Samples, and states between the last of them and the end of the last step, that are looked at."""
+"""Samples, and states between the last of them and the end of the last step, that are looked at,
+and others that are each half as far from the end as the one before, down to a step and below."""
 
 STEPS = 2.0
 """Steps after the last state in which s has to come to zero, fixed ones, or of those states."""
@@ -476,10 +551,12 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
     t, rows = t[-LAST:], rows[-LAST:]
     end, step = run.frontier
     if end > t[-1]:
-        between = np.linspace(t[-1], end, BETWEEN + 1)[1:]
-        found = rows_ahead(run, between)
-        if found is not None:
-            t, rows = np.append(t, between), np.append(rows, found, 0)
+        gap = end - t[-1]
+        halvings = math.log2(gap / step) if gap > step > 0.0 else 0.0
+        ever_closer = end - gap * 0.5 ** np.arange(1, BETWEEN + math.ceil(halvings))
+        between = np.union1d(np.linspace(t[-1], end, BETWEEN + 1)[1:], ever_closer)
+        found = _rows_from(run, run.time, run.coordinates, between)
+        t, rows = np.append(t, between[: len(found)]), np.concatenate([rows, found])
     width = 13 * len(simulation.layout.bodies)
     with np.errstate(all="ignore"):
         s, row = conditioning.shares(t, rows[:, :width])

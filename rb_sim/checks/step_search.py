@@ -66,8 +66,8 @@ def forecast_for(
 
 
 MOST_TIME = 3.0
-"""Counted time of all trials together [s], their second runs left out: the run is over, and its
-user waits for the word."""
+"""Counted time of all trials together [s], and of the second run of one that no other check finds
+fault with: the run is over, and its user waits for the word."""
 
 MOST_TRIALS = 16
 """Smaller steps that are tried, each at most half of the one before."""
@@ -221,7 +221,7 @@ class _Trials:
         finally:
             may_go_on(trial.motion.time)
         if not self._beyond(check_list):
-            error = second.result(singular=check_list.singular)
+            error = second.result(singular=check_list.singular, within=MOST_TIME)
             check_list.check(error, trial, second.exchanged)
         return not self._beyond(check_list)
 

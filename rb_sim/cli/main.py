@@ -141,7 +141,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Simulate constrained rigid bodies: motion and the reaction of every constraint.",
     epilog="Exit codes: 0 success; 1 the simulation or a log failed; 2 bad input; 3 an accuracy "
-    "check failed (--strict); 130, 143 interrupted.",
+    "check failed (--strict); 4 the logs of the node lack a part; 130, 143 interrupted.",
 )
 
 
@@ -172,8 +172,7 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     except ModuleNotFoundError as error:
         from rb_sim.base.installed import complaint
 
-        missing = f"error: the Python module {error.name} is not installed"
-        code, line = FAILED, complaint() or missing
+        code, line = FAILED, complaint(error=error) or f"error: {error}"
     except TerminatedError as error:
         code, line = 128 + error.number, "interrupted"
     except KeyboardInterrupt:

@@ -16,6 +16,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.base.errors import named_if_lacking
+
 if TYPE_CHECKING:
     from rb_sim.bags.analysis.result import Analysis
     from rb_sim.bags.compare import Differences
@@ -28,6 +30,7 @@ Source = str | PathLike[str] | Mapping[str, Any]
 """Of a scene: a file, the name of a shipped one, or a mapping."""
 
 
+@named_if_lacking()
 def statics(scene: Scene | Source) -> StaticsResult:
     """Reactions that hold the bodies of a scene at rest, with their ranges, or why there are none.
 
@@ -48,6 +51,7 @@ def statics(scene: Scene | Source) -> StaticsResult:
     return solve(load_statics(scene) if isinstance(scene, (str, PathLike, Mapping)) else scene)
 
 
+@named_if_lacking()
 def compare(
     bag: str | PathLike[str],
     other: str | PathLike[str],
@@ -84,6 +88,7 @@ def compare(
     return differences(a, verb.other_tracks(options, a), align=align, match=match)
 
 
+@named_if_lacking()
 def analyze(
     bag: str | PathLike[str],
     *,
@@ -115,6 +120,7 @@ def analyze(
     )
 
 
+@named_if_lacking()
 def fit(
     bag: str | PathLike[str],
     free: str | Sequence[str],
@@ -154,6 +160,7 @@ def fit(
     return solve(recording, built, data, keys, noise)
 
 
+@named_if_lacking()
 def linearize(
     scene: Scene | Source, at: float = 0.0, *, axes: str = "world", turning: float = 0.0
 ) -> LinearModel:

@@ -250,33 +250,44 @@ def run_looking(
     out: Array | None,
     sunk: float = SOLVED,
 ) -> int:
-    """`run` to the times, looking at the sides there and between; see Motion.run_to.
+    """`run` to the times, looking at the sides at samples and between; see Motion.run_to.
 
+    Looks that lie beyond the times are kept in `motion.looks` for the next call: when the sides are
+    looked at depends on the motion alone, not on the pieces in which it is carried.
     Raises SimulationError where one lies deeper in its support than `sunk` over the scene's length.
     """
     times = np.asarray(times, dtype=float)
     if not all_sides:
         return run(times, out)
-    system, done = motion.compiled.system, 0
+    done = 0
     while done < len(times):
-        t, y = motion.time, np.asarray(motion.coordinates)
-        t1, y1 = motion.step_end
-        if t1 > t and quiet(all_sides, t, y, t1, y1):
-            looks = next_looks(all_sides, system, t1, y1, most=1)
-        else:
-            looks = next_looks(all_sides, system, t, y)
+        looks = _planned(motion, all_sides)
+        upto = len(times)  # if it is so fast that the clock does not tell one look from the next
         if len(looks):
             upto = done + int(np.searchsorted(times[done:], looks[-1], side="right"))
-            looks = looks[looks < times[-1]]
-        else:  # so fast that the clock does not tell one look from the next
-            upto = len(times)
-        at = np.union1d(times[done:upto], looks)
+        now = looks[looks < times[-1]]
+        at = np.union1d(times[done:upto], now)
         rows = np.zeros((len(at), motion.width))
         try:
             run(at, rows)
         finally:
             if out is not None:
                 out[done:upto] = rows[np.searchsorted(at, times[done:upto])]
-        refuse_sunk(all_sides, at, rows, system.length, sunk)
+        seen = np.isin(at, looks) if out is None else np.full(len(at), True)
+        refuse_sunk(all_sides, at[seen], rows[seen], motion.compiled.system.length, sunk)
+        motion.looks = at[-1], np.array(motion.coordinates), looks[looks > at[-1]]
         done = upto
     return done
+
+
+def _planned(motion: Any, all_sides: tuple[Sides, ...]) -> Array:
+    """The next looks: those that are left, unless the motion was set elsewhere since."""
+    t, y = motion.time, np.asarray(motion.coordinates)
+    if motion.looks is not None:
+        planned, there, looks = motion.looks
+        if len(looks) and planned == t and np.array_equal(there, y):
+            return looks
+    t1, y1 = motion.step_end
+    if t1 > t and quiet(all_sides, t, y, t1, y1):
+        return next_looks(all_sides, motion.compiled.system, t1, y1, most=1)
+    return next_looks(all_sides, motion.compiled.system, t, y)

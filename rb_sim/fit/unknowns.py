@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -355,12 +355,12 @@ class Fitted:
     correlation: np.ndarray
     noise: dict[str, float]
     """[m] and [rad], as given or as left."""
-    residuals: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    residuals: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(repr=False)
     """by body: t, position residuals (n, 3), attitude residuals (n, 3)."""
     runs: int
     message: str
     undetermined: list[str]
-    data: dict[str, Any]
+    data: dict[str, Any] = field(repr=False)
     """the scene with the fitted values."""
     limited: list[str]
     """numbers that are held by a limit of what the scene takes; their errors know nothing of it."""

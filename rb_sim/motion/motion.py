@@ -83,6 +83,10 @@ class Motion(ABC):
     kept: Any = np.zeros(0)
     """what laws keep from step to step beside the coordinates: turns of torsion springs."""
 
+    looks: Any = None
+    """of contacts with sides: time, coordinates, and when to look at them next
+    (contact/tunnelling)."""
+
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
         """As reset, with what laws keep from step to step as another motion of the scene has it."""
         self.reset(y, time)

@@ -59,6 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(line, file=sys.stderr, flush=True)
         return 1
+    finally:
+        from rb_sim.simulation.signals import deafen
+
+        deafen()
 
 
 def _main(arguments: Sequence[str] | None) -> int:

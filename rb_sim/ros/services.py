@@ -27,7 +27,7 @@ from rb_sim.io.messages.topics import Topic
 from rb_sim.mechanics.samples import centers_of_mass
 from rb_sim.numerics.rotations import conjugate, rotate
 from rb_sim.ros.build_interfaces import is_there
-from rb_sim.ros.serving import Turns, serve
+from rb_sim.ros.serving import Turns, serve, unusable
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics.command import (
     Command,
@@ -548,8 +548,5 @@ def offer_services(
             continue
         try:
             offer()
-        except Exception as error:  # what its compiled parts raise shares no base class
-            words = " ".join(str(error).split()) or type(error).__name__
-            node.get_logger().warning(
-                f"no services of {package}: the package is there, but cannot be loaded: {words}"
-            )
+        except Exception as error:
+            node.get_logger().warning(f"no services of {package}: {unusable(package, error)}")

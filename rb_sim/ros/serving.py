@@ -35,6 +35,7 @@ from rclpy.qos import (
     QoSReliabilityPolicy,
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.type_support import check_for_type_support
 
 from rb_sim.base.errors import RbSimError
 
@@ -70,7 +71,7 @@ def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False
 
     Raises RbSimError where an override is none that ROS knows.
     """
-    with _named_errors(name) as options:
+    with _named_errors(name, kind) as options:
         return node.create_publisher(
             kind, name, _reliable(depth, latched=latched), qos_overriding_options=options
         )
@@ -85,7 +86,7 @@ def accept(
     group: CallbackGroup | None,
 ) -> Subscription:
     """A subscription to messages of class `kind`, as bytes. Raises RbSimError as `offer` does."""
-    with _named_errors(name) as options:
+    with _named_errors(name, kind) as options:
         return node.create_subscription(
             kind,
             name,
@@ -118,8 +119,13 @@ def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
 
 
 @contextmanager
-def _named_errors(name: str) -> Iterator[QoSOverridingOptions]:
+def _named_errors(name: str, kind: Any) -> Iterator[QoSOverridingOptions]:
     """The options of a topic; what is refused inside the block becomes an RbSimError."""
+    try:
+        check_for_type_support(kind)
+    except Exception as error:
+        package = kind.__module__.partition(".")[0]
+        raise RbSimError(f"topic {name}: {unusable(package, error)}") from None
     try:
         with warnings.catch_warnings(action="ignore"):  # rclpy's, of a depth that is refused here
             yield QoSOverridingOptions(OVERRIDES, callback=_checked)
@@ -133,6 +139,13 @@ def _checked(profile: QoSProfile) -> SetParametersResult:
     kept = 1 <= profile.depth <= DEEPEST
     reason = "" if kept else f"depth: got {profile.depth}; must be 1 to {DEEPEST}"
     return SetParametersResult(successful=kept, reason=reason)
+
+
+def unusable(package: str, error: Exception) -> str:
+    """Why an interface package that is there is not used, in one line: what its compiled parts
+    raise shares no base class."""
+    words = " ".join(str(error).split()) or type(error).__name__
+    return f"the package {package} is there, but cannot be loaded: {words}"
 
 
 def message_class(ros_type: str) -> type:

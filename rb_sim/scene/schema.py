@@ -16,7 +16,7 @@ what they refuse into one line.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -39,11 +39,14 @@ from rb_sim.catalogue.spec import (
     Name,
     NonNegative,
     Positive,
+    Problem,
     Spec,
     State3,
     UnitQuaternion,
     Vector3,
+    body_references,
     one_of,
+    problems_of,
     refuse,
     refuse_at,
     spec_of_type,
@@ -311,31 +314,21 @@ class Scene(Spec):
             return {**data, **_each_body(data)}
         return data
 
-    @model_validator(mode="after")
-    def _names_differ_in_ros(self) -> Scene:
-        """Refuse two bodies, or constraints, whose topics would be called the same."""
-        problems: list[Any] = []
-        for section, taken in (("bodies", "world"), ("constraints", ""), ("supports", "")):
-            for name, other, called in clashes(getattr(self, section), taken):
-                allowed = refuse(f"another name: topics call both {other} and {name} {called}")
-                problems.append(((section, name), name, allowed))
-        if problems:
+    @model_validator(mode="wrap")
+    @classmethod
+    def _names_fit(cls, data: Any, validate: Callable[[Any], Scene]) -> Scene:
+        """Refuse names that topics call alike, and constraints and effects on bodies that do not
+        exist or on one body twice: also beside what else is wrong with the scene."""
+        try:
+            scene = validate(data)
+        except ValidationError as error:
+            found = problems_of(error)
+            seen = {tuple(key for key in path if key != "[key]") for path, _, _ in found}
+            further = [of for of in _misnamed(_as_given(data)) if of[0] not in seen]
+            raise refuse_at(*found, *further) from None
+        if problems := _misnamed({name: getattr(scene, name) for name in ("bodies", *SECTIONS)}):
             raise refuse_at(*problems)
-        return self
-
-    @model_validator(mode="after")
-    def _bodies_exist(self) -> Scene:
-        """Refuse constraints and effects on bodies that do not exist or on one body twice."""
-        problems: list[Any] = []
-        for section in SECTIONS:
-            for name, spec in getattr(self, section).items():
-                problems += [
-                    ((section, name, *path), value, error)
-                    for path, value, error in _bad_references(spec, self.bodies)
-                ]
-        if problems:
-            raise refuse_at(*problems)
-        return self
+        return scene
 
     @model_validator(mode="after")
     def _written_out(self) -> Scene:
@@ -458,13 +451,39 @@ def _spread(
     return {f"{name}_{body}": spec.model_copy(update={"body": body}) for body in names}
 
 
-def _bad_references(spec: Spec, bodies: Mapping[str, Body]) -> list[Any]:
-    """(path, value, error) of each body that `spec` names wrongly."""
-    found: list[Any] = []
-    for path, name in spec.body_references():
+def _as_given(data: Any) -> dict[str, Any]:
+    """The sections of a scene that is not valid, as far as they are mappings."""
+    if not isinstance(data, Mapping):
+        return {}
+    try:
+        data = {**data, **_each_body(data)}
+    except ValidationError:
+        pass  # said already
+    sections = {name: data.get(name) for name in ("bodies", *SECTIONS)}
+    return {name: of for name, of in sections.items() if isinstance(of, Mapping)}
+
+
+def _misnamed(sections: Mapping[str, Mapping[str, Any]]) -> list[Problem]:
+    """What is wrong with names that topics call alike, and of bodies named wrongly."""
+    found: list[Problem] = []
+    for section, taken in (("bodies", "world"), ("constraints", ""), ("supports", "")):
+        for name, other, called in clashes(map(str, sections.get(section, ())), taken):
+            allowed = refuse(f"another name: topics call both {other} and {name} {called}")
+            found.append(((section, name), name, allowed))
+    bodies = sections.get("bodies")
+    for section in SECTIONS if bodies else ():
+        for name, entry in sections.get(section, {}).items():
+            for path, value, error in _bad_references(entry, bodies or {}):
+                found.append(((section, str(name), *path), value, error))
+    return found
+
+
+def _bad_references(entry: Any, bodies: Mapping[str, Any]) -> Iterator[Problem]:
+    """Each body that `entry`, checked or as given, names wrongly."""
+    named = dict(body_references(entry)) if isinstance(entry, (Spec, Mapping)) else {}
+    for path, name in named.items():
         if name not in bodies:
             hint = "; omit parent for the world" if path == ("parent",) else ""
-            found.append((path, name, refuse(f"a body of the scene: {one_of(name, bodies)}{hint}")))
-        elif path == ("parent",) and name == getattr(spec, "body", None):
-            found.append((path, name, refuse("another body than the constrained one")))
-    return found
+            yield path, name, refuse(f"a body of the scene: {one_of(name, bodies)}{hint}")
+        elif path == ("parent",) and name == named.get(("body",)):
+            yield path, name, refuse("another body than the constrained one")

@@ -180,6 +180,14 @@ class Interruption:
         os._exit(self.exit_code)
 
 
+def deafen() -> None:
+    """Ignore SIGNALS from here on, where the process ends: taking modules down takes a while, and a
+    signal in it would end with a status of its own what has ended well."""
+    if threading.current_thread() is threading.main_thread():
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+
 EARLY = Interruption("interrupted")
 """Takes the signals from the first import on until a verb does, while the command line is read:
 what reads it takes Ctrl-C for an end without a word, or does not take it at all."""

@@ -23,7 +23,7 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import singular_end
+from rb_sim.checks.singular_configuration import rows_between, singular_end
 from rb_sim.checks.step_doubling import LocalError, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
@@ -150,6 +150,10 @@ class Simulation(SceneInMotion):
         if self._doubling is None or self._doubling.run is not self._motion:
             self._doubling = StepDoubling(self.scene, self._motion)
         return self._doubling.look()
+
+    def between(self, t: float, y: Array, times: Array) -> Array | None:
+        """The motion at the times from one of its states on (see `rows_between`)."""
+        return rows_between(self._motion, t, y, times)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """Linear model of small deviations from the motion, about the present state.

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.diagnostic import findings_in, global_error_in, tell
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, named_if_lacking
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.numerics.rotations import roll_pitch_yaw, without_jumps
 from rb_sim.trajectory.record import (
@@ -217,6 +217,7 @@ class Trajectory(Record):
 
         return to_xarray(self)
 
+    @named_if_lacking()
     def plot(self, path: str | PathLike[str] | None = None) -> Pages:
         """Plot everything that changes in the run, as matplotlib figures.
 
@@ -234,6 +235,7 @@ class Trajectory(Record):
             pages.save(Path(path))
         return pages
 
+    @named_if_lacking()
     def view(self, save: str | PathLike[str] | None = None) -> None:
         """Show the run in the Rerun viewer (in a notebook: in its cell), or save the recording.
 

@@ -103,6 +103,51 @@ def test_a_bare_checkout_says_in_one_line_what_it_lacks(tmp_path, command, begin
     assert begins != "error: " or len(done.stderr.splitlines()) == 1
 
 
+HIDING = """
+import sys
+
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == HIDE:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Hidden())
+import rb_sim
+"""
+
+
+@pytest.mark.parametrize(
+    ("hidden", "call"),
+    [
+        ("matplotlib", "rb_sim.Simulation('heavy_top').run(0.01, check=False).plot()"),
+        ("scipy", "rb_sim.fit('no_bag', 'bodies.top.mass')"),
+        ("scipy", "rb_sim.compare('no_bag', 'heavy_top')"),
+        ("scipy", "rb_sim.analyze('no_bag')"),
+        ("scipy", "rb_sim.linearize('pendulum')"),
+        ("numpy", "rb_sim.statics('ladder')"),
+        ("yaml", "rb_sim.load_scene('heavy_top')"),
+    ],
+)
+@pytest.mark.parametrize("recorded", [True, False], ids=["with metadata", "bare"])
+def test_a_function_of_the_package_names_what_it_lacks(hidden, call, recorded, tmp_path):
+    """Where it is called, in one line with the command that brings it, whatever is recorded of the
+    installation."""
+    if not recorded:
+        (tmp_path / "rb_sim").symlink_to(ROOT / "rb_sim")
+    done = subprocess.run(
+        [sys.executable, "-c", f"HIDE = {hidden!r}\n{HIDING}{call}\n"],
+        cwd=ROOT if recorded else tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT if recorded else tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 1
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith(f"ImportError: {hidden} is not installed: pip install"), done.stderr
+
+
 def test_without_matplotlib_a_run_says_so_at_its_start_and_is_kept(tmp_path):
     """The pictures are drawn last: the run is not lost for them."""
     code = (

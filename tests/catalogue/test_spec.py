@@ -34,6 +34,7 @@ from rb_sim.catalogue.spec import (
     UnitQuaternion,
     UnitVector3,
     Vector3,
+    body_references,
     spec_of_type,
 )
 from rb_sim.scene.shapes import SymmetricInertia
@@ -259,9 +260,11 @@ def test_spec_of_type_chooses_the_class() -> None:
 
 
 def test_body_references() -> None:
-    assert Hinge(body="a").body_references() == ((("body",), "a"),)
-    assert Hinge(body="a", parent="b").body_references() == ((("body",), "a"), (("parent",), "b"))
-    assert Field(bodies=("a", "b")).body_references() == (
-        (("bodies", 0), "a"),
-        (("bodies", 1), "b"),
-    )
+    """Of a checked entry and of the same as it stands in a file."""
+    pair = {"body": "a", "parent": "b"}
+    for entry in (Hinge(body="a", parent="b"), pair):
+        assert [*body_references(entry)] == [(("body",), "a"), (("parent",), "b")]
+    assert [*body_references(Hinge(body="a"))] == [(("body",), "a")]
+    listed = [(("bodies", 0), "a"), (("bodies", 1), "b")]
+    assert [*body_references(Field(bodies=("a", "b")))] == listed
+    assert [*body_references({"bodies": ["a", "b"], "body": None, "parent": 3})] == listed

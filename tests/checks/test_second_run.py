@@ -23,7 +23,8 @@ from typer.testing import CliRunner
 
 from benchmarks.known_motions import stick_slip
 from rb_sim import Simulation, Trajectory
-from rb_sim.checks.second_run import apart
+from rb_sim.accuracy.choice import counted_time
+from rb_sim.checks.second_run import SecondRun, apart
 from rb_sim.cli.main import app
 
 W = 2.0 * math.pi
@@ -349,6 +350,58 @@ def test_what_is_compared_does_not_hang_on_a_clock(monkeypatch: pytest.MonkeyPat
     slow = Simulation(oscillation(method="rk4", step=0.01))
     assert slow.run().global_error == plain
     assert slow.stepping_time >= 100.0
+
+
+def balls(distance: float) -> dict[str, Any]:
+    """27 balls in a lattice above a floor, so far apart, in units of their diameter."""
+    places = itertools.product(range(3), repeat=3)
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    bodies = {
+        f"b{i}{j}{k}": ball
+        | {
+            "position": [
+                0.2 * distance * i,
+                0.2 * distance * j,
+                0.1 + 0.2 * distance * k + 0.01 * distance,
+            ]
+        }
+        for i, j, k in places
+    }
+    of_all = {"type": "contact", "friction": {"type": "coulomb", "static": 0.3, "kinetic": 0.3}}
+    return {
+        "bodies": bodies,
+        "constraints": {"each": of_all | {"between": "all"}, "floor": of_all | {"body": "all"}},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 0.1, "rate": 20.0, "method": "time_stepping", "step": 0.02},
+    }
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_the_solver_of_a_pile_is_counted() -> None:
+    """The same bodies and steps: a pile costs what its contacts do, not what its bodies do."""
+    counted = []
+    for distance in (1.0, 10.0):
+        simulation = Simulation(balls(distance), announce=None)
+        simulation.run(0.1, 20.0, check=False)
+        counted.append(counted_time(simulation.motion, simulation.setting))
+    assert counted[0] > 3.0 * counted[1] > 0.0
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_a_run_of_few_steps_is_looked_at_where_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anywhere else a look costs a step more, of which a run of five steps has five."""
+    looks: list[float] = []
+    kept = SecondRun._carried
+
+    def carried(self: SecondRun, trial: Any, grid: Any, limit: float) -> Any:
+        looks.extend(grid.tolist())
+        return kept(self, trial, grid, limit)
+
+    monkeypatch.setattr(SecondRun, "_carried", carried)
+    run = Simulation(balls(1.0), announce=None).run(0.1, 20.0, check=True)
+    assert run.global_error is not None and run.global_error.known
+    ends = np.union1d(0.02 * np.arange(6), run.t)
+    assert set(np.round(looks, 12)) == set(np.round(ends, 12))
 
 
 def test_nobody_makes_a_second_run_who_is_not_to() -> None:

@@ -16,7 +16,9 @@ import json
 import numpy as np
 import pytest
 
+from rb_sim.cli.verbs.run import RunOptions, run
 from rb_sim.io.bag.reader import BagReader
+from rb_sim.scene.listing import list_scenes
 from tests.cli.process import environment, invoke, lines, rb_sim
 
 
@@ -55,6 +57,14 @@ def test_the_table_names_what_matters(tumble):
         assert label in done.stdout
     assert "times real time" in done.stdout
     assert "--out DIR" in lines(done.stdout)[-1]
+
+
+@pytest.mark.parametrize("rate", [None, 30.0])
+@pytest.mark.parametrize("scene", [scene.name for scene in list_scenes()])
+def test_a_shipped_scene_passes_all_checks_at_its_own_settings(scene, rate, capsys):
+    """And sampled otherwise: samples make no finding of what the motion has right."""
+    assert run(RunOptions(scene, rate=rate, strict=True)) == 0
+    assert "warning" not in capsys.readouterr().err
 
 
 def test_quiet_prints_nothing_and_options_leave_things_out(tumble, tmp_path):

@@ -166,6 +166,32 @@ def test_two_signals_within_a_second_are_one(monkeypatch):
     assert left == ["interrupted twice"]
 
 
+ENDING = """
+import atexit, os, signal, sys
+atexit.register(os.kill, os.getpid(), signal.SIGTERM)
+{start}
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("start", "status"),
+    [
+        ("from rb_sim.__main__ import main\nsys.argv = ['rb_sim', 'scenes']\nmain()", 0),
+        ("from rb_sim.__main__ import main\nsys.argv = ['rb_sim', 'run', 'none']\nmain()", 2),
+        ("from rb_sim.ros.main import main\nsys.exit(main(['--help']))", 0),
+    ],
+    ids=["done", "refused", "node"],
+)
+def test_a_signal_while_the_process_ends_does_not_change_its_status(number, start, status):
+    """systemd and ros2 launch send one more to what has answered the first."""
+    if "ros" in start:
+        pytest.importorskip("rclpy")
+    code = ENDING.format(start=start).replace("SIGTERM", number.name)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=100)
+    assert ended.returncode == status, ended.stderr
+
+
 IN_A_SCRIPT = """
 import os, signal, sys
 from rb_sim.simulation.signals import Interruption

@@ -18,11 +18,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from benchmarks.contact.hunt import judged
 from benchmarks.contact.toss_verdicts import run
+from rb_sim import Simulation
+from rb_sim.base.errors import SimulationError
+from rb_sim.scene.load import scene_from_mapping
 
 SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("special_scenes/*.yaml"))}
 REFUSED = {
@@ -59,3 +63,26 @@ def test_the_rebound_after_a_jam_is_kept() -> None:
     """A rod that jams in Painleve's paradox leaves with restitution 0.3 of what stopped it."""
     kinds = [event.kind for event in run(mapping("jams_restitution")).events]
     assert "jams" in kinds
+
+
+def refusal(name: str, targets: np.ndarray, samples: np.ndarray) -> str:
+    """Of a run with these samples that is carried by way of the targets; see Watcher."""
+    motion = Simulation(scene_from_mapping(mapping(name)), announce=None).motion
+    ends = np.union1d(targets, samples)
+    try:
+        for t in ends:
+            out = np.zeros((1, motion.width)) if t in samples else None
+            motion.run_to(np.array([t]), out)
+    except SimulationError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_when_a_side_is_seen_does_not_hang_on_the_pieces_of_a_run(seed: int) -> None:
+    """A run is carried in pieces that the wall's clock ends: what it says is of its motion."""
+    name, samples = "sides_box_on_cylinder", np.array([0.1, 0.2, 5.0])
+    pieces = np.cumsum(np.random.default_rng(seed).uniform(1e-4, 0.2 / 3**seed, 2000))
+    told = refusal(name, pieces[pieces < 0.5], samples)
+    assert told == refusal(name, np.zeros(0), samples)
+    assert "an edge of the body penetrates the support of contact c" in told

@@ -18,8 +18,11 @@ import pytest
 
 pytest.importorskip("rerun")
 
+from rb_sim import Simulation  # noqa: E402
+from rb_sim.base.errors import SimulationError  # noqa: E402
 from rb_sim.io.extent import half_box  # noqa: E402
 from rb_sim.io.rerun.arrow_scales import Resolved, clear_of, typical, unit  # noqa: E402
+from rb_sim.io.rerun.sink import RerunSink  # noqa: E402
 from rb_sim.io.rerun.view import PIECES, Trail  # noqa: E402
 from tests.io.conftest import LAYOUT  # noqa: E402
 
@@ -136,3 +139,21 @@ def test_a_run_that_blows_up_is_drawn_without_a_word_of_numpy():
         assert np.isfinite(typical(values)) and np.isfinite(unit(values)[0, 0])
         clear_of(np.ones(3), values, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), values, values)
     np.testing.assert_array_equal(shown[:, 1], values[:, 1])
+
+
+def test_a_recording_of_a_run_that_blows_up_says_nothing_of_numpy_s(tmp_path):
+    """Rerun has single precision; whoever writes the recording, a run, a replay or a script."""
+    spring = {"type": "spring", "body": "a", "point_A": [0, 0, 0], "stiffness": 1e8}
+    body = {"mass": 1.0, "inertia": [1, 1, 1], "position": [1, 0, 0], "linear_velocity": [0, 1, 0]}
+    scene = {
+        "bodies": {"a": body},
+        "effects": {"s": spring | {"rest_length": 0.0}},
+        "simulation": {"duration": 3.0, "rate": 200.0, "method": "rk4", "step": 1e-3},
+    }
+    sink = RerunSink(tmp_path / "run.rrd")
+    simulation = Simulation(scene, announce=None)
+    with warnings.catch_warnings(action="error"):
+        with pytest.raises(SimulationError, match="no longer finite"):
+            simulation.run(sinks=[sink], watched=False)
+        sink.close()
+    assert sink.path.stat().st_size > 0

@@ -68,6 +68,23 @@ def test_a_command_holds_from_the_next_step_until_the_next_command(
     np.testing.assert_array_equal(applied(tmp_path)[-1], [0, 2, 0, 0, 0, 3])
 
 
+def test_equal_commands_are_recorded_as_they_came_each_with_its_stamp(
+    sphere, start, client: Client, tmp_path
+):
+    """A controller that repeats itself is seen to be alive: a command equal to the one in force is
+    recorded with the time from which on it acts, and so is one of zero before any other."""
+    node = start(sphere, out=tmp_path, start_paused=True)
+    for push in (0, 2, 2, None, 2, 2, 0, 0):
+        if push is not None:
+            client.send(force=(push, 0, 0))
+        client.trigger("step")
+    assert node.stop() == 0
+    sent = bags.read(tmp_path / "bag")[f"{NAME}/ball/wrench_command"]
+    np.testing.assert_array_equal(sent.wrench[:, 0], [0, 2, 2, 2, 2, 0, 0])
+    np.testing.assert_allclose(sent.t, 0.01 * np.array([0, 1, 2, 4, 5, 6, 7]), atol=1e-9)
+    np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 0, 2, 2, 2, 2, 2, 0, 0])
+
+
 def test_a_command_ends_after_the_timeout(sphere, start, client: Client, tmp_path):
     node = start(sphere, out=tmp_path, start_paused=True, wrench_timeout=0.03)
     client.send(force=(1, 0, 0))

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -244,3 +245,27 @@ def test_two_nodes_in_one_domain_do_not_disturb_each_other(sphere, start, client
     assert client.node.count_publishers("/tf") == 0
     times = [seconds(message.clock) for message in clocks]
     assert times == sorted(set(times))
+
+
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [
+        ("class TFMessage:\n    pass\n", "should be a ROS 2 message type"),
+        ("raise OSError('libtf2_msgs.so: undefined symbol: x')\n", "undefined symbol: x"),
+    ],
+)
+def test_a_tf2_msgs_that_cannot_be_loaded_costs_its_topic_alone(
+    broken: str, words: str, offset: Path, start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line says so, and blames nothing else; all other topics are there."""
+    package = tmp_path / "broken" / "tf2_msgs"
+    (package / "msg").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "msg" / "__init__.py").write_text(broken)
+    before = os.environ.get("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(package.parent), before))))
+    node = start(offset, ready=False, duration=0.1, real_time_factor=0)
+    assert node.wait() == 0
+    (line,) = [line for line in node.text.splitlines() if "[INFO]" not in line]
+    assert "no topic /tf" in line and words in line
+    assert "qos_overrides" not in line

@@ -155,12 +155,12 @@ MESSAGES = [
     ),
     (
         "ball:",
-        "world:",
+        "world: {mass: 1, inertia: [1, 1, 1]}\n  ball:",
         "bodies.world: got 'world'; must be another name: world is the fixed frame",
     ),
     (
         "ball:",
-        "b/1:",
+        "b/1: {mass: 1, inertia: [1, 1, 1]}\n  ball:",
         "bodies.b/1: got 'b/1'; must be a name: a letter or digit, then letters, digits, spaces or "
         "_-.:+() (at most 64)",
     ),
@@ -406,6 +406,38 @@ def test_bad_override(line: str, overrides: dict, expected: str) -> None:
     with pytest.raises(SceneError) as caught:
         load_scene(simulated(line), **overrides)
     assert str(caught.value) == f"<scene>: {expected}"
+
+
+WRONG = {
+    "misspelt key": {"simulation": {"durations": 1.0}},
+    "misspelt section": {"contacts": {}},
+    "value": {"simulation": {"rate": -4.0}},
+    "body": {"bodies": {"a": {"mass": -1.0, "inertia": [1, 1, 1]}}},
+    "type": {"effects": {"pull": {"type": "gravitation"}}},
+    "the same entry": {"constraints": {"pin": {"point": [0, 0, 0]}}},
+}
+"""By kind: what else is wrong with a scene one constraint of which names no body of it."""
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_all_errors_of_a_scene_are_named_at_once(kind: str) -> None:
+    """An unknown body is named beside errors of every other kind, each entry's with its key."""
+    scene: dict = {
+        "bodies": {"a": {"mass": 1.0, "inertia": [1, 1, 1]}},
+        "constraints": {"pin": {"type": "fixed_point", "body": "b"}},
+        "effects": {"push": {"type": "wrench", "body": "c", "force": [1, 0, 0]}},
+    }
+    for section, entries in WRONG[kind].items():
+        for name, entry in entries.items():
+            of = scene.setdefault(section, {})
+            of[name] = {**of[name], **entry} if section == "constraints" else entry
+        scene.setdefault(section, entries)
+    with pytest.raises(SceneError) as caught:
+        load_scene(scene)
+    text = str(caught.value)
+    assert "pin.body: got 'b'; must be a body of the scene: one of a" in text
+    assert "push.body: got 'c'; must be a body of the scene: one of a" in text
+    assert text.count("must be") == 3, text
 
 
 def test_override_does_not_hide_an_error_of_the_file(valid: str) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -260,10 +261,20 @@ SURE_PEAK = 5.0
 UNITS = ("m/s^2", "rad/s^2")
 NAMES = ("acceleration", "angular_acceleration")
 HALF = WINDOW // 2
-BETWEEN = savgol_coeffs(WINDOW, NEXT, deriv=2) - savgol_coeffs(WINDOW, ORDER, deriv=2)
-"""Weights of the samples in the difference of both second derivatives, for a period of 1."""
-OF_NOISE = float(np.linalg.norm(BETWEEN) / np.linalg.norm(savgol_coeffs(WINDOW, ORDER, deriv=2)))
-"""What noise makes of the difference, of what it makes of the acceleration."""
+
+
+@cache
+def _between(order: int) -> np.ndarray:
+    """Weights of the samples in the difference of both derivatives of this order, for a period
+    of 1."""
+    return savgol_coeffs(WINDOW, NEXT, deriv=order) - savgol_coeffs(WINDOW, ORDER, deriv=order)
+
+
+@cache
+def _of_noise(order: int) -> float:
+    """What noise makes of the difference, of what it makes of the derivative."""
+    own = savgol_coeffs(WINDOW, ORDER, deriv=order)
+    return float(np.linalg.norm(_between(order)) / np.linalg.norm(own))
 
 
 class Peaks:
@@ -317,11 +328,14 @@ def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
     """How far the acceleration (j = 0) or the angular one (1) is off at sample k."""
     if not HALF <= k < len(motion.t) - HALF:
         return None
-    gain, rows = ((1.0, motion.position), (2.0, motion.orientation))[j]
-    near = rows[k - HALF : k + HALF + 1]
-    off = gain * float(np.linalg.norm(BETWEEN @ near)) / h**2
-    rounding = gain * WRITTEN_ROUNDING * float(np.abs(near).max() * np.linalg.norm(BETWEEN)) / h**2
-    return off if off > max(SURE_PEAK * OF_NOISE * motion.noise[j], rounding) else None
+    gain, rows, order = ((1.0, motion.position, 2), (2.0, motion.orientation, 2))[j]
+    if (read := motion.recorded[j]) is not None:
+        gain, rows, order = 1.0, read, 1
+    near, weights = rows[k - HALF : k + HALF + 1], _between(order)
+    scale = gain / h**order
+    off = scale * float(np.linalg.norm(weights @ near))
+    rounding = scale * WRITTEN_ROUNDING * float(np.abs(near).max() * np.linalg.norm(weights))
+    return off if off > max(SURE_PEAK * _of_noise(order) * motion.noise[j], rounding) else None
 
 
 Listener = Callable[[Motion, list[Jump]], None]
@@ -438,7 +452,7 @@ class BodyFigures:
             self._squares += [noise, [each.sum() for each in squares]]
             for listener in self._listeners:
                 listener(motion, self._jumps)
-            self._by_twist |= np.array(motion.by_twist)
+            self._by_twist |= [of is not None for of in motion.recorded]
             self._jumps = []
             struck = self._struck.beside(motion.t, period)
             self._peaks.look(motion, squares, ~struck, period)

@@ -89,8 +89,8 @@ class Motion(NamedTuple):
     components together, that follow from the readings' scatter about the filter's polynomial."""
     scatter: Scatter = Scatter()
     """the same of the poses, and of the velocities."""
-    by_twist: tuple[bool, bool] = (False, False)
-    """whether velocity and spin are those of a recorded twist."""
+    recorded: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+    """velocity and spin of a recorded twist as they were read, where they are taken."""
 
 
 Jump = tuple[float, float]
@@ -156,7 +156,7 @@ def differentiated(
     scatter = [float(np.linalg.norm(sigma[:3])), 2.0 * float(np.linalg.norm(sigma[3:7]))]
     noise = [_gain(1, h) * x for x in scatter]
     noise_of_changes = [_gain(2, h) * x for x in scatter]
-    taken = [False, False]
+    taken: list[np.ndarray | None] = [None, None]
     for k in (0, 1) if twist is not None else ():
         part = slice(7 + 3 * k, 10 + 3 * k)
         own = _derivative(rows[part], 0, h)[:, inner].T
@@ -164,7 +164,7 @@ def differentiated(
         if _gain(0, h) * own_noise < noise[k] and _alike(own, speeds[k], noise[k]):
             speeds[k], changes[k] = own, _derivative(rows[part], 1, h)[:, inner].T
             noise[k], noise_of_changes[k] = _gain(0, h) * own_noise, _gain(1, h) * own_noise
-            taken[k] = True
+            taken[k] = rows[part, inner].T
     return Motion(
         t[inner], speeds[0], speeds[1], changes[0], changes[1], p, q,
         (noise_of_changes[0], noise_of_changes[1]), Scatter(*scatter, *noise), (taken[0], taken[1]),

@@ -20,6 +20,7 @@ from collections.abc import Container, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
@@ -72,6 +73,12 @@ class Whole:
             if getattr(spec, "parent", None) is None and spec.type != "free"  # type: ignore[attr-defined]
         ]
         """what holds bodies from the world: its reactions change the momentum."""
+        self._commanded = {
+            str(spec.body)  # type: ignore[attr-defined]
+            for spec in scene.effects.values()
+            if spec.commandable
+        }
+        """bodies that take commands, each of which holds until the next one."""
         self.constraints = ConstraintFigures(laws)
         self.notes: list[str] = []
         self._laws, self._bodies = laws, bodies
@@ -124,7 +131,7 @@ class Whole:
             f"{source}: no reading near {acting.silent[1]} of {acting.silent[0]} instants of the "
             "poses: taken as zero before its first and after its last, as linear in between"
             for source, acting in self._acting.items()
-            if acting.silent[1]
+            if acting.silent[1] and acting.body not in self._commanded
         ]
         found = self._balance.as_dict()
         recorded = {word for source in self._acting for word in words(source)}
@@ -194,7 +201,7 @@ class Whole:
         for acting in self._acting.values():
             i = self._laws.bodies.index(acting.body)
             p, q, v, w_B = np.split(y[:, 13 * i : 13 * i + 13], [3, 7, 10], axis=1)
-            wrench = linear(t, *joined(acting.t, acting.values), outside=0.0)
+            wrench = self._acting_at(t, acting)
             force, torque = wrench[:, :3], wrench[:, 3:]
             if acting.own_axes:
                 force, torque = rotate(q, force), rotate(q, torque)
@@ -204,6 +211,15 @@ class Whole:
             loads += np.hstack([force, torque + cross(p, force)])
         energy = found.kinetic + found.potential
         return np.column_stack([energy, found.momenta]), np.column_stack([power, loads])
+
+    def _acting_at(self, t: Array, acting: _Acting) -> Array:
+        """The wrenches of a source, (n, 6): linear between two readings, but what a body is
+        commanded holds from each to the next, as where its scene is simulated with them."""
+        at, values = joined(acting.t, acting.values)
+        if acting.body in self._commanded:
+            held = np.concatenate([np.zeros((1, 6)), values])
+            return held[np.searchsorted(at, t, side="right")]
+        return linear(t, at, values, outside=0.0)
 
     def _with_noise(self, y: Array) -> Array | None:
         """The motion with as much noise again as it has, None where it has none."""
@@ -324,7 +340,7 @@ class _Balance:
 _PARTS = (slice(0, 1), slice(1, 4), slice(4, 7))
 
 
-def _silent(at: Array, t: Array) -> Array:
+def _silent(at: Array, t: Array) -> NDArray[np.bool_]:
     """Which of the instants t lie in a gap of the times `at`, or outside of them."""
     steps = np.diff(at)
     far = GAP * float(np.median(steps)) if len(steps) else 0.0

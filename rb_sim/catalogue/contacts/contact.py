@@ -279,11 +279,6 @@ class Contact(Touching):
         pair = {"body": body, "parent": parent, "between": None, "surface": BodySurface()}
         return self.model_copy(update=pair)
 
-    def body_references(self) -> tuple[tuple[tuple[str | int, ...], str], ...]:
-        """Those of every constraint, and the bodies listed in `between`."""
-        listed = enumerate(() if self.between in (None, "all") else self.between)
-        return (*super().body_references(), *((("between", i), name) for i, name in listed))
-
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
         """As of every constraint that touches; of a contact `between` bodies its total alone."""
         return ("",) if self.between is not None else super().contact_suffixes(place)

@@ -36,6 +36,8 @@ from rb_sim.contact.stepping.scene_tables import (
     tables_of,
 )
 from rb_sim.contact.stepping.step_workspace import (
+    ACTIVE,
+    ALL_SWEEPS,
     ASTRAY,
     ASTRAY_AT,
     ASTRAY_OF,
@@ -245,6 +247,11 @@ class SteppedContacts(GridMotion):
             return LeftOpen()
         name = self.layout.contacts[int(c) if c >= 0.0 else -1 - int(c)]
         return LeftOpen(figure, t, name, OPEN_SHARES)
+
+    @property
+    def swept_contacts(self) -> float:
+        """Sweeps of the solver so far, times the contacts that are near now: its work."""
+        return float(self._workspace.notes[ALL_SWEEPS] * self._workspace.notes[ACTIVE])
 
     @property
     def paradox_steps(self) -> int:

@@ -18,8 +18,11 @@ from __future__ import annotations
 import os
 import threading
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from rb_sim.base.errors import MissingExtraError, SinkError
 from rb_sim.mechanics.samples import SampleBlock, concatenate
@@ -105,6 +108,10 @@ BYTES_PER_ROW = 1024
 """Generous estimate for one body."""
 
 
+quiet = partial(np.errstate, all="ignore")
+"""While samples go to Rerun, which has single precision: a run that blows up has none so large."""
+
+
 class RerunSink:
     """Writes one .rrd file; replaces an older one. motion_only: shown is the 3D view alone.
 
@@ -152,7 +159,8 @@ class RerunSink:
             return
         self._flush()
         if self._view is not None:
-            self._view.finish(summary)
+            with quiet():
+                self._view.finish(summary)
         self._end()
         self._check_written()
 
@@ -164,9 +172,10 @@ class RerunSink:
             return
         self._check_room(sum(len(block) for block in blocks))
         block = concatenate(blocks, self._layout)
-        if self._view is None:
-            self._view = self._begin(block)
-        self._view.send(block)
+        with quiet():
+            if self._view is None:
+                self._view = self._begin(block)
+            self._view.send(block)
         self._recording.flush()
         self._check_written()
 

@@ -15,7 +15,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
-from importlib import import_module
 from queue import Queue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,13 +23,16 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy
+from rclpy.type_support import check_for_type_support
 
 from rb_sim.checks.check import Effort, effort_of
 from rb_sim.checks.check_list import CheckList
+from rb_sim.io.messages.cdr import TF_MESSAGE
 from rb_sim.io.messages.topic_names import CLOCK, CONTACT_EVENTS, TF
 from rb_sim.io.messages.topics import SampleMessages, TopicTable
 from rb_sim.mechanics.samples import block_of_rows, concatenate
-from rb_sim.ros.serving import message_class, offer
+from rb_sim.ros.build_interfaces import is_there
+from rb_sim.ros.serving import message_class, offer, unusable
 from rb_sim.ros.topics.presence import CLOCK_PERIOD
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ class TopicSink:
         self, node: Node, depth: int, skip: Collection[str] = (), prefix: str = ""
     ) -> None:
         self._prefix = prefix
-        self._skip = (*skip, *_unavailable())
+        self._skip = (*skip, *_unavailable(node))
         self._node = node
         self._depth = depth
         self._publishers: list[Publisher] = []
@@ -224,11 +226,16 @@ def sender(publisher: Publisher, held: ExitStack) -> Send:
     return send_to_listeners
 
 
-def _unavailable() -> tuple[str, ...]:
-    """/tf where tf2_msgs is not installed (it is with ROS, but not on PyPI)."""
+def _unavailable(node: Node) -> tuple[str, ...]:
+    """/tf where tf2_msgs is not installed (it is with ROS, but not on PyPI), or cannot be loaded,
+    which is said."""
+    package = TF_MESSAGE.partition("/")[0]
+    if not is_there(package):
+        return (TF,)
     try:
-        import_module("tf2_msgs.msg")
-    except ImportError:
+        check_for_type_support(message_class(TF_MESSAGE))
+    except Exception as error:
+        node.get_logger().warning(f"no topic {TF} (the bag has it): {unusable(package, error)}")
         return (TF,)
     return ()
 

@@ -100,6 +100,43 @@ def test_recorded_wrenches_are_in_the_balance(tmp_path, frame, topic):
     assert balance["momentum"]["linear"]["error"] < 1e-4 * M * 1.5
 
 
+@pytest.mark.parametrize("commanded", [True, False])
+def test_a_command_holds_until_the_next_one(tmp_path, commanded):
+    """Thrown, and from 1 s and from 2 s on pushed along x by one message each: what a scene
+    commands its body holds, as it does where the scene is simulated with it; a wrench that was
+    measured so rarely tells nothing of what lies between."""
+    t, p, q = thrown()
+    push = {100: 4.0, 200: -6.0}
+    after = [np.maximum(t - t[k], 0.0) for k in push]
+    p[:, 0] += 0.5 * (4.0 * after[0] ** 2 - 10.0 * after[1] ** 2) / M
+    types, kind = foreign.STORE.types, "geometry_msgs/msg/WrenchStamped"
+    vector = types["geometry_msgs/msg/Vector3"]
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        poses, wrenches = (
+            writer.add_connection(topic, name, typestore=foreign.STORE)
+            for topic, name in (
+                ("/body/pose", "geometry_msgs/msg/PoseStamped"),
+                ("/body/push", kind),
+            )
+        )
+        for k in range(len(t)):
+            name, message = foreign.pose_stamped(t[k], p[k], q[k])
+            sent = [(poses, name, message)]
+            if k in push:
+                force = vector(push[k], 0.0, 0.0)
+                acting = types["geometry_msgs/msg/Wrench"](force, vector(0.0, 0.0, 0.0))
+                sent.append((wrenches, kind, types[kind](foreign.header(t[k], "map"), acting)))
+            for connection, name, message in sent:
+                stamp = round((foreign.EPOCH + t[k]) * 1e9)
+                writer.write(connection, stamp, bytes(foreign.STORE.serialize_cdr(message, name)))
+    drive = {"drive": {"type": "commanded_wrench", "body": "body"}} if commanded else {}
+    found = analyze(tmp_path / "bag", scene=scene(WEIGHT | drive))
+    (balance,) = found.balances.values()
+    assert balance["wrenches"] == ["/body/push"] and not found.notes
+    sampled = 10.0 * 0.01  # the instant of each change is known to a sample
+    assert (balance["momentum"]["linear"]["error"] < sampled) == commanded
+
+
 def test_a_wrench_of_no_body_is_left_out_and_told(tmp_path):
     bag = with_wrenches(tmp_path / "bag", "sensor", "/push")
     found = analyze(bag, masses={"body": CUBE})

@@ -78,6 +78,16 @@ def test_the_twist_of_an_odometry_is_taken_where_it_is_less_noisy(tmp_path):
         assert spread < TWISTS  # from the poses: 0.06 and 0.016
 
 
+def test_noisy_poses_say_nothing_of_accelerations_that_are_the_twist_s(tmp_path):
+    """A throw has no peak: where the acceleration follows from the twist, it is not called
+    uncertain by what noise of the poses would make of it; where it follows from them, neither."""
+    for twists in (TWISTS, 0.5):
+        bag, _ = odometry(tmp_path / f"bag{twists}", 3, twists)
+        found = analyze(bag, scene=scene()).bodies["/body"]
+        assert found.as_dict()["by_twist"]["velocity"] == (twists == TWISTS)
+        assert not [note for note in found.notes if "peak acceleration" in note]
+
+
 @pytest.mark.parametrize(("twists", "factor"), [(0.5, 1.0), (TWISTS, 57.3), (TWISTS, 0.0)])
 def test_a_twist_that_is_worse_or_another_one_is_not_taken(tmp_path, twists, factor):
     bag, _ = odometry(tmp_path / "bag", 2, twists, factor)
