@@ -45,7 +45,6 @@ from rb_sim.contact.events.instant import (
     bring_back,
     impulses_of_jam,
     leap,
-    least_lifted,
     not_finite,
     singular_values,
 )
@@ -656,7 +655,6 @@ class ContactMotion(GridMotion):
                 "others) "
                 f"that hardly slip at t = {instant.t:.9g} s: {TOOL}"
             )
-        c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} satisfies the friction "
