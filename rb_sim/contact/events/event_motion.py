@@ -135,7 +135,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
@@ -261,10 +261,6 @@ SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
-MOST_CUT, CUT_AHEAD = 4096, 256
-"""Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
-on, times the way ahead that may be cut as well."""
-
 STALLED_STEPS, STALLED_SPAN = 100_000, 1e-4
 """So many steps within so short a time (natural units) are no motion any more: a whole unit of it
 would take a milliard."""
@@ -334,7 +330,6 @@ class ContactMotion(GridMotion):
         """of the inputs that laws keep from step to step."""
         self._due = -1
         self._pause = math.inf
-        self._begun = time
         self._mark = 0, time
         self._kept = np.zeros((len(self.names), KEPT))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
@@ -440,7 +435,6 @@ class ContactMotion(GridMotion):
             elif status == UNFINISHED:
                 self.watch()
                 self._refuse_to_stall()
-                self._refuse_to_creep()
             elif status:
                 raise self._failure(status)
             elif not n:
@@ -672,18 +666,6 @@ class ContactMotion(GridMotion):
         self._chatter.leapt(t + length, length)
         return True
 
-    def _refuse_to_creep(self) -> None:
-        """Raise SimulationError where steps of fixed length have no solution over and over, and are
-        cut each time, though nothing rubs: they come near no end of a slip, which has none beyond,
-        but creep through loads that they are too long for."""
-        cut = self._begun - self._grid.origin  # each step that is cut moves the origin back
-        ahead = self._grid.t1 - self._begun
-        if not self._fixed or cut <= CUT_AHEAD * ahead + MOST_CUT * self.method.step:
-            return
-        touch = self.system.touch
-        if not ((touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] != NONE)).any():
-            raise self._failure(NOT_FINITE)
-
     def _refuse_to_stall(self) -> None:
         """Raise SimulationError where time hardly goes on, as where friction turns slips to and fro
         that are slower than steps can follow."""
@@ -697,10 +679,6 @@ class ContactMotion(GridMotion):
         if self._fixed:
             raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
         raise SimulationError(f"{text}: {TOOL}")
-
-    def _begin_grid(self, t: float, y: Any, h: float) -> None:
-        super()._begin_grid(t, y, h)
-        self._begun = t
 
     @property
     def _stepping(self) -> Stepping:
