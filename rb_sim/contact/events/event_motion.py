@@ -53,7 +53,6 @@ from rb_sim.contact.events.limits import (
     Progress,
     aim_under_the_load,
     aim_where_it_turns,
-    letting_go,
     pairs_of_solids,
     refuse_drag,
     refuse_edges,
@@ -514,9 +513,6 @@ class ContactMotion(GridMotion):
             if not aim_under_the_load(instant, self.rims):
                 break
             ambiguous = self._unjammed(instant, None)
-        tipping = letting_go(instant, self.rims)
-        if tipping:
-            ambiguous = choose_modes(instant, None, tipping)
         for c in ambiguous:
             self._journal.note(instant.t, c, AMBIGUOUS)
             self._lifted_off = LeftOpen(1.0, instant.t, self.names[c], PARTED)
