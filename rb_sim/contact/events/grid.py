@@ -78,8 +78,18 @@ FAINT = 10.0 * NUDGE * SHARP
 begun does not slow down for it."""
 TURNS = 1.5
 """Of |s| / a, what a step may take: an explicit method of order 4 is stable up to 2.8."""
+CALM = 5.0
+"""The same of an adaptive method of order 8, stable up to 6, where a is taken for one to four times
+what it is.  At the bound of stability errors turn a slip e of theirs to and fro by e / |s|, which
+holds up what ends it by half of a (e / |s|)^2."""
+FAST = 30.0
+"""Times the slip whose direction is lost in errors, beyond which they turn it by too little."""
+SLOWEST = 1e4
+"""Times that what ends a slip may be less than a; where it is less, too many such steps do."""
 SLOW = 1e-3
 """Part of a h below which a slip that does not slow down allows no shorter steps."""
+ASIDE = 1e-2
+"""Sine of the angle up to which errors turn a slip that ends by too little to hold up its end."""
 STRAIGHT = 1e-6
 """Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
 
@@ -120,14 +130,14 @@ def own_rate(system, y, c, i):
 
 
 @inline
-def was_turned(system, c, i):
-    """True if the last step has turned the slip or the rolling of contact c."""
+def was_turned(system, c, i, sine):
+    """True if the last step has turned the slip or the rolling of contact c by more than that."""
     touch = system.touch
     if i == AT_SLIP:
         now, before = vec(touch, c, SLIP), vec(touch, c, SLIP_DIRECTION)
     else:
         now, before = rolling(touch, c), vec(touch, c, ROLL_DIRECTION)
-    return dot(now, before) < (1.0 - 0.5 * STRAIGHT * STRAIGHT) * norm(now) * norm(before)
+    return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
 
 
 @inline
@@ -140,7 +150,7 @@ def longest_step(system, y, c, i, mode, h):
         return min(left, h)
     own = own_rate(system, y, c, i)
     turned = TURNS * level / own if own > 0.0 else h
-    aside = was_turned(system, c, i)
+    aside = was_turned(system, c, i, STRAIGHT)
     if left < FREE:
         least = LEAST_TURNED if aside else LEAST_PART
         return min(max(turned, least * left), STOP_PART * left)
@@ -155,9 +165,31 @@ def is_followed(method):
 
 
 @inline
-def before_stop(method, system, grid):
-    """Where the last step has to end, at the latest, for what slips or rolls slowly."""
+def before_noise(method, system, grid, implicit):
+    """Where the last step of an adaptive method has to end, at the latest, lest errors keep alive a
+    slip that ends and is hardly faster than they are: one that has turned it is made again."""
+    last = grid.t1
+    if method.setting[4] != 0.0 or implicit:
+        return last
+    touch, still = system.touch, SHARP * system.still / system.speed
+    for c in range(touch.shape[0]):
+        level = touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
+        slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
+        if slides and still < level <= FAST * still and was_turned(system, c, AT_SLIP, ASIDE):
+            own = own_rate(system, grid.y0, c, AT_SLIP)
+            if -touch[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
+                last = min(last, grid.t0 + CALM * level / own)
+    return last
+
+
+@inline
+def before_stop(method, system, grid, implicit):
+    """Where the last step has to end, at the latest, for what slips or rolls slowly.
+
+    implicit: it was an implicit one of a method that is explicit elsewhere."""
     last, h = grid.t1, method.setting[0]
+    if method.setting[1] != 0.0:
+        return before_noise(method, system, grid, implicit)
     if not is_followed(method):
         return last
     for c in range(system.touch.shape[0]):
