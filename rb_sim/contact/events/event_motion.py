@@ -46,7 +46,6 @@ from rb_sim.contact.events.instant import (
     bring_back,
     impulses_of_jam,
     leap,
-    least_lifted,
     not_finite,
     singular_values,
 )
@@ -55,7 +54,6 @@ from rb_sim.contact.events.limits import (
     Progress,
     aim_under_the_load,
     aim_where_it_turns,
-    letting_go,
     pairs_of_solids,
     refuse_drag,
     refuse_edges,
@@ -136,7 +134,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
@@ -258,10 +256,6 @@ SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
-MOST_CUT, CUT_AHEAD = 4096, 256
-"""Lengths of fixed steps that may be cut from steps on one grid while nothing rubs; and, from there
-on, times the way ahead that may be cut as well."""
-
 STALLED_STEPS, STALLED_SPAN = 100_000, 1e-4
 """So many steps within so short a time (natural units) are no motion any more: a whole unit of it
 would take a milliard."""
@@ -331,7 +325,6 @@ class ContactMotion(GridMotion):
         """of the inputs that laws keep from step to step."""
         self._due = -1
         self._pause = math.inf
-        self._begun = time
         self._mark = 0, time
         self._kept = np.zeros((len(self.names), KEPT))
         moments = system.bodies[:, INERTIA + OF_SYMMETRIC]
@@ -437,7 +430,6 @@ class ContactMotion(GridMotion):
             elif status == UNFINISHED:
                 self.watch()
                 self._refuse_to_stall()
-                self._refuse_to_creep()
             elif status:
                 raise self._failure(status)
             elif not n:
@@ -517,9 +509,6 @@ class ContactMotion(GridMotion):
             if not aim_under_the_load(instant, self.rims):
                 break
             ambiguous = self._unjammed(instant, None)
-        tipping = letting_go(instant, self.rims)
-        if tipping:
-            ambiguous = choose_modes(instant, None, tipping)
         for c in ambiguous:
             self._journal.note(instant.t, c, AMBIGUOUS)
             self._lifted_off = LeftOpen(1.0, instant.t, self.names[c], PARTED)
@@ -652,7 +641,6 @@ class ContactMotion(GridMotion):
                 "others) "
                 f"that hardly slip at t = {instant.t:.9g} s: {TOOL}"
             )
-        c = least_lifted(instant) if c is None else c
         name = "" if c is None else f" of {self.names[c]}"
         raise SimulationError(
             f"Painleve's paradox at t = {instant.t:.9g} s: no force{name} satisfies the friction "
@@ -670,18 +658,6 @@ class ContactMotion(GridMotion):
         self._chatter.leapt(t + length, length)
         return True
 
-    def _refuse_to_creep(self) -> None:
-        """Raise SimulationError where steps of fixed length have no solution over and over, and are
-        cut each time, though nothing rubs: they come near no end of a slip, which has none beyond,
-        but creep through loads that they are too long for."""
-        cut = self._begun - self._grid.origin  # each step that is cut moves the origin back
-        ahead = self._grid.t1 - self._begun
-        if not self._fixed or cut <= CUT_AHEAD * ahead + MOST_CUT * self.method.step:
-            return
-        touch = self.system.touch
-        if not ((touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] != NONE)).any():
-            raise self._failure(NOT_FINITE)
-
     def _refuse_to_stall(self) -> None:
         """Raise SimulationError where time hardly goes on, as where friction turns slips to and fro
         that are slower than steps can follow."""
@@ -695,10 +671,6 @@ class ContactMotion(GridMotion):
         if self._fixed:
             raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
         raise SimulationError(f"{text}: {TOOL}")
-
-    def _begin_grid(self, t: float, y: Any, h: float) -> None:
-        super()._begin_grid(t, y, h)
-        self._begun = t
 
     @property
     def _stepping(self) -> Stepping:

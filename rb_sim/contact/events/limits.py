@@ -246,21 +246,6 @@ def aim_where_it_turns(at: Instant, rims: Rims) -> bool:
     return aim(at, turns, at.still / at.system.length)
 
 
-def letting_go(at: Instant, rims: Rims) -> frozenset[int]:
-    """Points of rims that tip, which keep their first point alone, or the one opposite."""
-    if not rims:
-        return frozenset()
-    closed, going = at.system.touch[:, CLOSED] == 1.0, set()
-    down = lying(at, rims)
-    for rim in {rims[c] for c in down}:
-        points = [c for c in down if rims[c] == rim]
-        held = [c for c in points if closed[c]]
-        end = next((c for c in (points[0], points[len(points) // 2]) if closed[c]), None)
-        if len(held) < len(points) and held not in ([], [end]):
-            going |= set(points) - {end}
-    return frozenset(going)
-
-
 def falling(at: Instant, c: int) -> Array:
     """Where the rim of contact c goes down as it turns, by its rate: turn x n."""
     touch = at.system.touch

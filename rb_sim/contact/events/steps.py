@@ -366,6 +366,15 @@ def jam_that_is_due(system):
 
 
 @inline
+def bears(system):
+    """Whether a contact is closed: else a step without a solution is too long for the loads."""
+    for c in range(system.touch.shape[0]):
+        if system.touch[c, CLOSED] == 1.0:
+            return True
+    return False
+
+
+@inline
 def shorter_step(method, system, grid, work):
     """(status, event code, grid): the step that failed from t0, as long as it can be.
 
@@ -441,7 +450,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 branch(method, system, grid, last, work, y, c)
                 status = FINE if finite(y) else NOT_FINITE
                 grid = cut_grid(grid, last, y, c, grid.h)
-            if status == NOT_FINITE:
+            if status == NOT_FINITE and bears(system):
                 status, code, grid = shorter_step(method, system, grid, work)
             if status != FINE:
                 break

@@ -37,8 +37,7 @@ def test_rod_jams_where_the_normal_force_would_be_infinite() -> None:
     w = run.angular_velocity["rod"][:, 1]
     lean = np.arcsin(p[:2, 2] / HALF)
     tangent = (3.0 * MU - math.sqrt(9.0 * MU**2 - 16.0)) / 2.0
-    # the force grows without bound there; the event lies 1e-6 of the pivot before, and by that part
-    # of its impulse the impact lifts the end
+    # the force grows without bound there; the event lies 1e-6 of the pivot before
     assert abs(lean[0] - math.atan(tangent)) < 2e-6
     ends = v[:2] + np.stack([-w[:2] * p[:2, 2], 0.0 * w[:2], w[:2] * HALF * np.cos(lean)], axis=1)
     assert ends[0, 0] < -1.0 and abs(ends[0, 2]) < 1e-6
