@@ -11,14 +11,18 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.mechanics.systems.free import FreeBody, FreeRotor
+from rb_sim import Simulation, load_scene
+from rb_sim.mechanics.systems.free import FreeBody, FreeRotor, untouched
 from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -153,3 +157,140 @@ def spins_from_elsewhere() -> tuple[np.ndarray, np.ndarray]:
 def test_a_motion_reset_to_another_spin_stays_on_its_polhode() -> None:
     moved, direct = interpreted(spins_from_elsewhere)
     assert_allclose(moved, direct, rtol=0.0, atol=0.0)
+
+
+# A free body beside an unrelated one is as exact as alone: flips about the middle axis, 1000 s.
+#
+# The reference is the case free_dzhanibekov_long of the oracle, integrated in quadruple precision.
+
+
+CASES = Path(__file__).parents[1] / "oracles" / "cases_public.json"
+BYSTANDER = {"mass": 2.0, "inertia": [1.0, 1.5, 2.0], "position": [50.0, 0.0, 0.0]}
+DROP = {"type": "gravity", "bodies": ["far"]}
+
+
+@pytest.fixture(scope="module")
+def case() -> Any:
+    cases = json.loads(CASES.read_text())
+    listed = cases["cases"] if isinstance(cases, dict) else cases
+    return next(case for case in listed if case["id"] == "free_dzhanibekov_long")
+
+
+def scene_of_spin(case: Any, **more: Any) -> Any:
+    """The case; more: constraints and effects of a scene with a bystander 50 m away."""
+    start = case["initial"]
+    body = {
+        "mass": 1.0,
+        "inertia": [1.0, 2.0, 3.0],
+        "position": start["position"],
+        "orientation": start["quaternion_xyzw"],
+        "linear_velocity": start["velocity_world"],
+        "angular_velocity": start["omega_body"],
+    }
+    options = {"method": "dopri853", "step": 0.005, "duration": 1000.0, "rate": 1}
+    bodies = {"body": body} | ({"far": BYSTANDER} if more else {})
+    return {"bodies": bodies, "simulation": options} | more
+
+
+def error(case: Any, mapping: Any) -> float:
+    """Largest, of the spin, relative to its largest."""
+    samples = case["samples"]
+    run = Simulation(load_scene(mapping)).run(at=samples["t"], watched=False)
+    apart = np.abs(run.angular_velocity["body"] - np.array(samples["omega_body"]))
+    return float(apart.max()) / 5.0
+
+
+def test_beside_an_unrelated_body(case):
+    """1.5e-6 without the polhode; a joint and an effect elsewhere do not matter."""
+    alone = error(case, scene_of_spin(case))
+    assert alone < 2e-11
+    assert error(case, scene_of_spin(case, effects={"weight": DROP})) < 2e-11
+    pin = {"pin": {"type": "fixed_point", "body": "far", "point_B": [0.2, 0.0, 0.0]}}
+    assert error(case, scene_of_spin(case, effects={"weight": DROP}, constraints=pin)) < 2e-11
+
+
+def test_principal_axes_that_are_not_the_body_axes(case):
+    """The same motion seen from axes of the body that are turned by 40 degrees."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_rotvec([0.3, -0.4, 0.5])
+    mapping = scene_of_spin(case, effects={"weight": DROP})
+    body, axes = mapping["bodies"]["body"], turn.as_matrix()
+    tensor = axes @ np.diag([1.0, 2.0, 3.0]) @ axes.T
+    body["inertia"] = (0.5 * (tensor + tensor.T)).tolist()
+    body["orientation"] = turn.inv().as_quat().tolist()
+    body["angular_velocity"] = turn.apply(body["angular_velocity"]).tolist()
+    run = Simulation(load_scene(mapping)).run(at=case["samples"]["t"], watched=False)
+    found = turn.inv().apply(run.angular_velocity["body"])
+    # the tensor is rounded: its axes are off by 1e-16, which 90 flips make 1e-16 * 3e5 at most
+    np.testing.assert_allclose(found, case["samples"]["omega_body"], atol=1e-9)
+
+
+def test_a_split_run_is_the_same_to_the_last_bit(case):
+    mapping = scene_of_spin(case, effects={"weight": DROP})
+    whole, split = (Simulation(load_scene(mapping)) for _ in range(2))
+    whole.advance(20.0)
+    split.advance(7.3)
+    split.advance(12.7)
+    for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        a, b = (getattr(s.sample().block, name) for s in (whole, split))
+        assert a.tobytes() == b.tobytes()
+    whole.reset()
+    whole.advance(20.0)
+    assert whole.sample().block.angular_velocity.tobytes() == b.tobytes()
+
+
+def test_which_bodies_are_left_alone(case):
+    """Those without joints, on which no effect acts but such as pull at the centre of mass."""
+    spring = {"type": "spring", "body": "far", "parent": "body", "stiffness": 1.0}
+    drive = {"type": "commanded_wrench", "body": "body"}
+
+    def free(**more: Any) -> list[int]:
+        mapping = scene_of_spin(case, **more)
+        mapping["simulation"] = mapping["simulation"] | {"project_initial": True}
+        compiled = Simulation(load_scene(mapping), coordinates="maximal").compiled
+        assert [spin.body for spin in compiled.system.spins] == untouched(compiled.system)
+        return untouched(compiled.system)
+
+    assert free(effects={"weight": {"type": "gravity"}}) == [0, 1]
+    assert free(effects={"tie": spring}) == []
+    assert free(effects={"drive": drive}) == [1]
+    joint = {"type": "distance", "body": "far", "parent": "body", "point_A": [0.0, 0.0, 0.0]}
+    assert free(constraints={"rod": joint}) == []
+
+
+# A jointed body beside a bystander moves as alone: reduced coordinates alone, maximal ones beside.
+#
+# The two are independent derivations, so what they share at 1e-11 is the motion, not an error.
+
+
+CONFIG = Path(__file__).parents[2] / "config"
+OPTIONS = {"duration": 2.0, "rate": 10.0, "method": "dopri853", "tolerance": 1e-13}
+OTHER_BODY = {
+    "mass": 1.0,
+    "inertia": [0.1, 0.2, 0.3],
+    "position": [50.0, 0.0, 0.0],
+    "angular_velocity": [0.3, 0.2, 1.0],
+}
+
+
+def run(mapping: dict[str, Any]) -> Any:
+    return (
+        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(watched=False).block
+    )
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])
+def test_a_bystander_changes_nothing(name):
+    scene = yaml.safe_load((CONFIG / f"{name}.yaml").read_text())
+    alone = run(scene)
+    beside = run(scene | {"bodies": scene["bodies"] | {"bystander": OTHER_BODY}})
+    assert beside.position.shape[1] == 2, "the stranger is there"
+    for field in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        expected, found = getattr(alone, field)[:, 0], getattr(beside, field)[:, 0]
+        size = max(1.0, float(np.abs(expected).max()))
+        assert np.abs(found - expected).max() < 1e-11 * size, field
+    weight = float(np.abs(alone.reaction_force).max())
+    for field in ("reaction_force", "reaction_torque"):
+        expected, found = getattr(alone, field), getattr(beside, field)
+        assert np.abs(found - expected).max() < 1e-11 * weight, field

@@ -29,6 +29,7 @@ from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
 from tests import runs
 from tests.interpreted import trajectory
+from tests.mechanics.bennett import Bennett
 from tests.one_body_scenes import JOINTS
 
 
@@ -174,3 +175,107 @@ def test_steps_in_a_stride_are_those_one_by_one(method, monkeypatch):
     steps = Simulation(scene_from_mapping(scene)).run().block
     for name in ("t", "position", "orientation", "linear_velocity", "angular_velocity"):
         assert getattr(strides, name).tobytes() == getattr(steps, name).tobytes(), name
+
+
+# Laws are kept for equal systems, and for these alone.
+
+
+def laws_of(scene: dict[str, Any]) -> Any:
+    return compile_scene(scene_from_mapping(scene)).laws
+
+
+def heavier(scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene with one mass that differs in its last bit."""
+    bodies = scene["bodies"]
+    bodies["b0"]["mass"] = float(np.nextafter(bodies["b0"]["mass"], 2.0))
+    return scene
+
+
+@pytest.mark.parametrize("links", [1, 2])
+def test_the_same_scene_has_the_same_laws_whatever_its_method(links):
+    first = laws_of(chain(links))
+    other = chain(links)
+    other["simulation"] = {"duration": 1.0, "rate": 7.0, "method": "taylor", "tolerance": 1e-9}
+    assert laws_of(other) is first
+    assert laws_of(heavier(chain(links))) is not first
+
+
+def test_commands_of_one_run_do_not_reach_another_of_the_same_scene():
+    scene = chain(2, duration=0.05)
+    scene["effects"]["hand"] = {"type": "commanded_wrench", "body": "b1"}
+    alone = Simulation(scene_from_mapping(scene)).run(watched=False).position["b1"]
+    pushed, still = (Simulation(scene_from_mapping(scene)) for _ in range(2))
+    pushed.apply_wrench("b1", force=[3.0, 2.0, 1.0], torque=[0.0, 0.0, 0.0])
+    for _ in range(5):
+        pushed.advance(0.01)
+        still.advance(0.01)
+    assert abs(pushed.sample().position["b1"][0] - alone[-1]).max() > 1e-4
+    assert_allclose(still.sample().position["b1"][0], alone[-1], atol=1e-15)
+
+
+# A motion on traced laws can be kept and come back; what loops are told of a method.
+
+
+HANGING = {"type": "fixed_axis", "body": "b", "axis_B": [0.0, 1.0, 0.0], "point_B": [0.3, 0, 0.1]}
+WAYS: dict[str, dict[str, Any]] = {
+    "rk4": {"step": 0.01},
+    "dopri853": {"tolerance": 1e-8},
+    "taylor": {"tolerance": 1e-8},
+    "radau5": {"tolerance": 1e-6},
+    "gauss6": {"step": 0.02},
+}
+
+
+def swinging(method: str, linkage: bool = False) -> Any:
+    """A pendulum, or a linkage whose lines are chosen anew after every step, and which a table
+    pushes; its numbers and the choice are inputs of the laws."""
+    body = {"mass": 2.0, "inertia": [0.2, 0.3, 0.4]}
+    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}
+    mapping: dict[str, Any] = {"bodies": {"b": body}, "constraints": {"axle": HANGING}}
+    mapping |= {"effects": {"weight": weight}}
+    if linkage:
+        mapping = Bennett(2).scene(4.0)
+        push = {"type": "wrench_table", "body": "bar1", "times": [0.1, 0.5, 0.9]}
+        push |= {"forces": [[1.0, 2.0, 0.0], [0.0, 3.0, 1.0], [0.0, 0.0, 2.0]]}
+        mapping["effects"] = {"push": push}
+    mapping["simulation"] = {"duration": 1.0, "method": method} | WAYS[method]
+    scene = scene_from_mapping(mapping)
+    return motion_of(compile_scene(scene), compile_method(scene.simulation, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("method", "linkage"), [*((method, False) for method in WAYS), ("rk4", True), ("taylor", True)]
+)
+def test_what_is_kept_goes_on_again_to_the_last_bit(method: str, linkage: bool) -> None:
+    """From between two points of the grid, twice, whatever has happened since."""
+    motion = swinging(method, linkage)
+    times = np.array([0.4137, 0.6, 0.8])
+    rows = np.zeros((3, 3, motion.width))
+    motion.run_to(np.array([0.2053]))
+    kept = motion.keep()
+    counts = []
+    for out in rows:
+        motion.run_to(times, out)
+        counts.append((motion.steps, motion.rejected_steps, motion.frontier, motion.time))
+        motion.run_to(np.array([0.95]))
+        motion.back_to(kept)
+        assert motion.time == 0.2053
+    assert rows[0].any() and rows[0].tobytes() == rows[1].tobytes() == rows[2].tobytes()
+    assert counts[0] == counts[1] == counts[2]
+
+
+@pytest.mark.parametrize("method", WAYS)
+def test_a_motion_that_starts_again_is_a_new_one(method: str) -> None:
+    """Of its grid, its series and its counts nothing is left, though a state was no number."""
+    motion, out = swinging(method), np.zeros((2, 1, swinging(method).width))
+    assert motion.take_worst() == 0.0
+    motion.run_to(np.array([0.5]), out[0])
+    steps = motion.steps, motion.rejected_steps, motion.frontier
+    with pytest.raises(Exception, match="finite|small enough|Taylor|singular"):
+        motion.reset((float("nan"), 1.0))
+        motion.run_to(np.array([0.1]))
+    motion.reset()
+    assert motion.steps == motion.rejected_steps == 0 and motion.frontier == (0.0, 0.0)
+    motion.run_to(np.array([0.5]), out[1])
+    assert out[0].tobytes() == out[1].tobytes()
+    assert (motion.steps, motion.rejected_steps, motion.frontier) == steps

@@ -1,0 +1,130 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""What a contact would fall with if it were open, while the others are as they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim import Simulation, load_scene
+from rb_sim.contact.events.instant import ARRIVE, CHOOSE, IMPACTS, LEAVE, Instant, Tasks
+from rb_sim.contact.events.shares import choose_modes
+from rb_sim.contact.problem.impacts import (
+    free_normal_acceleration,
+)
+from tests.contact.scenes import G, ball, box, scene, touch
+
+
+def falls(data: dict[str, Any]) -> list[float]:
+    """-free_normal_acceleration of every contact at the start, with its modes chosen [m/s^2]."""
+    motion: Any = Simulation(load_scene(data))._motion
+    call = Tasks(motion.system)
+    at = Instant(motion.laws, call, 0.0, np.array(motion.compiled.y))
+    choose_modes(at)
+    contacts = range(len(motion.laws))
+    return [-free_normal_acceleration(at.system, at.workspace, at.t, at.y, c) for c in contacts]
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_the_other_contacts_hold_meanwhile(bodies: int) -> None:
+    """A corner of a box that lies does not fall: the other corners hold the box. A ball does."""
+    lies = box([0.2, 0.4, 0.1], [0.0, 0.0, 0.05])
+    far = {"far": ball([50.0, 0.0, 5.0])} if bodies == 2 else {}
+    held = falls(scene({"body": lies} | far, touch(mu=0.5)))
+    assert len(held) >= 4
+    assert_allclose(held, 0.0, atol=1e-12)
+    alone = falls(scene({"body": ball([0.0, 0.0, 0.1])} | far, touch(mu=0.5)))
+    assert_allclose(alone, G, rtol=1e-14)
+
+
+def test_events_are_told_in_the_order_of_their_times() -> None:
+    """That a ball rests is known at its last bounce, and takes place after it: dropped by h, after
+    sqrt(2 h/g) and, of its bounces, twice that times e + e^2 + e^3 ..."""
+    data = scene({"body": ball([0.0, 0.0, 0.2])}, touch(mu=0.5, restitution=0.5))
+    run = Simulation(load_scene(data)).run(duration=1.0, rate=50)
+    kinds = [event.kind for event in run.events]
+    times = [event.t for event in run.events]
+    assert times == sorted(times)
+    fall = (2.0 * 0.1 / G) ** 0.5
+    assert times[kinds.index("rests")] == pytest.approx(fall * (1.0 + 0.5) / (1.0 - 0.5), rel=1e-9)
+    assert kinds.count("rests") == 1 and kinds.count("impact") > 10
+
+
+# What is done between the calls of the loop: in one call or put together in Python, compiled or
+# not, it is the same.
+
+
+TILTED = {"axis": [1, 2, 0], "angle": 0.3}
+FALLING = scene(
+    box([0.2, 0.4, 0.1], [0.0, 0.0, 0.4], orientation=TILTED),
+    touch(mu=0.4, kinetic=0.3, restitution=0.5, rolling_resistance=1e-3, spinning_resistance=1e-3),
+)
+JOINED = scene(
+    {
+        "body": box([0.2, 0.4, 0.1], [0.0, 0.0, 0.4], orientation=TILTED),
+        "hanging": ball([0.3, 0.0, 0.4], radius=0.05),
+    },
+    {
+        "floor": touch(mu=0.4, restitution=0.5),
+        "joint": {
+            "type": "fixed_point",
+            "body": "hanging",
+            "parent": "body",
+            "point_B": [-0.1, 0.0, 0.0],
+        },
+        "ground": touch("hanging", mu=0.2, restitution=0.3),
+    },
+)
+
+
+def run(mapping: Any, in_one_call: bool) -> tuple[Any, list[Any]]:
+    """(coordinates at the end, events) of half a second."""
+    simulation: Any = Simulation(load_scene(mapping))
+    motion = simulation._motion
+    assert motion._by_laws_alone
+    motion._by_laws_alone = in_one_call
+    motion.run_to(np.array([0.5]))
+    return motion.coordinates, motion.events
+
+
+@pytest.mark.parametrize("mapping", [FALLING, JOINED], ids=["alone", "joined"])
+def test_one_call_does_what_the_parts_do(mapping: Any) -> None:
+    y, events = run(mapping, True)
+    parts, told = run(mapping, False)
+    assert len(events) > 20
+    assert np.array_equal(y, parts)
+    assert events == told
+
+
+def test_tasks_are_the_same_compiled_and_not() -> None:
+    """Of an edge of a box that strikes the floor, whose corners then slip or part."""
+    edge = box([0.2, 0.4, 0.1], [0, 0, 0.1 * np.sin(0.5) + 0.05 * np.cos(0.5)])
+    edge |= {"orientation": {"axis": [0, 1, 0], "angle": 0.5}, "linear_velocity": [0.3, 0.1, -1.0]}
+    found = []
+    for compiled in (True, False):
+        simulation: Any = Simulation(load_scene(scene(edge, touch(mu=0.4, restitution=0.3))))
+        motion = simulation._motion
+        y = np.array(motion.compiled.y)
+        call = motion._call if compiled else Tasks(motion.system)
+        at = Instant(motion.laws, call, 0.0, y, ARRIVE)
+        statuses = [call(IMPACTS, 0.0, y, (0, 50, 0)), call(CHOOSE, 0.0, y, (-1, -1, 0))]
+        statuses.append(call(LEAVE, 0.0, y))
+        notes = at.workspace.notes[: at.workspace.written[0]].copy()
+        found.append((statuses, y, notes, motion.system.touch.copy(), call.found))
+    (*_, one), (*_, other) = found
+    assert found[0][0] == found[1][0] == [0, 0, 0]
+    assert len(found[0][2]) >= 2
+    for a, b in zip(found[0][1:4], found[1][1:4], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+    assert one == pytest.approx(other, rel=1e-12)
