@@ -20,57 +20,11 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.mechanics.samples import ARRAYS
-from tests.one_body_scenes import JOINTS
 from tests.oracles.to_scene import scene_of
 from tests.runs import trajectory
-
-AGREE = 1e-9
-
-
-def same_attitude(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """b with the sign of its quaternions brought to that of a."""
-    return b * np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-
-
-def on_the_joint(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene with the start that reduced coordinates make of its own.
-
-    Both formulations move a start off the manifold onto it, each along its own directions.
-    """
-    start = trajectory(scene, duration=0.02)
-    body = scene["bodies"]["body"]
-    turn = Rotation.from_quat(start.orientation[0, 0])
-    r_OC, spin = body["center_of_mass"], start.angular_velocity[0, 0]
-    own = {
-        "position": (start.position[0, 0] - turn.apply(r_OC)).tolist(),
-        "orientation": start.orientation[0, 0].tolist(),
-        "linear_velocity": (
-            start.linear_velocity[0, 0] - turn.apply(np.cross(spin, r_OC))
-        ).tolist(),
-        "angular_velocity": spin.tolist(),
-    }
-    return scene | {"bodies": {"body": body | own}}
-
-
-@pytest.mark.parametrize("joint", JOINTS)
-def test_reduced_agrees_with_maximal(joint: str) -> None:
-    """State, reactions, anchors, energies, momenta: every column of the samples."""
-    scene = on_the_joint(JOINTS[joint])
-    reduced, maximal = trajectory(scene), trajectory(scene, "maximal")
-    for name in ARRAYS:
-        if name == "residual":
-            continue
-        a, b = getattr(reduced, name), getattr(maximal, name)
-        if name == "orientation":
-            b = same_attitude(a, b)
-        size = max(1.0, float(np.abs(a).max())) if a.size else 1.0
-        assert_allclose(b, a, rtol=0.0, atol=AGREE * size, err_msg=name)
-    assert max(reduced.residual.max(), maximal.residual.max()) <= 1e-12
 
 
 def test_multiplier_of_lagranges_equations(cases: dict[str, Any]) -> None:

@@ -249,9 +249,6 @@ def test_two_nodes_in_one_domain_do_not_disturb_each_other(sphere, start, client
     assert times == sorted(set(times))
 
 
-# Odometry, joint states and prefixed frames, against closed forms and the pendulum's energy.
-
-
 # A wheel that turns uniformly about an axis on a table that does, too: 4 rad/s and 1 rad/s, both
 # about z through their centres of mass, without any torque.
 TABLE = """\

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from tests.mechanics.test_reduced_laws import laws_of, rate, value
 
 from rb_sim import Simulation
 from rb_sim.graph.machine import compile_law, evaluate
@@ -31,7 +32,6 @@ from rb_sim.simulation.sensitivity import (
     TangentSimulation,
     with_tangents,
 )
-from tests.mechanics.test_reduced_laws import laws_of, rate, value
 from tests.mechanics.test_redundant import linkages
 
 BALL = {"mass": 2.0, "inertia": [0.1, 0.1, 0.1]}

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Rounds of impacts of balls at the floor, by Newton's rule and the balance of their energy."""
+"""Impacts: of several contacts at once, with friction, of faces; and what they leave open."""
 
 from __future__ import annotations
 
@@ -23,120 +23,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.contact.coupled_scenes import coupled_scene
 from rb_sim import SceneError, Simulation, load_scene
 from rb_sim.contact.events.shares import IMPACT, OPEN_SHARES
-from rb_sim.contact.problem.impacts import NOTHING, STRUCK
 from tests.contact.scenes import ball, body, box, scene, touch
-from tests.interpreted import interpreted
-
-E, SLIP = 0.6, 0.7
-COULOMB, ROUGH = {"mu": 0.05}, {"friction": {"type": "rough"}}
-
-
-def struck(
-    speeds: list[float], law: dict[str, Any], alone: bool = False, plastic: int = -1,
-    together: int = -1, in_rounds: tuple[int, int, int] | None = None, closed: float = 0.0,
-) -> dict[str, Any]:  # fmt: skip
-    """What one strike, or rounds of them, make of balls at the floor that come down at these speeds
-    and slip along y."""
-    from rb_sim import load_scene
-    from rb_sim.contact.events.instant import Instant, Tasks
-    from rb_sim.contact.problem import impacts
-    from rb_sim.mechanics.contact.contact_bodies import CLOSED
-    from rb_sim.scene.compile import compile_scene
-
-    names = ("body", "other", "third")[: len(speeds)]
-    bodies = {name: ball([k, 0.0, 0.1], mass=1.0 + k) for k, name in enumerate(names)}
-    floors = {name: touch(name, restitution=E, **law) for name in names}
-    compiled = compile_scene(load_scene(scene(bodies, floors)))
-    y = np.array(compiled.y, dtype=float)
-    for k, speed in enumerate(speeds):
-        y[13 * k + 8 : 13 * k + 10] = SLIP, -speed
-    at = Instant(compiled.contact_laws, Tasks(compiled.system), 0.0, y)
-    workspace, count = at.workspace, len(speeds)
-    at.system.touch[:, CLOSED] = closed
-    for table, c in ((workspace.plastic, plastic), (workspace.together, together)):
-        table[:] = 0
-        if c >= 0:
-            table[c] = 1
-    if in_rounds is None:
-        status, n = impacts.strike(at.system, workspace, 0.5, y, alone), 0
-    else:
-        status, n = impacts.strike_in_rounds(at.system, workspace, 0.5, y, *in_rounds)
-    return {
-        "status": int(status), "round": int(n), "rebounding": workspace.rebounding.tolist(),
-        "rises": [float(y[13 * k + 9]) for k in range(count)],
-        "slips": [float(y[13 * k + 8]) for k in range(count)],
-        "work": float(y[13 * count]), "notes": workspace.notes[: workspace.written[0]].tolist(),
-        "undetermined": workspace.undetermined.tolist(),
-    }  # fmt: skip
-
-
-def lost(before: list[float], after: list[float]) -> float:
-    return sum(
-        0.5 * (1.0 + k) * (v * v - w * w)
-        for k, (v, w) in enumerate(zip(after, before, strict=True))
-    )
-
-
-def test_all_that_come_down_rebound_by_e_and_contacts_do_the_work() -> None:
-    found = interpreted(struck, [2.0, 0.5, 0.0], {})
-    assert found["status"] == STRUCK and found["rebounding"] == [1, 1, 0]
-    assert_allclose(found["rises"], [2.0 * E, 0.5 * E, 0.0], atol=1e-12)
-    assert_allclose(found["slips"], SLIP)
-    assert_allclose(found["work"], lost([2.0, 0.5, 0.0], found["rises"]), rtol=1e-12)
-    assert found["undetermined"][1] == 0.0 and found["notes"] == []
-
-
-def test_one_at_a_time_the_fastest_strikes() -> None:
-    found = interpreted(struck, [0.5, 2.0, 1.0], {}, True)
-    assert_allclose(found["rises"], [-0.5, 2.0 * E, -1.0], atol=1e-12)
-    assert found["rebounding"] == [0, 1, 0]
-
-
-def test_nothing_strikes_that_stays_or_leaves() -> None:
-    found = interpreted(struck, [0.0, -1.0], {})
-    assert found["status"] == NOTHING and found["rises"] == [0.0, 1.0] and found["work"] == 0.0
-    assert interpreted(struck, [0.0, 1e-11], COULOMB)["status"] == NOTHING
-
-
-def test_what_is_rough_stops_its_slip_once_it_strikes() -> None:
-    """To 5/7 of it: the ball rolls then. So does what has just come to be closed, without a push;
-    what obeys Coulomb slips on."""
-    found = interpreted(struck, [2.0, 1.0], ROUGH)
-    assert_allclose(found["rises"], [2.0 * E, E], atol=1e-12)
-    assert_allclose(found["slips"], [5.0 / 7.0 * SLIP] * 2, rtol=1e-12)
-    lies = interpreted(struck, [0.0, 0.0], ROUGH, False, -1, -1, None, 1.0)
-    assert lies["status"] == STRUCK and lies["rises"] == pytest.approx([0.0, 0.0])
-    assert_allclose(lies["slips"], [5.0 / 7.0 * SLIP] * 2, rtol=1e-12)
-    assert interpreted(struck, [0.0, 0.0], COULOMB, False, -1, -1, None, 1.0)["status"] == NOTHING
-    assert interpreted(struck, [-1.0, -1.0], ROUGH, False, -1, -1, None, 1.0)["status"] == NOTHING
-    rubs = interpreted(struck, [2.0, 1.0], COULOMB)
-    assert_allclose(rubs["slips"], SLIP - 0.05 * (1.0 + E) * np.array([2.0, 1.0]), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("single", "rounds", "struck_first"), [(0, 1, [0, 1, 2]), (9, 3, [1, 2, 0])]
-)
-def test_rounds_go_on_until_nothing_approaches(
-    single: int, rounds: int, struck_first: list[int]
-) -> None:
-    """All at once, or one after the other, the fastest first; each is noted with its impulse."""
-    speeds = [0.5, 2.0, 1.0]
-    found = interpreted(struck, speeds, {}, False, -1, -1, (0, 50, single))
-    assert (found["status"], found["round"]) == (NOTHING, rounds)
-    assert_allclose(found["rises"], E * np.array(speeds), atol=1e-12)
-    contacts = [int(note[1]) for note in found["notes"]]
-    assert contacts == struck_first and all(
-        note[0] == 0.5 and note[2] == 0 for note in found["notes"]
-    )
-    impulses = [note[5] for note in found["notes"]]
-    assert_allclose(impulses, [(1.0 + E) * (1.0 + c) * speeds[c] for c in contacts], rtol=1e-12)
-    cut = interpreted(struck, speeds, {}, False, -1, -1, (0, 2, 9))
-    assert (cut["round"], len(cut["notes"])) == (2, 2)
-    late = interpreted(struck, speeds, {}, False, -1, -1, (3, 50, 2))  # beyond them all is plastic
-    assert_allclose(late["rises"], 0.0, atol=1e-12)
-    late = interpreted(struck, speeds, {}, False, -1, -1, (1, 50, 1))
-    assert_allclose(late["rises"], 0.0, atol=1e-12)
-
 
 # Impacts of several contacts at once: all together, or one by one (Newton's cradle).
 
@@ -241,22 +128,22 @@ def test_time_stepping_has_its_own_law() -> None:
 # Friction without a corner that grows with the push rubs in impacts, too, as the push does.
 
 
-SLIP_CORNERLESS, FALL, E_CORNERLESS, MASS = 2.0, 1.5, 0.4, 1.0
-PUSH = (1.0 + E_CORNERLESS) * MASS * FALL
+SLIP, FALL, E, MASS = 2.0, 1.5, 0.4, 1.0
+PUSH = (1.0 + E) * MASS * FALL
 MU, ROUNDED = 0.3, 0.01
 
 
-def slip_after(friction: dict[str, Any], slip: float = SLIP_CORNERLESS, **simulation: Any) -> float:
+def slip_after(friction: dict[str, Any], slip: float = SLIP, **simulation: Any) -> float:
     """Slip of a point mass that has bounced once on a floor, without weight [m/s]."""
     start = body(
         {"type": "sphere", "radius": 0.1}, [0.0, 0.0, 0.1], linear_velocity=[slip, 0.0, -FALL]
     )
     start |= {"position": [0.0, 0.0, 0.05]}
-    floor = touch(restitution=E_CORNERLESS, friction=friction, points=[[0.0, 0.0, 0.0]])
+    floor = touch(restitution=E, friction=friction, points=[[0.0, 0.0, 0.0]])
     mapping = scene(start, floor, gravity=False)
     mapping["simulation"] = {"duration": 0.1, "rate": 100.0} | simulation
     run = Simulation(load_scene(mapping)).run()
-    assert run.linear_velocity["body"][-1, 2] == pytest.approx(E_CORNERLESS * FALL, rel=1e-9)
+    assert run.linear_velocity["body"][-1, 2] == pytest.approx(E * FALL, rel=1e-9)
     return float(run.linear_velocity["body"][-1, 0])
 
 
@@ -264,7 +151,7 @@ def test_regularised_friction_takes_what_coulombs_does_of_a_fast_slip() -> None:
     """s falls by mu P / m, up to (v/s)^2/2; before, it went on as fast as it came."""
     law = {"type": "regularised", "coefficient": MU, "speed": ROUNDED}
     after = slip_after(law)
-    assert after == pytest.approx(SLIP_CORNERLESS - MU * PUSH / MASS, rel=1e-4)
+    assert after == pytest.approx(SLIP - MU * PUSH / MASS, rel=1e-4)
     coulomb = slip_after({"type": "coulomb", "static": MU})
     assert after == pytest.approx(coulomb, rel=1e-4)
 
@@ -281,9 +168,7 @@ def test_viscous_friction_per_normal_damps_as_the_push_goes_on() -> None:
     """Over an impact ds/dP = -c s/m: s exp(-c P/m), to first order in c P/m."""
     c = 1e-3
     after = slip_after({"type": "viscous", "coefficient": c, "per_normal": True})
-    assert SLIP_CORNERLESS - after == pytest.approx(
-        SLIP_CORNERLESS * (1.0 - math.exp(-c * PUSH / MASS)), rel=2e-3
-    )
+    assert SLIP - after == pytest.approx(SLIP * (1.0 - math.exp(-c * PUSH / MASS)), rel=2e-3)
 
 
 def test_no_impact_turns_a_slip_round() -> None:
@@ -309,10 +194,9 @@ def test_time_stepping_and_events_agree(law: dict[str, Any]) -> None:
 
 
 TIMES = {"duration": 0.01, "rate": 100.0, "method": "dopri853", "tolerance": 1e-12}
-MU_UNDETERMINED = 0.3
 
 
-def landed(thing: dict[str, Any], mu: float = MU_UNDETERMINED) -> Simulation:
+def landed(thing: dict[str, Any], mu: float = MU) -> Simulation:
     mapping = scene(thing, touch(mu=mu)) | {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
     simulation.run()
@@ -344,8 +228,8 @@ def test_a_face_whose_corners_slip_apart_is_told_and_no_rounding_decides() -> No
 @pytest.mark.parametrize(
     ("slip", "spin", "mu"),
     [
-        ([1.0, 0.5], 0.0, MU_UNDETERMINED),
-        ([0.0, 0.0], 0.0, MU_UNDETERMINED),
+        ([1.0, 0.5], 0.0, MU),
+        ([0.0, 0.0], 0.0, MU),
         ([1.0, 0.0], 5.0, 0.0),
     ],
 )
@@ -358,9 +242,7 @@ def test_a_face_whose_shares_change_nothing_is_not_told(
 
 def test_three_points_share_a_push_in_one_way() -> None:
     feet = [[0.1, 0.0, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05]]
-    mapping = scene(brick([1.0, 0.0], 5.0), touch(mu=MU_UNDETERMINED, points=feet)) | {
-        "simulation": TIMES
-    }
+    mapping = scene(brick([1.0, 0.0], 5.0), touch(mu=MU, points=feet)) | {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
     simulation.run()
     assert told(simulation) == 0
@@ -389,7 +271,7 @@ SIZE, SLIP_OPEN, SPIN, G = (0.3, 0.2, 0.1), 1.0, 5.0, 9.81
 TIMES_OPEN = {"duration": 0.01, "rate": 100.0, "method": "dopri853"}
 
 
-def sliding(slip: float, spin: float, mu: float = MU_UNDETERMINED) -> dict[str, Any]:
+def sliding(slip: float, spin: float, mu: float = MU) -> dict[str, Any]:
     """A box of 1 kg flat on a floor."""
     moves = {"linear_velocity": [slip, 0.0, 0.0], "angular_velocity": [0.0, 0.0, spin]}
     return scene(box(list(SIZE), [0.0, 0.0, 0.05]) | moves, touch(mu=mu))
@@ -412,9 +294,7 @@ def apart_by_hand(slip: float, spin: float, length: float) -> float:
     that of others which push everywhere."""
     corners = np.array([[x, y, -0.05] for x in (-0.15, 0.15) for y in (-0.1, 0.1)])
     slips = np.array([slip, 0.0, 0.0]) + np.cross([0.0, 0.0, spin], corners)
-    push = (
-        np.array([0.0, 0.0, 1.0]) - MU_UNDETERMINED * slips / np.linalg.norm(slips, axis=1)[:, None]
-    )
+    push = np.array([0.0, 0.0, 1.0]) - MU * slips / np.linalg.norm(slips, axis=1)[:, None]
     inertia = np.array([0.2**2 + 0.1**2, 0.3**2 + 0.1**2, 0.3**2 + 0.2**2]) / 12.0
     change = np.hstack([push, np.cross(corners, push) / inertia]).T
     held = change[[2, 3, 4]]  # heave, roll and pitch, which the floor stops
@@ -439,10 +319,10 @@ def test_shares_of_a_face_that_slips_and_spins_are_told() -> None:
 @pytest.mark.parametrize(
     ("slip", "spin", "mu"),
     [
-        (SLIP_OPEN, 0.0, MU_UNDETERMINED),
-        (0.0, SPIN, MU_UNDETERMINED),
+        (SLIP_OPEN, 0.0, MU),
+        (0.0, SPIN, MU),
         (SLIP_OPEN, SPIN, 0.0),
-        (0.0, 0.0, MU_UNDETERMINED),
+        (0.0, 0.0, MU),
     ],
 )
 def test_shares_that_change_nothing_are_not_told(slip: float, spin: float, mu: float) -> None:
@@ -459,16 +339,14 @@ def test_what_differs_by_less_than_the_setting_tells_apart_is_not_told() -> None
 
 
 def test_an_impact_of_a_face_that_spins_is_told_once_with_how_far_its_ends_are_apart() -> None:
-    mapping = scene(brick([SLIP_OPEN, 0.0], SPIN), touch(mu=MU_UNDETERMINED, restitution=0.5))
+    mapping = scene(brick([SLIP_OPEN, 0.0], SPIN), touch(mu=MU, restitution=0.5))
     simulation, lines = told_of_open(mapping, tolerance=1e-9)
     figure, t, contact, what, *_ = simulation.left_open
     assert (what, contact) == (IMPACT, "floor/1")
     assert t == next(event.t for event in simulation.events if event.kind == "ambiguous")
     assert 1e-3 < figure < 0.1
     assert len(lines) == 1
-    assert not told_of_open(
-        scene(brick([SLIP_OPEN, 0.0], 0.0), touch(mu=MU_UNDETERMINED)), tolerance=1e-9
-    )[1]
+    assert not told_of_open(scene(brick([SLIP_OPEN, 0.0], 0.0), touch(mu=MU)), tolerance=1e-9)[1]
 
 
 def test_a_new_start_forgets_what_was_left_open() -> None:

@@ -23,7 +23,6 @@ from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.contact.events import event_motion, limits
 from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
 from rb_sim.contact.events.instant import pseudo_inverse, require_finite
-from rb_sim.contact.events.limits import STALLED_EVENTS, STALLED_TIME, Progress
 from rb_sim.contact.problem.impacts import ENDLESS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
@@ -62,24 +61,6 @@ def test_corners_on_edges_whose_normals_differ_are_refused() -> None:
 
 def test_corners_within_a_face_are_not() -> None:
     assert interpreted(made, stack(0.1, 0.08)) == "made"
-
-
-def test_events_that_do_not_advance_end_the_run() -> None:
-    unit, t = 0.1, 5.0
-    short = 0.9 * STALLED_TIME * unit / STALLED_EVENTS
-    progress = Progress(unit)
-    for i in range(STALLED_EVENTS - 1):
-        progress.add(t + i * short, "floor")
-    with pytest.raises(SimulationError, match=f"contact floor.*{TOOL}"):
-        progress.add(t + STALLED_EVENTS * short, "floor")
-
-
-def test_events_that_advance_do_not() -> None:
-    unit = 0.1
-    apart = 1.1 * STALLED_TIME * unit / STALLED_EVENTS
-    progress = Progress(unit)
-    for i in range(3 * STALLED_EVENTS):
-        progress.add(i * apart, "floor")
 
 
 def test_a_run_counts_its_events(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -27,7 +26,6 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.instant import Instant, bring_back, impulse_process, leap
 from rb_sim.contact.problem.impacts import STRUCK, strike
 from rb_sim.mechanics.contact.contact_bodies import CLOSED, GAP, GAP_RATE
-from rb_sim.mechanics.systems.many_bodies import WIDTH
 from tests.contact.scenes import G, ball, scene, touch
 from tests.contact_runs import contact_run
 from tests.interpreted import interpreted
@@ -189,46 +187,6 @@ def test_friction_follows_a_slip_that_turns() -> None:
 
 
 # A step of impulses books the work of every contact force.
-
-
-SOFT = {"compliance": {"stiffness": 3e3, "damping": 20.0}}
-VISCOUS = {"friction": {"type": "viscous", "coefficient": 5.0}}
-
-
-def energies(law: dict) -> tuple[float, float]:
-    """Energy minus work of the contacts before and after a leap of 1 ms [J]."""
-    z = 0.095 if "compliance" in law else 0.1
-    moving = ball([0, 0, z], linear_velocity=[0.4, 0, -0.2 if z < 0.1 else 0.0])
-    motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
-    instant = Instant(motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
-
-    def balance() -> float:
-        y = instant.y
-        turning = 0.4 * 0.1**2 * float(y[10:13] @ y[10:13])
-        return 0.5 * (float(y[7:10] @ y[7:10]) + turning) + G * float(y[2]) - float(y[WIDTH])
-
-    before = balance()
-    assert leap(instant, 1e-3) is not None
-    return before, balance()
-
-
-@pytest.mark.parametrize("law", [SOFT, VISCOUS, SOFT | VISCOUS], ids=["soft", "viscous", "both"])
-def test_energy_minus_work_stays(law: dict) -> None:
-    before, after = interpreted(energies, law)
-    assert_allclose(after, before, rtol=0.0, atol=1e-14)
-
-
-def jammed(law: dict) -> list[str]:
-    """Kinds of event where no forces are found for a compliant contact that is closed."""
-    moving = ball([0, 0, 0.095], linear_velocity=[0, 0, -0.2])
-    motion: Any = Simulation(load_scene(scene(moving, touch(**law))))._motion
-    y = np.array(motion.compiled.y)
-    motion._jam(Instant(motion.laws, motion._call, 0.0, y), None)
-    return [event.kind for event in motion.events]
-
-
-def test_what_touches_compliantly_alone_is_leapt_over() -> None:
-    assert "leaps" in interpreted(jammed, SOFT)
 
 
 ROLLING: dict[str, Any] = {

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,19 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from rb_sim import Simulation
-from rb_sim.contact.events import shares
-from rb_sim.contact.events.shares import Reactions, cones_of, undetermined_at_start
-from rb_sim.mechanics.contact.contact_bodies import (
-    CLOSED,
-    NORMAL_SIGN,
-    ROLL,
-    SLIDE,
-    SPIN,
-    SPRING,
-    STATIC,
-    TOUCH_WIDTH,
-)
-from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.contact.events.shares import undetermined_at_start
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, ball, body, box, scene, touch
@@ -82,37 +69,6 @@ def test_cylinder_rolls_down_on_both_ends() -> None:
         assert_allclose(r.reaction[f"floor/{i}"].force, [share] * 3, atol=1e-10)
 
 
-def ladder(angle: float, floor: float, wall: float) -> dict[str, Any]:
-    """A rod of 2 m that leans against a wall, with these friction coefficients."""
-    x, z = math.cos(angle), math.sin(angle)
-    turn = {"axis": [0, 1, 0], "angle": 0.5 * math.pi - angle}
-    shape = {"type": "rod", "length": 2.0}
-    inertia = [1.0 / 3.0, 1.0 / 3.0, 1e-3]
-    side = {"type": "plane", "normal": [-1, 0, 0], "point": [2.0 * x, 0, 0]}
-    constraints = {
-        "floor": touch(mu=floor, points=[[0, 0, -1.0]]),
-        "wall": touch(mu=wall, points=[[0, 0, 1.0]], surface=side),
-    }
-    return scene(body(shape, [x, 0, z], inertia=inertia, orientation=turn), constraints)
-
-
-@pytest.mark.parametrize("beyond", [1e-3, 1e-6])
-def test_ladder_stands_and_slides_as_statics_says(beyond: float) -> None:
-    """tan = (1 - mu_floor mu_wall) / (2 mu_floor) is the limit of equilibrium."""
-    floor, wall = 0.4, 0.3
-    limit = math.atan((1.0 - floor * wall) / (2.0 * floor))
-    held = contact_run(ladder(limit + beyond, floor, wall), [0.0, 10.0])
-    r = held.trajectory
-    assert (r.position["body"][1] == r.position["body"][0]).all()
-    for name, mu, (push, *along) in (("floor", floor, (2, 0, 1)), ("wall", wall, (0, 1, 2))):
-        force = r.reaction[name].force
-        rub = np.linalg.norm(force[:, along], axis=1)
-        assert (rub <= mu * np.abs(force[:, push]) * (1.0 + 1e-9)).all()
-    slid = contact_run(ladder(limit - beyond, floor, wall), [0.0, 0.1])
-    assert np.ptp(slid.trajectory.position["body"][:, 0]) >= 1e-3 * beyond
-    assert slid.times("slips") == [0.0, 0.0]
-
-
 SIDES = {"left": 1, "right": -1}
 
 
@@ -140,84 +96,6 @@ def test_ball_slips_until_it_rolls_in_a_groove() -> None:
     assert_allclose(found.times("sticks"), [v / (2.25 * math.sqrt(2.0) * mu * G)] * 2, atol=1e-12)
     assert [e.kind for e in found.events if e.t > 0.0] == ["sticks", "sticks"]
     assert_allclose(found.trajectory.linear_velocity["body"][1], [0, v / 1.8, 0], atol=1e-11)
-
-
-def test_the_bounds_of_contacts_by_hand() -> None:
-    """Each as a force along the normal: of x = least + self-stress y the normal one, friction over
-    its coefficient and torques over their arms.  One that may pull has its side, one that gives way
-    pushes as it does, over the unit; what slips or is open has no bound."""
-    touch_of = np.zeros((5, TOUCH_WIDTH))
-    touch_of[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
-    touch_of[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
-    touch_of[0, [ROLL, SPIN]] = STUCK
-    touch_of[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
-    touch_of[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
-    laws = [
-        SimpleNamespace(
-            static=mu, rolling_arm=roll, spinning_arm=spin, compliant=soft, bilateral=two
-        )
-        for mu, roll, spin, soft, two in (
-            (0.5, 0.1, 0.2, False, False),
-            (0.4, 0.0, 0.25, False, True),
-            (0.3, 0.05, 0.0, True, False),
-            (0.3, 0.0, 0.0, False, False),
-            (math.inf, 0.0, 0.0, False, False),
-        )
-    ]
-    held = [5, 6, 7, 8, 9, 10, 11, 12, 13, 16, 20, 21, 33, 34, 35]
-    rng = np.random.default_rng(4)
-    least, stress = rng.normal(size=15), rng.normal(size=(15, 2))
-    system = SimpleNamespace(touch=touch_of)
-    at: Any = SimpleNamespace(system=system, laws=laws, first=[5, 11, 17, 23, 33])
-    cones = cones_of(at, Reactions(held, least, stress, 3.0))
-
-    def lines(*factors: tuple[int, float]) -> tuple[list[Any], list[Any]]:
-        at = [(f, held.index(k)) for k, f in factors]
-        return [f * least[i] for f, i in at], [f * stress[i] for f, i in at]
-
-    linear = [[(5, 1.0)], [(5, 1.0), (10, 5.0)], [(5, 1.0), (10, -5.0)]]
-    linear += [[(11, -1.0), (16, 4.0)], [(11, -1.0), (16, -4.0)], [(33, 1.0)]]
-    assert len(cones.lin_h) == 6 and len(cones.soc_h) == 4
-    for one, h, g in zip(linear, cones.lin_h, cones.lin_G, strict=True):
-        values, rows = lines(*one)
-        assert_allclose(h, sum(values), rtol=1e-14)
-        assert_allclose(g, sum(rows), rtol=1e-14)
-    rounds = [
-        [(5, 1.0), (6, 2.0), (7, 2.0)],
-        [(5, 1.0), (8, 10.0), (9, 10.0)],
-        [(11, -1.0), (12, 2.5), (13, 2.5)],
-    ]
-    for one, h, g in zip(rounds, cones.soc_h, cones.soc_G, strict=False):
-        values, rows = lines(*one)
-        assert_allclose(h, values, rtol=1e-14)
-        assert_allclose(g, rows, rtol=1e-14)
-    assert_allclose(cones.soc_h[3], [2.0, *(20.0 * least[[10, 11]])], rtol=1e-14)
-    assert_allclose(cones.soc_G[3], [[0.0, 0.0], *(20.0 * stress[[10, 11]])], rtol=1e-14)
-
-
-@pytest.mark.parametrize(("before", "kept"), [(0.2, False), (0.4, True)])
-def test_the_widest_choice_of_a_run_is_kept(
-    monkeypatch: pytest.MonkeyPatch, before: float, kept: bool
-) -> None:
-    """With its time and the first contact that rubs; where nothing rubs nothing is asked."""
-    monkeypatch.setattr(shares, "open_in", lambda *of: 0.3)
-    touch_of = np.zeros((3, TOUCH_WIDTH))
-    touch_of[:, CLOSED], touch_of[:, SLIDE], touch_of[:, STATIC] = 1.0, SLIDING, (0.0, 0.5, 0.5)
-    found = np.array([9.0, 8.0, 7.0, 2.0, before, 5.0, 0.0])
-    at: Any = SimpleNamespace(
-        system=SimpleNamespace(touch=touch_of), workspace=SimpleNamespace(undetermined=found), t=6.0
-    )
-    start = found.tolist()
-    shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
-    assert found.tolist() == (start if kept else [*start[:4], 0.3, 6.0, 1.0])
-    found[4], touch_of[:, SLIDE] = 0.1, STUCK
-    shares.note_shares(at, None, None, None)  # type: ignore[arg-type]
-    assert found[4] == 0.1
-    workspace: Any = SimpleNamespace(undetermined=np.array([0.0, 0.25, 1.0, 1.0, 0.5, 2.0, 0.0]))
-    widest = shares.widest_of(workspace, ("a", "b"))
-    assert widest[:3] == (0.5, 2.0, "a") and widest.what == shares.OPEN_SHARES
-    workspace.undetermined[1] = 0.75
-    assert shares.widest_of(workspace, ("a", "b"))[:4] == (0.75, 1.0, "b", shares.IMPACT)
 
 
 # Which reactions statics alone does not determine, where bodies are in contact.
