@@ -36,7 +36,6 @@ from rb_sim.graph.symbols import Graph
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.sensitivity import TangentSimulation
-from tests.interpreted import trajectory
 
 pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
 """What agrees with its reference is not told as lost."""
@@ -201,15 +200,6 @@ def test_who_leaves_the_end_of_an_open_guide_is_told(coordinates: str) -> None:
     scene = sliding(VALLEY, 0.8, 20.0, duration=1.0)
     with pytest.raises(SimulationError, match="passed the end of its guide"):
         Simulation(load_scene(scene), coordinates=coordinates).run()
-
-
-def test_interpreted_runs_give_the_same_numbers() -> None:
-    scene = sliding(LOOP, 0.3, 3.0, closed=True, duration=0.3, tolerance=1e-9)
-    for coordinates in ("auto", "maximal"):
-        compiled = Simulation(load_scene(scene), coordinates=coordinates).run().block
-        plain = trajectory(scene, coordinates)
-        for name in ("position", "linear_velocity", "reaction_force"):
-            assert_allclose(getattr(compiled, name), getattr(plain, name), atol=1e-11)
 
 
 def test_a_guide_beside_a_contact_runs() -> None:

@@ -30,7 +30,7 @@ from rb_sim.mechanics.methods import METHODS, TimeStepping, build, tried
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
 from tests.mechanics.test_guides import VALLEY, sliding
-from tests.one_body_scenes import EFFECTS, JOINTS, LOAD, WEIGHT, scene
+from tests.one_body_scenes import EFFECTS, JOINTS, WEIGHT, scene
 
 ALWAYS = {"euler", "rk4", "dopri853", "gauss6"}
 """What integrates every scene."""
@@ -89,7 +89,7 @@ def test_a_method_is_asked_for_by_step_or_tolerance() -> None:
         build("taylor", step=0.1, tolerance=None, largest_step=1.0)
 
 
-# A method, a constraint: one file and one line. Heun's and a prismatic joint are added here.
+# A method is one file and one line: Heun's is added here.
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -120,27 +120,6 @@ for coordinates in ("auto", "maximal"):
     print(math.log2(coarse / fine))
 """
 
-JOINT = """
-from rb_sim.catalogue.constraints import SPECS
-from tests.mechanics.prismatic import Prismatic
-
-SPECS["prismatic"] = Prismatic
-
-from rb_sim import Simulation, load_scene
-
-slide = {"type": "prismatic", "body": "block", "axis_A": [0.8, 0.0, -0.6]}
-scene = {
-    "bodies": {"block": {"mass": 2.0, "inertia": [0.1, 0.2, 0.3]}},
-    "constraints": {"slide": slide},
-    "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -10.0]}},
-    "simulation": {"method": "rk4", "step": 0.01},
-}
-simulation = Simulation(load_scene(scene))
-simulation.advance(1.0)
-end = simulation.sample()
-print(*end.position["block"][0], *end.reaction["slide"].force[0])
-"""
-
 
 def printed(program: str) -> list[float]:
     """The numbers that a program prints, in a process of its own."""
@@ -158,12 +137,6 @@ def test_heuns_method_is_one_file_and_one_line() -> None:
     orders = printed(PROGRAM)
     assert len(orders) == 2
     assert all(abs(order - 2.0) < 0.05 for order in orders), orders
-
-
-def test_a_prismatic_joint_is_one_file_and_one_line() -> None:
-    """Down a slope of 3 : 4: a = g sin, and what presses is m g cos, normal to the way."""
-    found = printed(JOINT)
-    assert found == pytest.approx([2.4, 0.0, -1.8, 9.6, 0.0, 12.8], abs=1e-12)
 
 
 # The coefficients of DOP853 against scipy's copy and against the order conditions.
@@ -262,24 +235,6 @@ SCENES = {
     "multipliers": (JOINTS["fixed_point"], "maximal", 1.0),
 }
 """Scene, coordinates, duration [s]."""
-DRAGGED = JOINTS["fixed_axis, B floats"] | {
-    "effects": {
-        "weight": WEIGHT,
-        "load": LOAD,
-        "drag": EFFECTS["linear_drag"] | {"coefficient": 3.0},
-    }
-}
-"""Without the drag phi'' depends on phi alone, and the leading term of DOP853 nearly vanishes."""
-EIGHT = {
-    "free": (JOINTS["free"], 1.3, 4, (75, 84, 94, 105, 117)),
-    "fixed_point": (JOINTS["fixed_point"], 0.8, 2, (44, 51, 58, 67, 77)),
-    "fixed_axis": (DRAGGED, 2.0, 2, (60, 69, 79, 91, 105)),
-    "rolling": (JOINTS["rolling sphere"], 0.7, 4, (86, 96, 106, 118, 131)),
-    "driven": (DRIVEN, 0.8, 2, (60, 70, 81, 94, 109)),
-}
-"""Scene, duration [s], starts, steps of dopri853 where its leading term is alone."""
-EIGHT_FLOOR = 5e-18
-"""Relative error below which the rounding of long doubles takes part."""
 COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
 
 
@@ -352,53 +307,3 @@ def test_order(method: str, name: str, offset: float) -> None:
     measured = [slope(e, steps, FLOOR_ORDER, USED) for e in found.T if e.max() > FLOOR_ORDER]
     assert len(measured) >= 2
     assert max(abs(order - m) for m in measured) <= WITHIN, (measured, found)
-
-
-def long_errors(mapping: Any, end: float, counts: list[float], starts: int) -> np.ndarray:
-    """Relative errors as of `ladder`, by dopri853 in long doubles, against a run of finer steps.
-
-    Half of the finest step leaves 1/256 of its error: 0.01 of the slope.
-    """
-    from rb_sim import load_scene
-    from rb_sim.scene.compile import compile_scene
-    from tests.extended import long_end
-
-    options = {"simulation": {"project_initial": True}}
-    squares = []
-    for start in range(starts):
-        compiled = compile_scene(load_scene(turned(mapping, start) | options))
-        runs = [long_end(compiled, end, n) for n in (2 * max(counts), *counts)]
-        exact, *found = [
-            [getattr(run, name)[0, 0] for name in COLUMNS if getattr(run, name).size]
-            for run in runs
-        ]
-        sizes = [max(1.0, size(column)) for column in exact]
-        squares.append(
-            [[(size(a - b) / s) ** 2 for a, b, s in zip(run, exact, sizes, strict=True)]
-             for run in found]
-        )  # fmt: skip
-    return np.sqrt(np.mean(squares, axis=0))
-
-
-def size(column: np.ndarray) -> float:
-    return float(np.sqrt((column * column).sum()))
-
-
-@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no long doubles here")
-@pytest.mark.parametrize(
-    ("name", "offset"),
-    [("free", 0.0), ("fixed_point", 0.5), ("fixed_axis", 0.0), ("rolling", 0.5), ("driven", 0.5)],
-)
-def test_order_eight(name: str, offset: float) -> None:
-    """In every column that the method does not get exact, in long doubles.
-
-    The leading term of DOP853 is small by design; in doubles the next one shows nearly down to
-    round-off.
-    """
-    mapping, end, starts, ladder_counts = EIGHT[name]
-    counts = np.array(ladder_counts) + offset
-    found = interpreted(long_errors, mapping, end, counts.tolist(), starts)
-    steps = end / counts
-    measured = [slope(e, steps, EIGHT_FLOOR, USED) for e in found.T if e.max() > EIGHT_FLOOR]
-    assert len(measured) >= 2
-    assert max(abs(8 - m) for m in measured) <= WITHIN, (measured, found)

@@ -17,22 +17,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.events.instant import Instant, Tasks
-from rb_sim.contact.events.shares import choose_modes
-from rb_sim.contact.problem.impacts import (
-    free_normal_acceleration,
-)
 from tests.contact.scenes import G, ball, box, scene, touch
-
-
-def falls(data: dict[str, Any]) -> list[float]:
-    """-free_normal_acceleration of every contact at the start, with its modes chosen [m/s^2]."""
-    motion: Any = Simulation(load_scene(data))._motion
-    call = Tasks(motion.system)
-    at = Instant(motion.laws, call, 0.0, np.array(motion.compiled.y))
-    choose_modes(at)
-    contacts = range(len(motion.laws))
-    return [-free_normal_acceleration(at.system, at.workspace, at.t, at.y, c) for c in contacts]
 
 
 def test_events_are_told_in_the_order_of_their_times() -> None:
