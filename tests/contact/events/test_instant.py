@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a contact would fall with if it were open, while the others are as they are."""
+"""Events in the order of their times, and what is done between the calls of the loop."""
 
 from __future__ import annotations
 
