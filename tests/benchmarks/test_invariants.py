@@ -116,7 +116,7 @@ def edge_down() -> Rotation:
         (EGG, ACROSS, 0.1, DRUM, 0.5),
     ],
 )
-@pytest.mark.parametrize("depth", [1e-3, 3e-9, 0.0, -3e-9])
+@pytest.mark.parametrize("depth", [1e-3, 0.0, -3e-9])
 def test_overlap_is_as_deep_as_it_was_made(shape, turn, low, other, top, depth):
     """Side on side, edge on side, end on side: also where both are turned together."""
     whole = Rotation.from_rotvec([0.3, -0.7, 0.4])

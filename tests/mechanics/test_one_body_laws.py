@@ -73,11 +73,10 @@ def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
     return np.array([own, sampled(maximal, state)]), np.array([along, expected])
 
 
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", SCENES)
-def test_samples_and_rates_agree_at_any_state(name: str, seed: int) -> None:
+def test_samples_and_rates_agree_at_any_state(name: str) -> None:
     """Reactions, anchors, energies, power, momenta; accelerations, as rates of the velocities."""
-    samples, rates = interpreted(both, SCENES[name], seed)
+    samples, rates = interpreted(both, SCENES[name], 0)
     assert_allclose(samples[0, :-1], samples[1, :-1], rtol=0.0, atol=1e-12 * np.abs(samples).max())
     assert samples[:, -1].max() < 1e-13
     assert_allclose(rates[0], rates[1], rtol=0.0, atol=1e-8 * (1.0 + np.abs(rates).max()))

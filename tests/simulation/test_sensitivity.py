@@ -11,28 +11,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
-from tests.mechanics.test_reduced_laws import laws_of, rate, value
 
 from rb_sim import Simulation
-from rb_sim.graph.machine import compile_law, evaluate
-from rb_sim.graph.symbols import Graph
-from rb_sim.numerics.vectors import sin
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.sensitivity import (
     SIXTH,
     NotSmoothError,
-    TangentInputs,
-    TangentLaws,
     TangentSimulation,
-    with_tangents,
 )
-from tests.mechanics.test_redundant import linkages
 
 BALL = {"mass": 2.0, "inertia": [0.1, 0.1, 0.1]}
 
@@ -118,16 +108,25 @@ def test_two_links_in_fixed_steps_by_high_order_differences() -> None:
         np.testing.assert_allclose(carried, differences, rtol=0.0, atol=3e-8 * scale)
 
 
-def four_bar(x: Any) -> Any:
-    """A four-bar linkage on four hinges, of whose 20 lines 3 are redundant."""
-    scene = linkages(1, method="rk4", step=2e-3)
-    scene["simulation"]["duration"] = 0.1
+def door(x: Any) -> Any:
+    """A door on two hinges, of whose 10 lines 5 are redundant."""
     mass, gravity, spread = (float(v) for v in x)
-    scene["bodies"]["left0"]["mass"] = mass
-    scene["effects"]["weight"]["acceleration"] = [0.3, 0.0, -gravity]
-    scene["bodies"]["left0"]["inertia"] = [0.04, spread, 0.03]
-    scene["effects"]["push"] = {
-        "type": "wrench", "body": "coupler0", "force": [0, 0.7, 0], "torque": [0.2, 0, 0.3]
+    body = {"mass": mass, "inertia": [0.04, spread, 0.03], "center_of_mass": [0.4, 0.1, 0.2]}
+    hinge = {"type": "fixed_axis", "body": "door", "axis_B": [0, 0.6, 0.8]}
+    push = {"type": "wrench", "body": "door", "force": [0, 0.7, 0], "torque": [0.2, 0, 0.3]}
+    scene = {
+        "bodies": {"door": body | {"angular_velocity": [0.0, 0.6, 0.8]}},
+        "constraints": {
+            "upper": hinge | {"point_B": [0, 0.6, 0.8]},
+            "lower": hinge | {"point_B": [0, -0.6, -0.8]},
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0.3, 0.0, -gravity]},
+            "push": push,
+        },
+        "simulation": {
+            "duration": 0.1, "rate": 50.0, "method": "rk4", "step": 2e-3, "project_initial": True
+        },
     }  # fmt: skip
     return scene_from_mapping(scene)
 
@@ -139,11 +138,11 @@ def test_reactions_of_least_norm_by_high_order_differences() -> None:
     """
     x = np.array([0.7, 9.81, 0.05])
     way = 1e-2 * x * [1.0, -0.7, 0.4]
-    simulation = TangentSimulation(four_bar, x, x)
+    simulation = TangentSimulation(door, x, x)
     simulation.run(watched=False)
     by_number = [columns(block) for block in simulation.take_derivatives()]
     expected = sum(
-        weight * columns(Simulation(four_bar(x + j * way)).run(watched=False).block)
+        weight * columns(Simulation(door(x + j * way)).run(watched=False).block)
         for j, weight in SIXTH.items()
     )
     assert all(np.abs(h * part).max() > 1e-4 for h, part in zip(way, by_number, strict=True))
@@ -185,59 +184,3 @@ def test_what_has_no_derivative_is_refused(scene_at: Any, why: str) -> None:
 def test_a_number_at_the_edge_of_what_is_possible_is_refused() -> None:
     with pytest.raises(NotSmoothError, match="neighbouring scene is invalid: .*mass"):
         TangentSimulation(oscillator, np.array([50.0, 0.001, 0.3, 0.7]), [50.0, 1.0, 1.0, 1.0])
-
-
-# Laws with their derivatives along directions: of numbers by hand, and of a body in flight.
-
-
-def test_derivatives_of_a_law_along_two_directions() -> None:
-    """f = (y0 p1, sin y1): df = (dy0 p1 + y0 dp1, cos y1 dy1); y and p of each lie in turn."""
-    graph = Graph()
-    y, p = graph.vector("y", 2), graph.vector("p", 2)
-    law = compile_law(with_tangents([y[0] * p[1], sin(y[1])], 2, 2, 2))
-    at, inputs = np.array([0.3, 0.7, 1.0, 2.0, -1.0, 4.0]), np.array([9, 5.0, 8, 0.5, 7, 0.2])
-    out = np.zeros(6)
-    evaluate(law, 0.0, at, inputs, out)
-    first = [1.0 * 5.0 + 0.3 * 0.5, np.cos(0.7) * 2.0]
-    second = [-1.0 * 5.0 + 0.3 * 0.2, np.cos(0.7) * 4.0]
-    assert_allclose(out, [1.5, np.sin(0.7), *first, *second])
-
-
-def test_a_single_number_and_constants_stay_as_they_are() -> None:
-    (y,) = Graph().vector("y", 1)
-    single = [y * y]
-    assert with_tangents(single, 1, 0, 2) is single
-    constant = [1.0, 2.0]
-    assert with_tangents(constant, 1, 0, 2) is constant
-
-
-def test_inputs_have_derivatives_by_weighted_systems() -> None:
-    """(f(b) - f(a)) / 2 and 3 f(b), of what the inputs of those are at the same instant."""
-    asked: list[Any] = []
-
-    def values(system: float, t: float, onwards: bool) -> list[float]:
-        asked.append((t, onwards))
-        return [system, system**2]
-
-    inputs: Any = SimpleNamespace(values=values)
-    tangent = TangentInputs(inputs, [[(-0.5, 2.0), (0.5, 4.0)], [(3.0, 4.0)]])
-    assert tangent.values(7.0, 1.5, False) == [7.0, 49.0, 1.0, 6.0, 12.0, 48.0]
-    assert asked == [(1.5, False)] * 4
-    asked.clear()
-    tangent.values(7.0, 1.5)
-    assert asked == [(1.5, True)] * 4
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_the_rate_of_a_body_in_flight_with_its_derivatives(count: int) -> None:
-    """ds/dt = (df/dy) s, beside differences of Euler's equations; samples lie beside theirs."""
-    laws, y, _ = laws_of()
-    tangent = TangentLaws(laws, (), [[] for _ in range(count)])
-    assert (tangent.n, tangent.width) == ((1 + count) * 13, (1 + count) * laws.width)
-    assert tangent.velocities == (1 + count) * ([0.0] * 7 + [1.0] * 6)
-    assert tangent.whole(None) is None  # type: ignore[arg-type]
-    along = np.random.default_rng(4).normal(size=(count, 13))
-    out = value(tangent.rate, [*y, *along.ravel()], tangent.n).reshape(1 + count, 13)
-    assert_allclose(out[0], rate(y), atol=1e-14)
-    for found, s in zip(out[1:], along, strict=True):
-        assert_allclose(found, (rate(y + 1e-6 * s) - rate(y - 1e-6 * s)) / 2e-6, atol=1e-8)
