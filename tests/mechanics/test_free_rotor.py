@@ -22,7 +22,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
-from rb_sim.mechanics.systems.free import FreeBody, FreeRotor, untouched
 from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -58,28 +57,6 @@ def scene(turned: bool = False, **body: Any) -> dict[str, Any]:
         own["angular_velocity"] = (R @ own["angular_velocity"]).tolist()
         own["orientation"] = TURN.inv().as_quat().tolist()
     return {"bodies": {"b": own}, "effects": {"weight": {"type": "gravity"}}}
-
-
-def system_of(mapping: dict[str, Any]) -> Any:
-    options = {"simulation": {"duration": 1.0, "method": "rk4", "step": 0.01}}
-    return compile_scene(scene_from_mapping(mapping | options)).system
-
-
-@pytest.mark.parametrize(
-    ("effect", "kind"),
-    [
-        ({"type": "linear_drag", "coefficient": 0.1}, FreeRotor),
-        ({"type": "quadratic_drag", "coefficient": 0.1}, FreeRotor),
-        ({"type": "angular_damping", "coefficient": 0.1}, FreeBody),
-        ({"type": "wrench", "force": [1.0, 0.0, 0.0]}, FreeBody),
-        ({"type": "commanded_wrench"}, FreeBody),
-    ],
-)
-def test_only_forces_at_the_centre_leave_the_spin_to_itself(
-    effect: dict[str, Any], kind: type
-) -> None:
-    assert type(system_of(scene())) is FreeRotor
-    assert type(system_of(scene() | {"effects": {"e": {"body": "b"} | effect}})) is kind
 
 
 @pytest.mark.parametrize("name", SPINS)
@@ -207,56 +184,6 @@ def test_beside_an_unrelated_body(case):
     assert error(case, scene_of_spin(case, effects={"weight": DROP})) < 2e-11
     pin = {"pin": {"type": "fixed_point", "body": "far", "point_B": [0.2, 0.0, 0.0]}}
     assert error(case, scene_of_spin(case, effects={"weight": DROP}, constraints=pin)) < 2e-11
-
-
-def test_principal_axes_that_are_not_the_body_axes(case):
-    """The same motion seen from axes of the body that are turned by 40 degrees."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_rotvec([0.3, -0.4, 0.5])
-    mapping = scene_of_spin(case, effects={"weight": DROP})
-    body, axes = mapping["bodies"]["body"], turn.as_matrix()
-    tensor = axes @ np.diag([1.0, 2.0, 3.0]) @ axes.T
-    body["inertia"] = (0.5 * (tensor + tensor.T)).tolist()
-    body["orientation"] = turn.inv().as_quat().tolist()
-    body["angular_velocity"] = turn.apply(body["angular_velocity"]).tolist()
-    run = Simulation(load_scene(mapping)).run(at=case["samples"]["t"], watched=False)
-    found = turn.inv().apply(run.angular_velocity["body"])
-    # the tensor is rounded: its axes are off by 1e-16, which 90 flips make 1e-16 * 3e5 at most
-    np.testing.assert_allclose(found, case["samples"]["omega_body"], atol=1e-9)
-
-
-def test_a_split_run_is_the_same_to_the_last_bit(case):
-    mapping = scene_of_spin(case, effects={"weight": DROP})
-    whole, split = (Simulation(load_scene(mapping)) for _ in range(2))
-    whole.advance(20.0)
-    split.advance(7.3)
-    split.advance(12.7)
-    for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
-        a, b = (getattr(s.sample().block, name) for s in (whole, split))
-        assert a.tobytes() == b.tobytes()
-    whole.reset()
-    whole.advance(20.0)
-    assert whole.sample().block.angular_velocity.tobytes() == b.tobytes()
-
-
-def test_which_bodies_are_left_alone(case):
-    """Those without joints, on which no effect acts but such as pull at the centre of mass."""
-    spring = {"type": "spring", "body": "far", "parent": "body", "stiffness": 1.0}
-    drive = {"type": "commanded_wrench", "body": "body"}
-
-    def free(**more: Any) -> list[int]:
-        mapping = scene_of_spin(case, **more)
-        mapping["simulation"] = mapping["simulation"] | {"project_initial": True}
-        compiled = Simulation(load_scene(mapping), coordinates="maximal").compiled
-        assert [spin.body for spin in compiled.system.spins] == untouched(compiled.system)
-        return untouched(compiled.system)
-
-    assert free(effects={"weight": {"type": "gravity"}}) == [0, 1]
-    assert free(effects={"tie": spring}) == []
-    assert free(effects={"drive": drive}) == [1]
-    joint = {"type": "distance", "body": "far", "parent": "body", "point_A": [0.0, 0.0, 0.0]}
-    assert free(constraints={"rod": joint}) == []
 
 
 # A jointed body beside a bystander moves as alone: reduced coordinates alone, maximal ones beside.
