@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a run writes: nothing over other logs unasked, the same bytes each time, what is asked for."""
+"""What a run writes: nothing over other logs unasked, equal bytes, and what is asked for."""
 
 from __future__ import annotations
 
