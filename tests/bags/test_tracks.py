@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Velocities of somebody else's bag, in the axes that their frame names."""
+"""Motions in bags of somebody else: velocities in the axes of their frame, joint states."""
 
 from __future__ import annotations
 

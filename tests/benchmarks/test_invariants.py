@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The judge of random scenes with contacts finds nothing in a good run, and what is done to it."""
+"""The judges of random scenes find nothing in a good run, and what is done to it."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The peer benchmark measures what it says: scenes, error, choice of the cheapest, skipping."""
+"""The peer benchmarks measure what they say: scenes, references, errors, verdicts."""
 
 from __future__ import annotations
 

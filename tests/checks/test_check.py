@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a run may lose before a watch speaks, by the formulas of the bounds; and what is advised."""
+"""What a run may lose before a check speaks, what its steps tell, and what is advised."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The verbs as functions, and what a run is written as."""
+"""The verbs as functions, what a run is written as, and what `linearize` and tables say."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Signals to verbs that log no run: what they keep for a while is removed."""
+"""Signals before a verb begins, and while verbs run that log no run."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Shipped loops: complete, checked before they are taken, and not taken for other sources."""
+"""Shipped loops: complete, checked before they are taken, and running wherever they lie."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What is compiled gives what plain Python gives."""
+"""What is compiled gives what plain Python gives; what cannot be is refused with its place."""
 
 from __future__ import annotations
 

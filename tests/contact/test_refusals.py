@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a contact cannot be is refused in one clear line."""
+"""What a contact cannot be is refused in one line; overlaps at the start are moved apart."""
 
 from __future__ import annotations
 

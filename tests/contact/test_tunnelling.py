@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Sides are looked at between samples, too: nothing goes through a support where they are rare."""
+"""Sides of bodies in supports: at samples, between them, and how deep they are."""
 
 from __future__ import annotations
 

@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Programs over tables: instances in turn, fields of every array, workspace that fits on the
-stack."""
+"""Code of laws: over tables, in lanes, and in C."""
 
 from __future__ import annotations
 

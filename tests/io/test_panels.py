@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Work in the plots where commands change at every sample: it is the change of energy."""
+"""Panels of the plots: work where commands jump, runs that begin anew, fewer points."""
 
 from __future__ import annotations
 

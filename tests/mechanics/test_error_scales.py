@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A tolerance means the same for a body that swings by a nanometre beside one of a metre."""
+"""A tolerance means the same for bodies that move by nanometres, alone or with each other."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The torque-free body in principal axes, beside the general one and the laws it must keep."""
+"""Free bodies: in principal axes, beside others, and beside the general equations."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Which methods integrate what, which of them `auto` begins with, and how they are asked for."""
+"""Methods: which suit a scene, how one is added, their coefficients, and their order."""
 
 from __future__ import annotations
 

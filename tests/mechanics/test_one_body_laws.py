@@ -9,7 +9,7 @@
 
 """The laws of one body at any state, without a run: reduced coordinates beside maximal ones.
 
-The two share no equation of motion (see tests/oracles/test_formulations, which compares runs); here
+The two share no equation of motion (test_free_rotor.py compares runs beside a bystander); here
 they are asked at random coordinates, so that every term counts and a comparison costs milliseconds.
 """
 

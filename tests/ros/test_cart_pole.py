@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The shipped cart-pole example: an outside controller in lockstep, against the equations."""
+"""What ships with the node: the cart-pole controller in lockstep, and `make run`."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Clients as they may be: without ROS, stopped in the middle, or far too fast; and long runs."""
+"""Clients as they may be, commands that no method can follow, and long runs."""
 
 from __future__ import annotations
 

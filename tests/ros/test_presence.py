@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What those see who come late: state, description and clock."""
+"""What those see who come late, and requests while one part of the node hands over."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""~/pause, ~/step, ~/reset, and time while paused."""
+"""Services of the node: pause, step, reset, set a state, and those of simulation_interfaces."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Starts at which the lines of a constraint are not numbers are refused in one line."""
+"""Starts: what is refused in one line, and what a misfit means at every size."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Numbers in a scene are found by their path, and nothing else changes."""
+"""One run of a sweep: numbers found by their path, accuracy that is lost, contacts of all."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Peaks of few samples: how far off they are that the filter makes, against closed forms."""
+"""What the poses of a body tell: peaks, free falls, impacts, and the twist beside them."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Rims on a plane: which point is low, before, while and after a rim lies flat; how it moves."""
+"""Corners and rims on planes, cylinders and solids: which point touches, and how it moves."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Event functions that pass through zero and come back within a step: none is missed."""
+"""Events within a step are found: what dips and comes back, what is dropped, many at once."""
 
 from __future__ import annotations
 

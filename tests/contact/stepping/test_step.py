@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a step leaves at its end: free flight, bodies moved apart, and the torques that are told."""
+"""What a step of time stepping leaves: flight, energy, rebounds, and the torques reported."""
 
 from __future__ import annotations
 
