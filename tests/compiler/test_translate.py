@@ -185,7 +185,7 @@ def test_what_is_not_compiled_is_told_with_its_line(
     monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     with pytest.raises(CompileError, match=words) as error:
         Entry(function)(*arguments)
-    assert "test_refusals.py" in str(error.value) or function is itself
+    assert "test_translate.py" in str(error.value) or function is itself
 
 
 def test_what_no_slot_holds_is_refused():
