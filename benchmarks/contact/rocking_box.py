@@ -12,7 +12,7 @@
 
 Newton's and Euler's equations with springs and dampers at the corners, and Coulomb's friction with
 its corner rounded at a slow speed, by SciPy's Radau.  A minute; the numbers are those of
-tests/contact/events/test_compliant_rest.py, and are off by about as much as the speed of rounding.
+tests/contact/events/test_rest.py, and are off by about as much as the speed of rounding.
 """
 
 from __future__ import annotations

@@ -9,22 +9,41 @@
 
 """Closed forms against the equations of motion, a Taylor series in 192 bits, and quadrature."""
 
+from __future__ import annotations
+
 import itertools
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import ellipj, ellipk
 
 from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.closed_forms.exact import Exact, about, long
-from rb_sim.numerics.rotations import product, rotate
+from rb_sim.accuracy.closed_forms.exact import (
+    EPS,
+    Exact,
+    Long,
+    about,
+    argument,
+    carlson_rf,
+    gauss_legendre,
+    jacobi,
+    long,
+    quarter_period,
+)
+from rb_sim.accuracy.ladder import reference
+from rb_sim.accuracy.runs import Runner, sample_times
+from rb_sim.numerics.rotations import angle_between, product, rotate
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene, scene_from_mapping
+from tests.contact.scenes import ball, box, scene, touch
+from tests.contact_runs import contact_run
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 GRAVITY = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}
@@ -209,3 +228,184 @@ def test_drag_or_a_tilted_inertia_has_no_closed_form() -> None:
     assert closed_form(compiled_of(body, effects=drag)) is None
     tilted = {**body, "inertia": [[1.0, 0.1, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 2.5]]}
     assert closed_form(compiled_of(tilted)) is None
+
+
+# Jacobi's functions in long doubles, against scipy, their identities and a quadrature.
+
+
+COMPLEMENTS = [1.0, 0.75, 0.3, 1e-3, 1e-8]
+
+
+@pytest.mark.parametrize("m1", COMPLEMENTS)
+def test_jacobi_functions_agree_with_scipy(m1: float) -> None:
+    u = np.linspace(-7.0, 9.0, 101)
+    for own, other in zip(jacobi(long(u), Long(m1)), ellipj(u, 1.0 - m1)[:3], strict=True):
+        # scipy takes m, so its error grows with the lost digits of 1 - m
+        assert np.abs(own.astype(float) - other).max() < 1e-13 / max(m1, 1e-3)
+
+
+@pytest.mark.parametrize("m1", COMPLEMENTS)
+def test_jacobi_functions_satisfy_their_identities(m1: float) -> None:
+    u = long(np.linspace(-7.0, 9.0, 101))
+    sn, cn, dn = jacobi(u, Long(m1))
+    assert np.abs(sn * sn + cn * cn - 1).max() < 20 * EPS
+    assert np.abs(dn * dn - (cn * cn + Long(m1) * sn * sn)).max() < 200 * EPS
+    step = Long(2) ** -20
+    slope = (jacobi(u + step, Long(m1))[0] - jacobi(u - step, Long(m1))[0]) / (2 * step)
+    assert np.abs(slope - cn * dn).max() < 1e-11  # step^2 and EPS / step
+
+
+@pytest.mark.parametrize("m1", COMPLEMENTS)
+def test_argument_inverts_and_the_period_is_the_integral(m1: float) -> None:
+    K = quarter_period(Long(m1))
+    assert float(K) == pytest.approx(ellipk(1.0 - m1), rel=1e-9 if m1 < 1e-6 else 1e-13)
+    u = np.linspace(-1.99, 1.99, 41) * K
+    sn, cn, _ = jacobi(u, Long(m1))
+    back = long([argument(s, c, Long(m1)) for s, c in zip(sn, cn, strict=True)])
+    # near u = 2K a change of u by EPS changes sn and cn by as little as sqrt(m1) EPS
+    assert np.abs(back - u).max() < 500 * EPS * K / np.sqrt(m1)
+
+
+def test_carlson_integral_agrees_with_quadrature() -> None:
+    def integrand(x: float) -> float:  # t = x / (1 - x)
+        t = x / (1.0 - x)
+        return 0.5 / np.sqrt((t + 0.3) * (t + 1.7) * (t + 1.0)) / (1.0 - x) ** 2
+
+    value, doubt = quad(integrand, 0.0, 1.0, epsabs=1e-13, epsrel=1e-13)
+    assert float(carlson_rf(Long(0.3), Long(1.7), Long(1))) == pytest.approx(value, abs=10 * doubt)
+
+
+def test_gauss_legendre_is_exact_for_polynomials() -> None:
+    nodes, weights = gauss_legendre(24)
+    for power in (0, 2, 20, 46):
+        assert abs((weights * nodes**power).sum() - Long(2) / (power + 1)) < 50 * EPS
+
+
+# Closed forms of motions in contact against the integrator, which knows nothing of them.
+
+
+ROUGH = {"type": "rough"}
+AGREE = 1e-9
+"""The runs are made with a local tolerance of 1e-12."""
+
+
+def on_incline(slope: float, speed: float, static: float, kinetic: float) -> dict[str, Any]:
+    """A box on a plane that falls towards +x, moving down it at `speed`."""
+    n, down = (
+        np.array([math.sin(slope), 0, math.cos(slope)]),
+        [math.cos(slope), 0, -math.sin(slope)],
+    )
+    turned = {"axis": [0.0, 1.0, 0.0], "angle": slope}
+    body = box([0.4, 0.3, 0.2], [0.1 * x for x in n], linear_velocity=[speed * x for x in down])
+    plane = {"type": "plane", "normal": list(n)}
+    return scene(body | {"orientation": turned}, touch(mu=static, kinetic=kinetic, surface=plane))
+
+
+def tilted_floor() -> dict[str, Any]:
+    n = [0.28, 0.0, 0.96]
+    body = ball([0.168, 0.1, 0.576], linear_velocity=[0.2, -0.1, 0.4])
+    spun = body | {"angular_velocity": [1.0, 2.0, -0.5]}
+    return scene(spun, touch(surface={"type": "plane", "normal": n}, restitution=0.4))
+
+
+def on_turntable() -> dict[str, Any]:
+    """Rolling, spinning, on a table that turns about another point than the origin."""
+    rate, point = -2.0, np.array([0.3, 0.1, 0.0])
+    p, v = np.array([-0.1, 0.2, 0.1]), np.array([0.4, -0.2, 0.0])
+    table = rate * np.array([-(p - point)[1], (p - point)[0], 0.0])
+    slip = v - table
+    w = [-slip[1] / 0.1, slip[0] / 0.1, 3.0]
+    motion = {"type": "turntable", "rate": rate, "point": point.tolist()}
+    body = ball(p.tolist(), linear_velocity=v) | {"angular_velocity": w}
+    return scene(body, touch(friction=ROUGH, motion=motion))
+
+
+def in_cylinder() -> dict[str, Any]:
+    """Going round clockwise, downwards at first, with a spin about the radius as well."""
+    w = [2.0, 0.5 / 0.1 * -1.0, 1.6 / 0.1]
+    body = ball([0.4, 0.0, 0.0], linear_velocity=[0.0, -1.6, -0.5]) | {"angular_velocity": w}
+    surface = {"type": "cylinder", "axis": [0.0, 0.0, 1.0], "radius": 0.5}
+    return scene(body, touch(friction=ROUGH, surface=surface))
+
+
+def off_sphere(friction: dict[str, Any], theta: float, speed: float) -> dict[str, Any]:
+    """A ball at the angle theta from the top of a sphere, going down at `speed`."""
+    down = np.array([math.cos(theta), 0.0, -math.sin(theta)])
+    body = ball([0.6 * math.sin(theta), 0.0, 0.6 * math.cos(theta)], linear_velocity=speed * down)
+    spin = speed / 0.1 if friction is ROUGH else 0.0
+    surface = {"type": "sphere", "radius": 0.5}
+    moving = body | {"angular_velocity": [0.0, spin, 0.0]}
+    return scene(moving, touch(friction=friction, surface=surface))
+
+
+MASSE = ball([0.0, 0.0, 0.1], linear_velocity=[1.0, 0.5, 0.0]) | {
+    "angular_velocity": [4.0, -12.0, 20.0]
+}
+CASES = {
+    "slips, the spin across its way": (scene(MASSE, touch(mu=0.3, kinetic=0.2)), [0.1, 0.4, 1.0]),
+    "bounces on a tilted floor": (tilted_floor(), [0.1, 0.45, 0.8, 1.5]),
+    "falls without rebound": (scene(ball([0.0, 0.0, 0.3]), touch()), [0.1, 0.5]),
+    "turntable": (on_turntable(), [0.3, 1.1]),
+    "cylinder": (in_cylinder(), [0.2, 0.6]),
+    "rolls off a sphere": (off_sphere(ROUGH, 0.3, 0.5), [0.1, 0.3, 0.5]),
+    "over the top and off": (off_sphere(ROUGH, -0.2, 0.9), [0.1, 0.3, 0.6]),
+    "slides off a sphere": (off_sphere({"type": "smooth"}, 0.3, 0.5), [0.1, 0.3, 0.5]),
+    "up, and back": (on_incline(0.5, -1.0, 0.4, 0.3), [0.05, 0.3]),
+    "down, and stays": (on_incline(0.3, 0.5, 0.6, 0.5), [0.1, 1.0]),
+    "begins to slide": (on_incline(0.5, 0.0, 0.4, 0.3), [0.1, 0.2]),
+}
+
+
+def exact_of_contact(mapping: dict[str, Any]) -> Exact | None:
+    return closed_form(compile_scene(scene_from_mapping(mapping)))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_closed_form_is_the_motion(name: str) -> None:
+    mapping, times = CASES[name]
+    times = [0.0, *times]
+    exact = exact_of_contact(mapping)
+    assert exact is not None
+    y = exact.coordinates(np.array(times))
+    run = contact_run(mapping, times, tolerance=1e-12, duration=times[-1]).trajectory
+    assert np.abs(run.position["body"] - y[:, 0:3]).max() < AGREE
+    assert angle_between(run.orientation["body"], y[:, 3:7]).max() < AGREE
+    assert np.abs(run.linear_velocity["body"] - y[:, 7:10]).max() < AGREE
+    spin = np.abs(run.angular_velocity["body"] - y[:, 10:13]).max()
+    assert spin * 0.1 < AGREE
+    assert np.abs(run.contact_work - y[:, 13]).max() < AGREE
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["thrown_ball", "bouncing_ball", "turntable", "sphere_in_cylinder", "sphere_off_sphere",
+     "incline_block"],
+)  # fmt: skip
+def test_shipped_scene_has_its_closed_form(name: str) -> None:
+    assert closed_form(compile_scene(load_scene(CONFIG / f"{name}.yaml"))) is not None
+
+
+def test_a_ladder_measures_contacts_by_their_closed_form() -> None:
+    scene = load_scene(CONFIG / "bouncing_ball.yaml", duration=0.6)
+    runner = Runner(compile_scene(scene), 0.6, sample_times(scene.simulation))
+    true = reference(runner, 30.0)
+    assert "closed form" in true.kind and true.agreement.pose < 1e-9
+
+
+def test_what_is_beyond_the_closed_forms_is_not_taken_for_them() -> None:
+    slipping = MASSE | {"shape": {"type": "sphere", "radius": 0.1}}
+    drag = {"type": "linear_drag", "body": "body", "coefficient": 0.1}
+    tall = box([0.1, 0.1, 1.0], [0.0, 0.0, 0.5], linear_velocity=[1.0, 0.0, 0.0])
+    skew = on_incline(0.3, 0.5, 0.6, 0.5)
+    skew["bodies"]["body"]["linear_velocity"][1] = 0.2
+    for mapping in (
+        scene(slipping, touch(mu=0.2, rolling_resistance=1e-3)),
+        scene(slipping, touch(mu=0.2), drag=drag),
+        scene(slipping | {"inertia": [0.004, 0.004, 0.005]}, touch(mu=0.2)),
+        scene(slipping, touch(friction={"type": "viscous", "coefficient": 1.0})),
+        scene(tall, touch(mu=0.4)),  # would tip
+        skew,
+        off_sphere(ROUGH, 0.3, 3.0),  # leaves at once
+        on_turntable() | {"effects": {}},
+    ):
+        assert exact_of_contact(mapping) is None

@@ -19,6 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -46,6 +47,7 @@ from rb_sim.accuracy.costs import (
     survey,
     typical_step,
 )
+from rb_sim.accuracy.runs import Runner
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.cli.verbs.explain import counted, notes, print_explanation
 from rb_sim.cli.verbs.explain import explain as explain_verb
@@ -246,3 +248,24 @@ def test_rows_of_what_may_open_are_told_apart(parts: list[tuple[str, int]], word
         console,
     )  # fmt: skip
     assert words in console.export_text()
+
+
+# Runs of a scene that take too long are broken off, and count as failed.
+
+
+def run_with(limit: float) -> tuple[bool, float]:
+    """(whether the run came to its end, its cost) of a ball that bounces a few times."""
+    mapping = scene(ball([0.0, 0.0, 0.2]), touch(restitution=0.2))
+    compiled = compile_scene(scene_from_mapping(mapping))
+    runner = Runner(compiled, 0.5, np.array([0.0, 0.5]))
+    runner.limit = limit
+    setting = Setting("rk4", step=0.1)
+    rows, _ = runner.sampled(setting)
+    return bool(np.isfinite(rows[-1]).all()), runner.cost(setting, 1e-6)
+
+
+def test_a_run_from_event_to_event_is_broken_off_at_the_limit() -> None:
+    done, cost = interpreted(run_with, math.inf)
+    assert done and math.isfinite(cost)
+    done, cost = interpreted(run_with, 0.0)
+    assert not done and cost == math.inf

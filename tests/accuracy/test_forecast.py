@@ -33,8 +33,6 @@ from rb_sim.numerics import kernels as own_time_module
 from rb_sim.numerics.kernels import LOOP, own_time
 from rb_sim.scene.compile import compile_scene
 
-YEAR = 365.25 * 86400.0
-
 
 class Clock:
     """Shows what it is set to."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Velocities of somebody else's bag, in the axes that their frame names."""
+"""Motions in bags of somebody else: velocities in the axes of their frame, joint states."""
 
 from __future__ import annotations
 
@@ -16,10 +16,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
+import rb_sim
+from rb_sim.bags.compare import summary
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import SinkError
+from rb_sim.cli.verbs.replay import replay
+from rb_sim.io.bag.sink import BagSink
+from rb_sim.scene.load import load_scene
+from rb_sim.simulation.simulation import Simulation
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import POSE, TWIST, P, Q, T, pose, writing
 
@@ -90,3 +98,103 @@ def test_a_bag_that_is_broken_says_so(tmp_path):
     path.write_bytes(data)
     with pytest.raises(SinkError, match=r"no pose in it .*; .*(damaged|checksum)"):
         tracks_of_bag(path)
+
+
+# Joint states of somebody else's bag place the bodies of a scene: compare and fit take them.
+
+
+SCENE = """\
+bodies:
+  cart: {{mass: 2.0, inertia: [1, 1, 1], position: [0.1, 0.2, 0.3]}}
+  arm:
+    mass: {mass}
+    inertia: [0.1, 0.1, 0.02]
+    center_of_mass: [0, 0, 0.5]
+    position: [0.1, 0.2, 0.3]
+    orientation: {{axis: [0, 1, 0], angle: 0.5}}
+  tip:
+    mass: 0.5
+    inertia: [0.01, 0.01, 0.01]
+    position: [0.579425538604203, 0.2, 1.177582561890373]
+constraints:
+  rail: {{type: translation, body: cart, guide: {{type: line, direction: [0.6, 0.8, 0]}}}}
+  left-pin: {{type: fixed_axis, body: arm, parent: cart, axis_B: [0, 1, 0]}}
+  glue: {{type: weld, body: tip, parent: arm}}
+effects: {{weight: {{type: gravity}}}}
+simulation: {{duration: 0.5, rate: 50}}
+"""
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory) -> tuple[Path, Path, Path]:
+    """Scene, our bag of it, and one of somebody else with its joint states alone."""
+    folder = tmp_path_factory.mktemp("joints")
+    path = folder / "crane.yaml"
+    path.write_text(SCENE.format(mass=1.0))
+    scene = load_scene(path)
+    simulation = Simulation(scene)
+    sink = BagSink(folder / "ours")
+    sink.open(scene, simulation.layout)
+    for block in simulation.blocks(0.5, 50.0):
+        sink.write(block)
+    sink.close()
+    writer = Writer(folder / "theirs", version=9, storage_plugin=StoragePlugin.MCAP)
+    kind = "sensor_msgs/msg/JointState"
+    with AnyReader([folder / "ours"], default_typestore=foreign.STORE) as reader, writer:
+        mine = [c for c in reader.connections if c.topic == "/rb_sim/joint_states"]
+        there = writer.add_connection("/joint_states", kind, typestore=foreign.STORE)
+        for _, time, data in reader.messages(mine):
+            writer.write(there, time, data)
+    return path, folder / "ours", folder / "theirs"
+
+
+def test_they_are_the_poses_that_we_recorded(bags):
+    path, ours, theirs = bags
+    mine, found = tracks_of_bag(ours), tracks_of_bag(theirs, load_scene(path))
+    assert set(found.bodies) == {"cart", "arm", "tip"}
+    for body, track in found.bodies.items():
+        np.testing.assert_allclose(track.position, mine.bodies[body].position, atol=1e-8)
+        turn = np.abs(np.sum(track.orientation * mine.bodies[body].orientation, axis=1))
+        np.testing.assert_allclose(turn, 1.0, atol=1e-12)
+
+
+def test_compare_lays_the_scene_beside_them(bags):
+    path, _, theirs = bags
+    told = summary(rb_sim.compare(theirs, path, align="none"), {})
+    assert set(told["differences"]) == {"cart", "arm", "tip"}
+    assert all(row["position"]["max"] < 1e-6 for row in told["differences"].values())
+
+
+def test_fit_finds_a_mass_by_them(bags, tmp_path):
+    """The cart's way tells the ratio of the masses."""
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(SCENE.format(mass=1.02))
+    found = rb_sim.fit(bags[2], ["bodies.arm.mass"], scene=wrong)
+    assert found.values[0] == pytest.approx(1.0, rel=1e-4)
+
+
+def test_one_line_says_that_none_is_of_the_scene(bags, tmp_path):
+    _, _, theirs = bags
+    other = tmp_path / "other.yaml"
+    other.write_text(SCENE.format(mass=1.0).replace("rail", "beam").replace("left-pin", "axle"))
+    with pytest.raises(SinkError) as caught:
+        tracks_of_bag(theirs, load_scene(other))
+    line = "its joint states are of rail, left_pin; the scene's joints are beam, axle"
+    assert line in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_without_a_scene_they_are_no_poses(bags):
+    with pytest.raises(SinkError, match="no pose in it"):
+        tracks_of_bag(bags[2])
+
+
+def test_replay_draws_them_with_a_scene(bags, tmp_path):
+    """A recording of poses, which the joint states alone do not give; ours has its own scene."""
+    path, ours, theirs = bags
+    file = tmp_path / "theirs.rrd"
+    replay(theirs, save=file, scene=str(path))
+    assert b"tip" in file.read_bytes()
+    with pytest.raises(SinkError, match="no pose in it"):
+        replay(theirs, save=file)
+    with pytest.raises(SinkError, match="--scene: .* has its own scene"):
+        replay(ours, save=file, scene=str(path))

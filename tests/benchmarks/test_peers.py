@@ -7,16 +7,28 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The peer benchmark measures what it says: scenes, error, choice of the cheapest, skipping."""
+"""The peer benchmarks measure what they say: scenes, references, errors, verdicts."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.hard_cases import compare
+from benchmarks.hard_cases.compare import judged_checks, said
+from benchmarks.hard_cases.described import CannotExpressError, described
 from benchmarks.peers import __main__ as command
-from benchmarks.peers import engine_scipy, measure, report, scenes
+from benchmarks.peers import check, engine_scipy, measure, report, scenes
 from benchmarks.peers.engine import steps
 from benchmarks.peers.reference import Reference, pose_error
-from rb_sim import load_scene
+from rb_sim import Simulation, load_scene
+from rb_sim.base.errors import RbSimError
+from rb_sim.cli.verbs.hard_cases import shipped
+from rb_sim.hard_cases.judge import Row, load_cases
+from rb_sim.hard_cases.report import PeerRow, beside
 
 
 @pytest.mark.parametrize("name", scenes.NAMES)
@@ -127,3 +139,143 @@ def test_a_page_shows_costs_and_ways_in_tables_that_fit_on_it() -> None:
     assert "| 1e-01 | 7.3e-03 | 2.0e-04 | 6.0e-06 |" in lines
     assert "| 1e-01 | mujoco RK4 1e-01 | rk4 1e-01 | 1.2e+03 | - |" in lines
     assert "| 1e-02 | none | auto 1e-02 | - | - |" in lines
+
+
+# The reference motions of the peer benchmark agree with independent derivations.
+
+
+SHORT = {"free_tumble": 2.0, "gazebo_boxes": 2.0, "pendulum": 3.0, "rolling_sphere": 2.0}
+"""Horizon of the comparison with the closed form [s]: within it doubles keep 13 digits."""
+
+
+def short(name: str, duration: float) -> scenes.Scene:
+    return scenes.load(name)._replace(duration=duration)
+
+
+@pytest.mark.parametrize("name", sorted(check.CLOSED_FORMS))
+def test_reference_agrees_with_the_closed_form(name: str) -> None:
+    scene = short(name, SHORT[name])
+    closed = check.CLOSED_FORMS[name](scene, scene.times)
+    true = Reference(scene).pose(scene.times)
+    assert pose_error(*closed, *true).max() < 2e-13
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "rolling_disk"])
+def test_reference_agrees_with_newton_euler_where_no_closed_form_exists(name: str) -> None:
+    scene = short(name, 0.1 if name == "heavy_top" else 0.5)
+    other = check.constrained(scene, scene.times)
+    true = Reference(scene).pose(scene.times)
+    # 1e-13 per unit of state over 15 rad of spin (top) and a metre of path (disk)
+    assert pose_error(*other, *true).max() < 1e-11
+
+
+def test_reference_is_the_initial_state_at_the_start() -> None:
+    for name in scenes.NAMES:
+        scene = short(name, 0.25)
+        position, quaternion = Reference(scene).pose(np.zeros(1))
+        start = scene.position[None], scene.quaternion[None]
+        assert pose_error(position, quaternion, *start).max() < 1e-15
+
+
+def test_pose_error_takes_the_sign_of_a_quaternion_and_counts_nan_as_infinite() -> None:
+    half = 0.5 * 1e-9
+    identity = np.array([[0.0, 0.0, 0.0, 1.0]])
+    turned = -np.array([[np.sin(half), 0.0, 0.0, np.cos(half)]])
+    zero = np.zeros((1, 3))
+    assert pose_error(zero, turned, zero, identity)[0] == pytest.approx(1e-9, rel=1e-12)
+    assert pose_error(zero + 3.0, turned, zero, identity)[0] == pytest.approx(np.sqrt(27.0))
+    assert pose_error(zero + np.nan, turned, zero, identity)[0] == np.inf
+
+
+# Cases on other engines: the same motion in each, honest verdicts, a line where one lacks.
+
+
+ROD = {"mass": 1.0, "inertia": [0.02, 0.1, 0.09], "center_of_mass": [0.0, 0.1, -0.5]}
+HINGE = {"type": "fixed_axis", "body": "a", "axis_B": [0.0, 1.0, 0.0]}
+LINK = {"type": "fixed_axis", "body": "b", "parent": "a", "axis_B": [0.0, 1.0, 0.0]}
+SCENES: dict[str, Any] = {
+    "thrown": {
+        "bodies": {
+            "a": ROD
+            | {
+                "orientation": {"axis": [1.0, 2.0, 3.0], "angle": 0.7},
+                "angular_velocity": [1.0, -2.0, 0.5],
+                "linear_velocity": [0.3, 0.0, 2.0],
+            }
+        },
+        "effects": {"weight": {"type": "gravity"}},
+    },
+    "two rods": {
+        "bodies": {
+            "a": ROD | {"angular_velocity": [0.0, 1.0, 0.0]},
+            "b": ROD | {"position": [0.0, 0.0, -1.0], "linear_velocity": [-1.0, 0.0, 0.0],
+                        "angular_velocity": [0.0, 1.0, 0.0]},
+        },
+        "constraints": {"hinge": HINGE, "link": LINK},
+        "effects": {"weight": {"type": "gravity"}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("engine", compare.ENGINES)
+def test_an_engine_is_told_the_same_scene(engine: str, name: str) -> None:
+    """Pose and twist of every body agree with rb_sim to the engine's order."""
+    pytest.importorskip("pydrake" if engine == "drake" else engine)
+    module = compare.loaded(engine)
+    scene = load_scene(SCENES[name] | {"simulation": {"duration": 0.5, "rate": 10.0}})
+    method = "TrapezoidalIndex2" if engine == "exudyn" else module.METHODS[0]
+    rows = module.run(described(scene), method, 1e-3, 6, 100)
+    block = Simulation(scene, announce=None).run().block
+    columns = (block.position, block.orientation, block.linear_velocity, block.angular_velocity)
+    ours = np.concatenate(columns, axis=2)
+    sign = np.sign((rows[:, :, 3:7] * ours[:, :, 3:7]).sum(axis=2, keepdims=True))
+    rows[:, :, 3:7] *= sign
+    np.testing.assert_allclose(rows, ours, atol=1e-4)
+
+
+def test_what_an_engine_has_no_word_for_is_named() -> None:
+    scene = load_scene(shipped_case("bennett_linkage"))
+    with pytest.raises(CannotExpressError, match="constraint j3"):
+        described(scene)
+
+
+def shipped_case(name: str) -> Any:
+    (case,) = load_cases(shipped(), [name])
+    return case.scene
+
+
+def test_figures_of_reactions_are_left_out() -> None:
+    (case,) = load_cases(shipped(), ["rotor_1e4"])
+    layout = Simulation(load_scene(case.scene), announce=None).layout
+    assert [check.formula for check in judged_checks(case, layout)] == ["rotor_wz/1e4 - 1"]
+
+
+def test_an_engine_that_is_better_is_said_to_be() -> None:
+    assert said(1e-9, 1e-8, 1e-7) == "holds, better than rb_sim"
+    assert said(1e-7, 1e-8, 1e-7) == "fails by 10, equal to rb_sim"
+    assert said(1e-5, 1e-8, 1e-7) == "fails by 1e+03"
+    row = PeerRow("c", "drake", "energy", "m", 1e-3, 1e-9, 1e-8, 1e-7, 0.1, "holds")
+    assert "| c | drake | energy | m | 0.001 | 1e-09 | 1e-08 | 1e-07 | 0.1 | holds |" in beside(
+        [row]
+    )
+
+
+def test_an_engine_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> Any:
+        raise ImportError("No module named 'mujoco'")
+
+    monkeypatch.setattr(importlib, "import_module", absent)
+    with pytest.raises(
+        RbSimError, match=r"mujoco cannot be imported .* pip install 'rb_sim\[peers\]'"
+    ):
+        compare.loaded("mujoco")
+
+
+def test_a_check_is_compared_with_its_own_rows() -> None:
+    """Two formulas of one bound, two settings: the rows come check by check."""
+    (case,) = load_cases(shipped(), ["nanometre_beside_metre"])
+    ours = [
+        Row("c", "m", "h", "formula", figure, 1e-8, 0.1, "holds", "") for figure in (3, 1, 2, 4)
+    ]
+    assert [compare.least_of(case, check, ours) for check in case.checks] == [2, 1]

@@ -11,8 +11,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,10 +28,12 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.types import wrench
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
+from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact import contact_laws as contact_loops
 from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
+from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.numerics.kernels import by_address
 from rb_sim.numerics.vectors import scale, sin, where
 from rb_sim.scene.compiled import forget
@@ -218,3 +222,43 @@ def test_contacts_that_change_without_end_are_told(height: float, chatters: bool
     assert set(found) == ({"events"} if chatters else set())
     if chatters:
         assert found["events"].where == "floor" and found["events"].t <= 2.0
+
+
+# A run that ends in an error is looked at to its last sample, too.
+
+
+SCENE_FAILED = """
+bodies: {b: {mass: 1.0, inertia: [1, 2, 3], angular_velocity: [1, 0, 0]}}
+simulation: {duration: 100.0, rate: 100.0, method: rk4, step: 0.01}
+"""
+"""10,001 samples."""
+
+EARLIER = 5
+"""Samples before the end."""
+
+
+def test_what_the_last_block_of_a_run_that_fails_shows_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE_FAILED)
+    assert run(RunOptions(str(path), quiet=True)) == 0
+    assert "warning" not in capfd.readouterr().err
+    blocks = Simulation.blocks
+
+    def ends_early(simulation: Simulation, *given: Any) -> Iterator[SampleBlock]:
+        last = None
+        for block in blocks(simulation, *given):
+            if last is not None:
+                yield last
+            last = block
+        assert last is not None
+        spin = last.angular_velocity.copy()
+        spin[-EARLIER] = 1e4
+        yield replace(last, angular_velocity=spin)
+        raise SimulationError("no step is small enough")
+
+    monkeypatch.setattr(Simulation, "blocks", ends_early)
+    assert run(RunOptions(str(path), quiet=True)) == FAILED
+    said = capfd.readouterr().err
+    assert "rotation in one step" in said and "no step is small enough" in said

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +20,8 @@ import pytest
 
 from rb_sim.checks.balance import Ledger
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
-from rb_sim.scene.listing import list_scenes
 from rb_sim.scene.load import load_scene
-from tests.cli.process import environment, invoke
+from tests.cli.process import invoke
 
 BOUNCE = """\
 bodies:
@@ -125,29 +122,3 @@ def test_counts_do_not_grow_with_the_run():
     assert told is not None
     assert told["events"] == {"impact": 1000} and len(told["first_events"]) == 10
     assert told["impulses"] == {"floor": [0.0, 0.0, 1000.0]}
-
-
-START = """
-import sys
-from rb_sim import Simulation, load_scene
-for path in sys.argv[1:]:
-    simulation = Simulation(load_scene(path))
-    print(simulation.scene.name, sum(1 for e in simulation.events if e.t == 0.0))
-"""
-
-
-def test_shipped_contact_scenes_start():
-    """Every one compiles and finds the modes of its contacts at the start."""
-    paths = [s.path for s in list_scenes() if "type: contact" in s.path.read_text()]
-    done = subprocess.run(
-        [sys.executable, "-c", START, *map(str, paths)],
-        env=environment(RB_SIM_INTERPRETED="1"),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    told = dict(line.split() for line in done.stdout.splitlines())
-    assert len(told) == len(paths) >= 16
-    assert told["thrown_ball"] == "2"  # closes, slips
-    assert told["incline_block"] == "8"  # the same at the four lower corners
-    assert told["bouncing_ball"] == told["colliding_spheres"] == told["dropped_box"] == "0"

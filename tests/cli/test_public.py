@@ -7,20 +7,30 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The verbs as functions, and what a run is written as."""
+"""The verbs as functions, what a run is written as, and what `linearize` and tables say."""
 
 from __future__ import annotations
 
 import csv
+import json
+from math import cos, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
 import rb_sim
+from rb_sim import RbSimError, Simulation
+from rb_sim.cli.verbs.compare import CompareOptions, compare
+from rb_sim.cli.verbs.info import info
+from rb_sim.cli.verbs.linearize import linearize
 from rb_sim.io.bag.sink import BagSink
+from tests.bags.analysis.foreign import EPOCH, STORE, pose_stamped, swing
+from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
 
 SPINNING = {
     "bodies": {
@@ -123,3 +133,128 @@ def test_run_takes_values_and_scenes_shows_one(capsys: pytest.CaptureFixture[str
 
     shown = CliRunner().invoke(app, ["scenes", "pendulum", "--show"])
     assert rb_sim.load_scene(shown.stdout).bodies.keys() == {"rod"}
+
+
+# What `rb_sim linearize` says: eigenvalues tell of growth only where the motion is steady.
+
+
+UNSTEADY = "not steady in these axes"
+
+
+@pytest.fixture
+def said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Of a scene with options, what the command prints."""
+
+    def of(scene: dict[str, Any], axes: str = "world", turning: float = 0.0) -> str:
+        path = tmp_path / "scene.yaml"
+        path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+        assert linearize(path, 0.0, axes, turning, None) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    return of
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.5, True), (2.0, False)])
+def test_a_sleeping_top_is_steady_and_grows_below_its_threshold(
+    said: Any, share: float, grows: bool
+) -> None:
+    text = said(top(share * THRESHOLD))
+    assert UNSTEADY not in text
+    assert ("grows" in text) is grows
+
+
+def test_a_disk_that_rolls_in_a_circle_is_steady_in_axes_that_turn_with_it(said: Any) -> None:
+    scene, _ = disk(0.3, 1.2)
+    assert UNSTEADY not in said(scene, turning=1.2)
+    assert UNSTEADY in said(scene)
+    assert UNSTEADY in said(scene, turning=1.1)
+
+
+def test_of_a_motion_that_is_not_steady_no_mode_is_said_to_grow(said: Any) -> None:
+    """A top that falls: at one instant its model has a positive eigenvalue."""
+    scene = top(0.0)
+    scene["bodies"]["top"] |= {
+        "angular_velocity": [1.0, 0.0, 0.0],
+        "linear_velocity": [0.0, -LEVER, 0.0],
+    }
+    text = said(scene)
+    assert UNSTEADY in text
+    assert "grows" not in text
+
+
+def test_contacts_are_refused_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To come to t = 1 s the loops of contacts would be compiled first, for a minute."""
+    monkeypatch.setattr(Simulation, "advance", lambda *_: pytest.fail("moved"))
+    with pytest.raises(RbSimError, match="linearize: the scene has contacts"):
+        linearize("bouncing_ball", 1.0, "world", 0.0, None)
+
+
+def test_json_has_the_model_and_the_table_the_matrices(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both have A of a sleeping top; modes of the JSON are the eigenvalues of its A."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(yaml.safe_dump(top(2.0 * THRESHOLD)), encoding="utf-8")
+    assert linearize(path, 0.0, "world", 0.0, None, as_json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    values = np.linalg.eigvals(np.array(found["A"]))
+    modes = [complex(mode["real"], mode["imaginary"]) for mode in found["modes"]]
+    assert all(np.abs(values - mode).min() < 1e-6 for mode in modes)
+    assert len(found["A"]) == len(found["states"]) == 6
+    assert len(found["C"]) == len(found["outputs"])
+    assert linearize(path, 0.0, "world", 0.0, None) == 0
+    table = capsys.readouterr().out.splitlines()
+    row = next(line for line in table if line.split()[:1] == [found["states"][-1]])
+    np.testing.assert_allclose(list(map(float, row.split()[1:])), found["A"][-1], rtol=1e-4)
+
+
+def test_off_equilibrium_the_advice_is_to_start_at_one(said: Any) -> None:
+    scene = top(0.0)
+    scene["bodies"]["top"]["orientation"] = {"axis": [1, 0, 0], "angle": 0.3}
+    scene["bodies"]["top"]["position"] = [0.0, -LEVER * sin(0.3), LEVER * cos(0.3)]
+    assert "Start the scene in an equilibrium at rest" in said(scene)
+
+
+# Names and units stand in tables as they are, whatever a terminal might make of them.
+
+
+NAMES = ("/[/]", "/[bold]arm[/bold]", "/:smile:", "/[s]")
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag whose topics look like rich's markup and emoji."""
+    folder = tmp_path_factory.mktemp("odd") / "bag"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic in NAMES:
+            kind, _ = pose_stamped(0.0, [0.0] * 3, [0.0, 0.0, 0.0, 1.0])
+            connection = writer.add_connection(topic, kind, typestore=STORE)
+            for t, p, q in zip(*swing(40), strict=True):
+                message = bytes(STORE.serialize_cdr(pose_stamped(t, p, q)[1], kind))
+                writer.write(connection, round((EPOCH + t) * 1e9), message)
+    return folder
+
+
+def test_info(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    assert info(odd, as_json=False) == 0
+    out = capsys.readouterr().out
+    for text in (*NAMES, "jitter [ms]", "longest [s]", "rate [Hz]"):
+        assert text in out
+
+
+def test_compare(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    assert compare(CompareOptions(odd, str(odd))) == 0
+    out = capsys.readouterr().out
+    for text in (*NAMES, "position [m]", "angle [rad]", "at t [s]", "growth [1/s]"):
+        assert text in out
+
+
+def test_analyze(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    from rb_sim.cli.verbs.analyze import AnalyzeOptions, analyze
+
+    monkeypatch.setenv("COLUMNS", "160")
+    assert analyze(AnalyzeOptions(odd)) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in NAMES)

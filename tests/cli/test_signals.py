@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Signals to verbs that log no run: what they keep for a while is removed."""
+"""Signals before a verb begins, and while verbs run that log no run."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ import pytest
 from rb_sim.cli.main import _exit_code
 from rb_sim.simulation import signals
 from rb_sim.simulation.signals import Interruption, terminable
+from tests.cli.process import PATIENCE, environment
 
 
 @pytest.fixture(autouse=True)
@@ -208,3 +209,93 @@ def test_what_a_script_starts_in_the_background_hears_sigint_and_nohup_is_kept()
     command = f"trap '' HUP; {sys.executable} -c '{IN_A_SCRIPT}' & wait"
     ended = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
     assert ended.stdout.split() == ["None", "SIGINT"], ended.stderr
+
+
+# The command's first steps, before any verb has the signals in hand.
+
+
+STRUCK = """
+import os, signal, sys
+class Finder:
+    '''Sends a signal when a module is about to be imported.'''
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), {number})
+sys.meta_path.insert(0, Finder())
+sys.argv = ["rb_sim", "scenes"]
+from rb_sim.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["typer", "rb_sim.cli.options"])
+def test_a_signal_while_the_verbs_are_imported_ends_in_one_line(number, module):
+    code = STRUCK.format(module=module, number=int(number))
+    ended = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True,
+        timeout=PATIENCE,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout) == (128 + number, "")
+    assert ended.stderr == "interrupted\n"
+
+
+def test_the_command_is_a_module_too():
+    ended = subprocess.run(
+        [sys.executable, "-m", "rb_sim", "--version"], env=environment(), capture_output=True,
+        text=True, timeout=PATIENCE,
+    )  # fmt: skip
+    assert ended.returncode == 0 and ended.stdout.startswith("rb_sim ")
+
+
+PARSING = """
+import os, signal, sys, typer.main
+made = typer.main.get_command
+def struck(*arguments, **keywords):
+    os.kill(os.getpid(), {number})
+    return made(*arguments, **keywords)
+typer.main.get_command = struck
+sys.argv = ["rb_sim", "scenes"]
+from rb_sim.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_command_line_is_read_ends_in_one_line(number):
+    """Ctrl-C there ended in a traceback, or without a word."""
+    ended = subprocess.run(
+        [sys.executable, "-c", PARSING.format(number=int(number))], env=environment(),
+        capture_output=True, text=True, timeout=PATIENCE,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", "interrupted\n")
+
+
+THREADS = """
+import os, sys
+sys.argv = ["rb_sim", "--help"]
+from {module} import main
+try:
+    main()
+except SystemExit:
+    pass
+import scipy.linalg
+print("threads:", len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.parametrize("module", ["rb_sim.__main__", "rb_sim.ros.main"])
+def test_small_matrices_are_not_shared_among_threads(module):
+    """OpenBLAS made one for each core, and the last digits of a bag hung on how many there were."""
+    if module == "rb_sim.ros.main":
+        pytest.importorskip("rclpy")
+    without = {k: v for k, v in environment().items() if k != "OPENBLAS_NUM_THREADS"}
+
+    def threads(environ: dict[str, str]) -> str:
+        ended = subprocess.run(
+            [sys.executable, "-c", THREADS.format(module=module)], env=environ,
+            capture_output=True, text=True, timeout=PATIENCE,
+        )  # fmt: skip
+        return ended.stdout.splitlines()[-1]
+
+    assert threads(without) == threads(without | {"OPENBLAS_NUM_THREADS": "1"})

@@ -19,12 +19,20 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
+from rb_sim.base.errors import RbSimError, SinkError
+from rb_sim.cli.verbs.analyze import AnalyzeOptions, analyze
+from rb_sim.cli.verbs.compare import CompareOptions, compare
 from rb_sim.cli.verbs.run import RunOptions, run
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.recover import recover_bag
+from rb_sim.simulation.outputs import writing
+from tests.bags.analysis import foreign
 from tests.cli.process import COMMAND, PATIENCE, environment, lines, rb_sim, start, wait_until
 
 ENDLESS = ("--duration", 1e9)
@@ -190,3 +198,50 @@ def test_vanished_folder_drops_the_logs_and_goes_on(tumble, tmp_path):
     assert any("summary.json" in line for line in warnings)
     assert "Traceback" not in stderr
     assert not out.exists()
+
+
+# Verbs whose results do not fit: one line, and no half copy of a bag.
+
+
+@contextmanager
+def small_files(size: int) -> Iterator[None]:
+    """No file may have more bytes: RLIMIT_FSIZE stands for a full disk. Python would keep what it
+    compiles meanwhile cut off, too."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = kept
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory) -> Path:
+    return foreign.write(tmp_path_factory.mktemp("full") / "bag")
+
+
+@pytest.mark.parametrize("verb", ["analyze", "compare"])
+def test_results_that_do_not_fit_are_told_in_one_line(verb, bag, tmp_path):
+    out = tmp_path / "out"
+    with small_files(200), pytest.raises(RbSimError) as caught:
+        if verb == "analyze":
+            analyze(AnalyzeOptions(bag, out))
+        else:
+            compare(CompareOptions(bag, str(bag), out=out))
+    assert str(caught.value) == f"--out {out}: cannot write there: File too large"
+
+
+def test_what_is_said_of_a_folder(tmp_path):
+    with pytest.raises(RbSimError, match="^--out .*out: cannot write there: No space left$"):
+        with writing(tmp_path / "out"):
+            raise OSError(28, "No space left")
+
+
+@pytest.mark.parametrize("size", [0, 200, 20_000])
+def test_a_copy_that_does_not_fit_is_removed(size, bag, tmp_path):
+    """At its first byte, in its first chunk, and when it is finished."""
+    with small_files(size), pytest.raises(SinkError, match="cannot recover: File too large$"):
+        recover_bag(bag, tmp_path / "copy")
+    assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What is compiled gives what plain Python gives."""
+"""What is compiled gives what plain Python gives; what cannot be is refused with its place."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from rb_sim.compiler.program import Entry
+from rb_sim.compiler.translate import CompileError
 from tests.compiler import functions
 
 REALS = (-2.75, 0.4, 3.0)
@@ -126,3 +127,69 @@ def test_each_combination_of_kinds_is_a_program_of_its_own() -> None:
     assert entry(1.0, 2.0, 3)[2] == 3
     assert entry(1, 2, 3) == functions.extremes(1, 2, 3)
     assert isinstance(entry(1, 2, 3)[0], int)
+
+
+# What cannot be compiled is told with its place; nothing is guessed.
+
+
+def undefined(x):
+    return x + nothing_of_this_name  # noqa: F821  # pyright: ignore
+
+
+def lists(x):
+    return [x, x]
+
+
+def two_kinds(x):
+    y = x
+    if x > 0.0:
+        y = (x, x)
+    return y
+
+
+def itself(x):
+    return itself(x - 1.0) if x > 0.0 else x
+
+
+def too_many(x):
+    return once(x, x)
+
+
+def once(x):
+    return x
+
+
+def attribute(x):
+    return x.shape
+
+
+def strided_part(a):
+    return a[:, 1:3][0, 0]
+
+
+REFUSED = [
+    (undefined, (1.0,), "nothing_of_this_name has no value"),
+    (lists, (1.0,), "List is not compiled"),
+    (two_kinds, (1.0,), r"real and \(real, real\)"),
+    (itself, (1.0,), "itself calls itself"),
+    (too_many, (1.0,), "once takes 1 arguments"),
+    (attribute, (1.0,), "real has no shape"),
+    (strided_part, (np.zeros((3, 4)),), "does not lie in one piece"),
+]
+
+
+@pytest.mark.parametrize("function, arguments, words", REFUSED)
+def test_what_is_not_compiled_is_told_with_its_line(
+    function, arguments, words, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
+    with pytest.raises(CompileError, match=words) as error:
+        Entry(function)(*arguments)
+    assert "test_translate.py" in str(error.value) or function is itself
+
+
+def test_what_no_slot_holds_is_refused():
+    with pytest.raises(TypeError, match="dict is nothing that a compiled function takes"):
+        Entry(once)({})
+    with pytest.raises(TypeError, match="C-contiguous"):
+        Entry(once)(np.zeros((4, 4))[:, 1])

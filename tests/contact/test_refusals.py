@@ -7,16 +7,20 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a contact cannot be is refused in one clear line."""
+"""What a contact cannot be is refused in one line; overlaps at the start are moved apart."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rb_sim import load_scene
+from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
+from rb_sim.mechanics.contact.contact_bodies import GAP, SLIP, TOUCH_WIDTH
+from rb_sim.scene import compile_contacts
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, body, box, scene, touch
 
@@ -112,3 +116,166 @@ def test_penetration_may_be_projected_away() -> None:
 
 def test_a_soft_support_may_be_pressed_in_at_the_start() -> None:
     compile_scene(load_scene(scene(ball([0, 0, 0.09]), touch(compliance={"stiffness": 1e3}))))
+
+
+# With `project_initial` bodies that overlap at the start are moved apart, whatever their velocity.
+#
+# Without mass elsewhere, least mass-weighted way means: two free bodies keep their centre of mass
+# and part along the normal; what nobody pushes stays where it is.
+
+
+BALL_START = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+G = 9.81
+
+
+def scene_of_start(bodies: Any, constraints: Any, gravity: float = G, **options: Any) -> Any:
+    return load_scene(
+        {
+            "bodies": bodies,
+            "constraints": constraints,
+            "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -gravity]}},
+            "simulation": {"duration": 0.02, "rate": 100.0, "project_initial": True} | options,
+        }
+    )
+
+
+@pytest.mark.parametrize("rise", [1.0, -1.0])
+def test_a_ball_in_the_floor_starts_on_it(rise: float) -> None:
+    """z = r + v t - g t^2 / 2 from there; what falls bounces at once."""
+    bodies = {"b": BALL_START | {"position": [0.0, 0.0, 0.05], "linear_velocity": [0.0, 0.0, rise]}}
+    floor = {"floor": {"type": "contact", "body": "b", "restitution": 0.5}}
+    found = Simulation(scene_of_start(bodies, floor)).run()
+    v = 1.0 if rise > 0.0 else 0.5
+    expected = 0.1 + v * found.t - 0.5 * G * found.t**2
+    np.testing.assert_allclose(found.position["b"][:, 2], expected, rtol=0.0, atol=1e-11)
+    assert float(found.residual.max()) < 1e-12
+
+
+def test_a_string_that_starts_too_long_draws_its_ends_together() -> None:
+    """Masses 1 and 3, 0.8 m apart on a string of 0.5 m, recede at 1 m/s: their centre stays, and
+    the string, with a restitution of 0.5, lets them approach at 0.5 m/s."""
+    bodies = {
+        "a": BALL_START | {"mass": 3.0},
+        "b": BALL_START | {"position": [0.8, 0.0, 0.0], "linear_velocity": [1.0, 0.0, 0.0]},
+    }
+    rope = {"type": "string", "body": "b", "parent": "a", "point_A": [0.0] * 3, "length": 0.5}
+    rope |= {"restitution": 0.5}
+    found = Simulation(scene_of_start(bodies, {"rope": rope}, gravity=0.0)).run()
+    centre, apart = 0.2 + 0.25 * found.t, 0.5 - 0.5 * found.t
+    np.testing.assert_allclose(found.position["a"][:, 0], centre - 0.25 * apart, atol=1e-12)
+    np.testing.assert_allclose(found.position["b"][:, 0], centre + 0.75 * apart, atol=1e-12)
+
+
+def test_the_joints_hold_while_bodies_are_moved_apart() -> None:
+    """A ball on an arm of 0.4 m about a fixed point, in a wall at x = 0.3 by 5 cm: it starts on its
+    sphere about the point and beside the wall, moving on the sphere."""
+    arm = {"type": "fixed_point", "body": "b", "point_B": [-0.4, 0.0, 0.0]}
+    wall = {"type": "plane", "point": [0.3, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]}
+    turn = np.arccos(0.25 / 0.4)
+    ball = BALL_START | {
+        "position": [0.25, 0.0, -0.4 * np.sin(turn)],
+        "orientation": {"axis": [0.0, 1.0, 0.0], "angle": turn},
+    }
+    constraints = {
+        "arm": arm,
+        "wall": {"type": "contact", "body": "b", "surface": wall, "restitution": 1.0},
+    }
+    found = Simulation(scene_of_start({"b": ball}, constraints)).run()
+    p = found.position["b"]
+    np.testing.assert_allclose(np.linalg.norm(p, axis=1), 0.4, rtol=0.0, atol=1e-10)
+    assert p[0, 0] == pytest.approx(0.2, abs=1e-12)
+    assert float(found.residual.max()) < 1e-10
+
+
+def test_a_gap_that_is_too_narrow_is_refused() -> None:
+    """A ball of 0.2 m between a floor and a ceiling 0.15 m apart."""
+    ceiling = {"type": "plane", "point": [0.0, 0.0, 0.15], "normal": [0.0, 0.0, -1.0]}
+    constraints = {
+        "floor": {"type": "contact", "body": "b"},
+        "ceiling": {"type": "contact", "body": "b", "surface": ceiling},
+    }
+    body = {"b": BALL_START | {"position": [0.0, 0.0, 0.1]}}
+    with pytest.raises(SceneError) as caught:
+        Simulation(scene_of_start(body, constraints))
+    text = str(caught.value)
+    assert "has an overlap" in text and "\n" not in text
+
+
+ROUNDING = (0.0, 1e-13, -1e-13, 1e-12, -1e-12)
+"""Gaps [m] of what touches, as rounding leaves them."""
+SETTINGS = {
+    "dopri853": {"method": "dopri853", "tolerance": 1e-10},
+    "rk4": {"method": "rk4", "step": 1e-3},
+    "time_stepping": {"method": "time_stepping", "step": 1e-3},
+}
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+@pytest.mark.parametrize("gap", ROUNDING)
+def test_a_start_that_overlaps_or_grazes_by_rounding_touches(method: str, gap: float) -> None:
+    """What rubs rolls after 2 v / (7 mu g), at 5/7 of its speed; what falls bounces at once, to e v
+    and mu (1 + e) v less along; what rises is free."""
+    mu, e = 0.3, 0.5
+    late = 1e-3 if method == "time_stepping" else 0.0  # of first order: by a step of speed or way
+    floor = {"type": "contact", "body": "b", "restitution": e}
+    contact = {"floor": floor | {"friction": {"type": "coulomb", "static": mu}}}
+    cases = (
+        (0.0, G, [5.0 / 7.0, 0.0], 0.0),
+        (-0.5, 0.0, [1.0 - mu * (1.0 + e) * 0.5, 0.5 * e], 0.2 * 0.5 * e),
+        (0.5, 0.0, [1.0, 0.5], 0.2 * 0.5),
+    )
+    for v, gravity, expected, rise in cases:
+        bodies = {
+            "b": BALL_START | {"position": [0, 0, 0.1 + gap], "linear_velocity": [1.0, 0.0, v]}
+        }
+        options = SETTINGS[method] | {"duration": 0.2}
+        found = Simulation(scene_of_start(bodies, contact, gravity=gravity, **options)).run(
+            watched=False
+        )
+        velocity = found.linear_velocity["b"][-1, [0, 2]]
+        np.testing.assert_allclose(velocity, expected, rtol=0.0, atol=1e-9)
+        height = found.position["b"][-1, 2] - 0.1
+        np.testing.assert_allclose(height, rise, rtol=0.0, atol=1e-9 + late)
+        assert float(found.residual.max()) <= 1e-11
+
+
+START: dict[str, Any] = {"gap": 0.0, "slip": 0.0, "soft": False, "both": False, "rough": False}
+
+
+@pytest.mark.parametrize(
+    ("contact", "refused"),
+    [
+        ({"gap": -1.1}, "overlap of 2.2e-06 m"), ({"gap": -0.9}, ""), ({"gap": 5.0}, ""),
+        ({"gap": 1.1, "both": True}, "gap of 2.2e-06 m"), ({"gap": 0.9, "both": True}, ""),
+        ({"gap": -5.0, "soft": True}, ""), ({"gap": 5.0, "soft": True, "both": True}, ""),
+        ({"slip": 1.1, "rough": True}, "slips at 3.3e-06 m/s"), ({"slip": 0.9, "rough": True}, ""),
+        ({"slip": 9.0, "gap": 1.1, "rough": True}, ""), ({"slip": 9.0}, ""),
+    ],
+)  # fmt: skip
+def test_which_starts_are_refused(
+    monkeypatch: pytest.MonkeyPatch, contact: dict[str, Any], refused: str
+) -> None:
+    """Of overlaps, gaps of what is held both ways, and slips of what is perfectly rough, over
+    MISFIT of 2 m and 3 m/s."""
+    given: dict[str, Any] = START | contact
+    touch = np.zeros((1, TOUCH_WIDTH))
+    touch[0, GAP] = given["gap"] * compile_contacts.MISFIT * 2.0
+    touch[0, SLIP : SLIP + 3] = (
+        np.array([0.0, 0.6, 0.8]) * given["slip"] * compile_contacts.MISFIT * 3.0
+    )
+    touch[0, SLIP + 3] = 70.0
+    system: Any = SimpleNamespace(touch=touch, length=2.0, speed=3.0)
+    law: Any = SimpleNamespace(
+        compliant=given["soft"], bilateral=given["both"], static=np.inf if given["rough"] else 0.5
+    )
+    told: list[str] = []
+    monkeypatch.setattr(compile_contacts, "write_rows", lambda *of: None)
+    monkeypatch.setattr(
+        compile_contacts, "refuse_initial", lambda scene, name, problem: told.append(problem)
+    )
+    scene: Any = SimpleNamespace(
+        simulation=SimpleNamespace(project_initial=False),
+        constraints={"floor": SimpleNamespace(type="contact")},
+    )
+    compile_contacts.check_contacts(scene, system, np.zeros(13), ["floor"], [law], 0.0)
+    assert len(told) == bool(refused) and all(refused in problem for problem in told)

@@ -24,7 +24,7 @@ import yaml
 
 from benchmarks.contact.hunt import judged
 from benchmarks.contact.toss_verdicts import run
-from rb_sim import Simulation
+from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError
 from rb_sim.scene.load import scene_from_mapping
 
@@ -86,3 +86,96 @@ def test_when_a_side_is_seen_does_not_hang_on_the_pieces_of_a_run(seed: int) -> 
     told = refusal(name, pieces[pieces < 0.5], samples)
     assert told == refusal(name, np.zeros(0), samples)
     assert "an edge of the body penetrates the support of contact c" in told
+
+
+# Scenes of contact at other sizes: a micrometre and a nanogram, a kilometre and a megaton.
+
+
+SIZES = [1e-6, 1.0, 1e3]
+"""Lengths [m]; with masses as their cubes and times as their roots gravity is the same."""
+
+
+def pushed_block(size: float) -> dict[str, Any]:
+    """A ball that rolls on a block that a force pushes along a rail, at rest at first."""
+    mass = size**3
+    block = {"type": "box", "size": [4.0 * size, 0.5 * size, 0.2 * size]}
+    return {
+        "bodies": {
+            "block": {"mass": 3.0 * mass, "shape": block, "position": [0.0, 0.0, -0.1 * size]},
+            "ball": {
+                "mass": mass,
+                "shape": {"type": "sphere", "radius": 0.1 * size},
+                "position": [0.0, 0.0, 0.1 * size],
+            },
+        },
+        "constraints": {
+            "rail": {
+                "type": "translation",
+                "body": "block",
+                "guide": {"type": "line", "direction": [1.0, 0.0, 0.0]},
+            },
+            "top": {
+                "type": "contact",
+                "body": "ball",
+                "parent": "block",
+                "surface": {"type": "plane", "point": [0.0, 0.0, 0.1 * size]},
+                "friction": {"type": "rough"},
+            },
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]},
+            "push": {"type": "wrench", "body": "block", "force": [5.0 * mass, 0.0, 0.0]},
+        },
+        "simulation": {"duration": 2.0 * size**0.5, "rate": 20.0 / size**0.5},
+    }
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_ball_on_a_pushed_block(size: float) -> None:
+    """a = F / (m_block + 2/7 m_ball), of the ball 2/7 a; in about as many steps at every size."""
+    simulation = Simulation(load_scene(pushed_block(size)))
+    run = simulation.run()
+    acceleration = 5.0 / (3.0 + 2.0 / 7.0)
+    for body, share in (("block", 1.0), ("ball", 2.0 / 7.0)):
+        x = 0.5 * share * acceleration * run.t**2
+        np.testing.assert_allclose(run.position[body][:, 0] / size, x / size, atol=1e-10)
+    assert simulation.steps < 300
+
+
+def jamming_rod(size: float) -> dict[str, Any]:
+    """A rod that slides on its lower end towards Painleve's paradox."""
+    tilt, half = 0.8, 0.5 * size
+    return {
+        "bodies": {
+            "rod": {
+                "mass": size**3,
+                "shape": {"type": "rod", "length": size},
+                "orientation": {"axis": [0.0, 1.0, 0.0], "angle": 0.5 * np.pi - tilt},
+                "position": [half * np.cos(tilt), 0.0, half * np.sin(tilt)],
+                "linear_velocity": [-10.0 * size**0.5, 0.0, 0.0],
+            }
+        },
+        "constraints": {
+            "floor": {
+                "type": "contact",
+                "body": "rod",
+                "friction": {"type": "coulomb", "static": 1.6},
+            }
+        },
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+        "simulation": {"duration": 0.8 * size**0.5, "rate": 20.0 / size**0.5},
+    }
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e3])
+def test_a_rod_that_jams(size: float) -> None:
+    """The impulse that resolves the paradox, and the flight after it."""
+    run = Simulation(load_scene(jamming_rod(size))).run()
+    metre = Simulation(load_scene(jamming_rod(1.0))).run()
+    of_metre, of_size = ([e.kind for e in each.events] for each in (metre, run))
+    assert of_size == of_metre and "jams" in of_metre
+    one, other = (
+        np.array([e.impulse for e in each.events if e.kind == "jams"]) for each in (metre, run)
+    )
+    np.testing.assert_allclose(other / size**3.5, one, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(run.position["rod"] / size, metre.position["rod"], atol=1e-6)

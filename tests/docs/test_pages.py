@@ -12,13 +12,18 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
+from rb_sim import Simulation
 from rb_sim.cli.main import app
+from rb_sim.scene.listing import shipped_statics
+from rb_sim.statics import load_statics, solve
 from tests.docs.blocks import PAGES, ROOT, blocks, name_of
 from tests.docs.page_run import pictures, run_page, same_curves
 from tools.pictures import same
@@ -92,3 +97,65 @@ def test_a_how_to_answers_one_question_in_short(page):
     assert len(lines) <= 60
     index = (ROOT / "docs" / "how-to" / "index.md").read_text(encoding="utf-8")
     assert f"({page.parent.name}/{page.name})" in index
+
+
+# The numbers of README are those of the program.
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def rolling_sphere() -> tuple[float, float]:
+    """(closed form, run): F = (1, 0.5, 0) N, K = (0.02, -0.01, 0.03) N m, a = 0.1 m."""
+    run = Simulation("rolling_sphere").run(0.1)
+    return (5.0 * -0.01 / 0.1 - 2.0 * 1.0) / 7.0, float(run.reaction["floor"].force[-1, 0])
+
+
+def string_of(name: str, exact: float) -> tuple[float, float]:
+    found = solve(load_statics(shipped_statics()[name])).reactions["string"]
+    return exact, float(found.along)
+
+
+def thrown_ball() -> tuple[float, float]:
+    run = Simulation("thrown_ball").run()
+    speed = np.linalg.norm(run.linear_velocity["ball"], axis=1)
+    return 5.0 / 7.0, float(speed[-1] / speed[0])
+
+
+ROWS = {
+    "rolling_sphere": rolling_sphere,
+    "rod_over_wall": lambda: string_of("rod_over_wall", 45.984375),
+    "hinged_rods": lambda: string_of("hinged_rods", 15.0 * np.tan(np.pi / 6.0)),
+    "thrown_ball": thrown_ball,
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_row_says_what_closed_form_and_program_give(name):
+    (row,) = re.findall(rf"^\|[^|]*{name}[^|]*\|[^|]*\|([^|]*)\|([^|]*)\|$", README, re.MULTILINE)
+    said = [float(re.findall(r"-?\d+\.\d+", cell)[-1]) for cell in row]
+    assert said == [pytest.approx(value, rel=2e-6) for value in ROWS[name]()]
+
+
+def test_it_is_one_screen_and_its_pictures_are_there():
+    assert len(README.splitlines()) <= 120
+    for picture in re.findall(r"\]\((docs/pictures/[^)]+)\)", README):
+        assert (ROOT / picture).stat().st_size < 1.5e6
+
+
+# The notebooks run from the first cell to the last; what they claim they assert.
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem
+)
+def test_notebook(path, tmp_path):
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    notebook = nbformat.read(path, as_version=4)
+    nbclient.NotebookClient(
+        notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    outputs = [cell.outputs for cell in notebook.cells if cell.cell_type == "code"]
+    assert any(outputs)

@@ -30,6 +30,7 @@ from rb_sim.ros.parameters import Settings
 from tests.docs.blocks import ROOT
 from tools.messages import SECTIONS, checks_that_are_named, texts
 from tools.reference import FOLDER, pages
+from tools.thresholds import NONE_OF_THEM, PACKAGE, PAGE, page, thresholds
 
 MADE = pages()
 NODE = (ROOT / "docs" / "node.md").read_text(encoding="utf-8")
@@ -139,3 +140,41 @@ def test_every_service_of_the_node_is_explained():
 def test_the_page_of_hard_cases_describes_each_as_its_file_does():
     text = (ROOT / "docs" / "hard-cases.md").read_text(encoding="utf-8")
     assert text.endswith("".join(map(described, load_cases(shipped()))))
+
+
+# The page of thresholds is that of the sources, and each says what it decides.
+
+
+ROW = re.compile(r"^\| `(.+?)` \| `(\w+)` \| (\S+) \| .+ \|$", re.MULTILINE)
+
+
+def test_the_page_is_up_to_date():
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: make docs"
+
+
+def test_every_threshold_stands_in_the_page_and_every_row_is_one():
+    rows = [(m, name, float(value)) for m, name, value in ROW.findall(PAGE.read_text())]
+    assert rows == [(one.module, one.name, one.value) for one in thresholds()]
+    assert rows
+
+
+def test_each_says_what_it_decides():
+    """What lies on either side, and relative to what."""
+    assert [one.name for one in thresholds() if len(one.meaning.split()) < 4] == []
+
+
+def test_what_is_left_out_is_there():
+    for module, name in NONE_OF_THEM:
+        assert re.search(rf"\b{name}\b", (PACKAGE / module).read_text())
+
+
+def test_a_constant_that_a_page_names_is_in_the_sources():
+    text = "".join(path.read_text() for path in PACKAGE.rglob("*.py"))
+    words = set(re.findall(r"[A-Z][A-Z_]+", text))
+    named = {
+        (path.name, name)
+        for path in PAGE.parent.rglob("*.md")
+        for name in re.findall(r"`([A-Z][A-Z_]{3,})`", path.read_text())
+    }
+    assert named
+    assert [one for one in sorted(named) if one[1] not in words] == []

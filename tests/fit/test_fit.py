@@ -11,13 +11,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.cli.main import app
+from rb_sim.fit.fit import correlation, outliers
 from rb_sim.fit.unknowns import free_numbers
 from rb_sim.simulation.sensitivity import NotSmoothError
 from tests.cli.process import invoke
@@ -255,3 +260,214 @@ def test_free_given_twice_means_both(tmp_path):
     assert invoke("run", "pendulum", *options).exit_code == 0
     free = ("--free", "bodies.nobody.mass", "--free", "bodies.nobody.inertia")
     assert "bodies.nobody.mass: there is no" in invoke("fit", tmp_path / "bag", *free).output
+
+
+# The Jacobian of a fit is the derivative of its residuals, and does not take runs beside.
+
+
+KEYS = {
+    "drag": ["effects.air.coefficient", "bodies.ball.mass", "bodies.ball.linear_velocity"],
+    "spring": ["effects.hook.stiffness", "effects.hook.damping", "effects.hook.point_A"],
+    "throw": ["bodies.ball.angular_velocity", "effects.weight.acceleration"],
+    "top": ["bodies.top.mass", "bodies.top.center_of_mass", "bodies.top.angular_velocity"],
+    "attitude": ["bodies.nut.orientation"],
+}
+
+
+def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """The Jacobian as a fit takes it, the one of differences of order six, runs, smooth."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.bags.tracks import tracks_of_blocks
+    from rb_sim.fit.fit import Recording, _Problem
+    from rb_sim.fit.unknowns import free_numbers
+
+    data = _plain(SCENES[name][0] | {"simulation": TIMES | method})
+    if name == "top":
+        data["effects"]["weight"] |= {"acceleration": [0.0, 0.0, -9.81]}
+    if name == "throw":
+        data["effects"]["weight"] |= {"acceleration": [0.3, 0.0, -9.81]}
+    scene = load_scene(data)
+    simulation = Simulation(scene)
+    tracks = tracks_of_blocks(
+        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+    )
+    (body,) = tracks.bodies
+    problem = _Problem(Recording(tracks, {body: body}), scene, data, free_numbers(data, KEYS[name]))
+    return beside(problem)
+
+
+def beside(problem: Any) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """What `both` gives, of a problem."""
+    x = np.array([number.start / number.scale for number in problem.free])
+    x = x + 0.01 * np.linspace(-1.0, 1.0, len(x))
+    before = problem.runs
+    exact = problem.jacobian(x)
+    runs, h, columns = problem.runs - before, 2e-3, []
+    for k in range(len(x)):
+        e = np.eye(len(x))[k] * h
+        sides = [problem.weighted(x + j * e) - problem.weighted(x - j * e) for j in (1, 2, 3)]
+        columns.append((45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h))
+    return exact, np.stack(columns, axis=1), runs, problem.smooth
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
+    """Fixed steps: the derivative of the very numbers that a run gives."""
+    exact, differences, runs, smooth = both(name, {})
+    assert smooth and runs == 1
+    scale = np.abs(differences).max()
+    np.testing.assert_allclose(exact, differences, rtol=0.0, atol=3e-8 * scale)
+    assert (np.abs(exact).max(axis=0) > 1e-3 * scale).all()  # no column is trivial
+
+
+def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """Of a bag of the node with commands in both frames and a reset; set_at: a state is set
+    before that sample, too."""
+    from rb_sim.cli.verbs.fit import FitOptions, set_up
+    from rb_sim.fit.fit import _Problem
+    from rb_sim.fit.unknowns import free_numbers
+    from rb_sim.mechanics.samples import Input
+    from tests.bags.scenes import record_node
+
+    keys = ["bodies.box.mass", "bodies.box.angular_velocity"]
+    scene, data, recording = set_up(FitOptions(record_node(folder), ",".join(keys)))
+    if set_at:
+        assert recording.inputs is not None
+        state = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+        given = Input(0, set_at / 50.0, "box", state=state, together=1, project=False)
+        recording.inputs[set_at] = [given]
+    return beside(_Problem(recording, scene, data, free_numbers(data, keys)))
+
+
+def test_a_reset_begins_with_the_derivatives_of_the_start(tmp_path: Path) -> None:
+    """What comes after it depends on the numbers as what came before; it ended in a traceback."""
+    exact, differences, runs, smooth = of_node(tmp_path / "bag")
+    assert smooth and runs == 1
+    scale = np.abs(differences).max(axis=0)
+    assert (np.abs(exact - differences).max(axis=0) < 3e-8 * scale).all()
+    after = exact.reshape(61, 6, -1)[42:]
+    assert (np.abs(after).max(axis=(0, 1))[1:] > 0.1 * scale[1:]).all()  # the mass: no command
+
+
+def test_a_state_that_was_set_takes_differences(tmp_path: Path) -> None:
+    """No derivative is carried across it."""
+    found, differences, _, smooth = of_node(tmp_path / "bag", 20)
+    assert not smooth
+    scale = np.abs(differences).max(axis=0)
+    assert (np.abs(found - differences).max(axis=0) < 1e-5 * scale).all()
+
+
+# Which residuals are outliers, and which are noise, rounding or another motion.
+
+
+T = np.arange(400) / 100.0
+
+
+def residuals(seed: int) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    rng = np.random.default_rng(seed)
+    return {"ball": (T, rng.normal(0, 1e-3, (400, 3)), rng.normal(0, 2e-3, (400, 3)))}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_has_none(seed) -> None:
+    assert outliers(residuals(seed), 0.0) == ()
+
+
+@pytest.mark.parametrize("part", [1, 2])
+def test_they_are_counted_with_their_times(part) -> None:
+    found = residuals(0)
+    found["ball"][part][[7, 100, 250, 333], 1] = 0.5
+    (line,) = outliers(found, 0.0)
+    assert line.startswith("ball: 4 of 400 poses") and "(t = 0.07, 1, 2.5, ... s)" in line
+    assert outliers(found, 1.0) == ()  # on the scale of this motion they are rounding
+
+
+def test_many_are_another_motion() -> None:
+    found = residuals(0)
+    found["ball"][1][:60, 0] += 0.5
+    assert outliers(found, 0.0) == ()
+
+
+# Fits that would end in a wrong minimum find the truth; what is left and no noise is told.
+
+
+T_WHITENESS = np.linspace(0.0, 2.0, 81)
+
+
+def fitted(position: np.ndarray, turn: np.ndarray, effects: dict, keys: list[str]) -> Any:
+    """Fit a body that starts with 20 rad/s about z to these positions and turns about z [rad]."""
+    from rb_sim import load_scene
+    from rb_sim.bags.tracks import Track, Tracks
+    from rb_sim.fit.fit import Recording, fit
+
+    rng = np.random.default_rng(3)
+    exact = Rotation.from_rotvec(np.c_[0.0 * turn, 0.0 * turn, turn])
+    seen = Rotation.from_rotvec(rng.normal(0, NOISE[1], (len(T_WHITENESS), 3))) * exact
+    p = position + rng.normal(0, NOISE[0], position.shape)
+    track = Track(T_WHITENESS, p, seen.as_quat())
+    body = {"mass": 2.0, "inertia": [0.1, 0.2, 0.3], "angular_velocity": [0.0, 0.0, 20.0]}
+    steps = {"duration": 2.0, "rate": 40, "method": "rk4", "step": 0.0125}
+    data = {"bodies": {"rotor": body}, "effects": effects, "simulation": steps}
+    recording = Recording(Tracks("seen", {"rotor": track}), {"rotor": "rotor"})
+    return fit(recording, load_scene(data), data, keys)
+
+
+def test_a_turn_is_not_missed_by_a_whole_one():
+    """It turns at 31 rad/s: what the start misses goes round three and a half times in 2 s."""
+    told = fitted(
+        np.zeros((len(T_WHITENESS), 3)), 31.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"]
+    )
+    assert told.values[2] == pytest.approx(31.0, abs=4.0 * told.errors[2])
+    assert told.errors[2] < 1e-3 and told.correlation_left == 0.0
+
+
+def test_another_law_is_told():
+    """It is pulled by a spring, and the scene knows only a steady force: no force follows that."""
+    steady = {"pull": {"type": "wrench", "body": "rotor", "force": [0.5, 0.0, 0.0]}}
+    position = np.c_[0.1 * (1.0 - np.cos(5.0 * T_WHITENESS)), 0.0 * T_WHITENESS, 0.0 * T_WHITENESS]
+    told = fitted(position, 20.0 * T_WHITENESS, steady, ["effects.pull.force"])
+    assert told.correlation_left > 0.8
+    assert told.as_dict()["correlation_left"] == told.correlation_left
+
+
+def test_a_single_number_without_effect_is_named_and_stays():
+    """The mass of a free body, which is the largest effect of all there are."""
+    told = fitted(np.zeros((len(T_WHITENESS), 3)), 20.0 * T_WHITENESS, {}, ["bodies.rotor.mass"])
+    assert told.undetermined == ["bodies.rotor.mass"]
+    assert told.values[0] == 2.0 and np.isinf(told.errors[0])
+
+
+def test_a_pose_that_is_far_off_is_told():
+    position = np.zeros((len(T_WHITENESS), 3))
+    told = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
+    assert told.outliers == ()
+    position[30, 1] = 0.2
+    told = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
+    assert told.outliers == (
+        "rotor: 1 of 81 poses are off by more than 10 times the noise of the others (t = 0.75 s): "
+        "they distort the fit and enlarge its errors",
+    )
+    assert told.as_dict()["outliers"] == list(told.outliers)
+
+
+def test_correlation():
+    """0 for noise, cos(w h) for an oscillation, nothing from few samples."""
+    rng = np.random.default_rng(0)
+    assert abs(correlation([rng.normal(size=(4000, 3))])) < 4.0 / np.sqrt(12_000)
+    wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
+    assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
+    assert correlation([np.ones((5, 3))]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "number", "value"),
+    [("heavy_top", "bodies.top.mass", 17), ("pendulum", "effects.weight.acceleration[2]", -9.7)],
+)
+def test_a_body_whose_origin_is_held_leaves_rounding(scene, number, value, tmp_path):
+    """Its origin goes nowhere; its turn says what is rounding."""
+    made = ["run", scene, "--duration", "0.5", "--out", str(tmp_path / "out"), "--no-rerun",
+            "--set", f"{number}={value}", "--no-plots", "--quiet"]  # fmt: skip
+    assert CliRunner().invoke(app, made).exit_code == 0
+    bag = str(tmp_path / "out" / "bag")
+    done = CliRunner().invoke(app, ["fit", bag, "--scene", scene, "--free", number])
+    assert done.exit_code == 0 and "correlated" not in done.output and "noise" not in done.output

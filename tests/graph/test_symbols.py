@@ -12,11 +12,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 
-from rb_sim.graph.functions import maximum, minimum, sqrt, where
+from rb_sim.graph.functions import explored, maximum, minimum, sqrt, where
+from rb_sim.graph.machine import Law, compile_law
 from rb_sim.graph.symbols import Graph, Symbol, in_order, operations
+from rb_sim.numerics.kernels import branching
 
 
 def test_equal_parts_are_one_node():
@@ -76,3 +80,73 @@ def test_extremes_are_those_of_python(a, b):
 def test_selection_of_equal_numbers_is_no_operation():
     x = Graph().input("y")
     assert where(x < 0.0, (1.0, x), (1.0, x)) == (1.0, x)
+
+
+# Functions that branch on symbols: every way is traced, and selected by its conditions.
+
+
+def sorted_three(a: Any, b: Any, c: Any) -> tuple[Any, Any, Any]:
+    """The three in order: up to six ways."""
+    if b < a:
+        a, b = b, a
+    if c < b:
+        b, c = c, b
+        if b < a:
+            a, b = b, a
+    return a, b, c
+
+
+@branching
+def clipped(x: Any) -> Any:
+    if x > 1.0:
+        return 1.0
+    return -1.0 if x < -1.0 else x
+
+
+def value_of(outputs: list[Any], y: list[float]) -> list[float]:
+    import ctypes
+
+    law, out, given = compile_law(outputs), np.zeros(len(outputs)), np.array(y)
+    if isinstance(law, Law):
+        address, real = ctypes.c_void_p, ctypes.c_double
+        call = ctypes.CFUNCTYPE(None, real, address, address, address)(law.address)
+        call(0.0, given.ctypes.data, given.ctypes.data, out.ctypes.data)
+    else:
+        law(0.0, given, given, out)
+    return out.tolist()
+
+
+def test_every_way_is_taken() -> None:
+    y = Graph().vector("y", 3)
+    outputs = list(explored(sorted_three, *y))
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        given = rng.normal(size=3).tolist()
+        assert value_of(outputs, given) == sorted(given)
+
+
+@pytest.mark.parametrize(("x", "wanted"), [(0.3, 0.3), (4.0, 1.0), (-7.0, -1.0)])
+def test_function_within_a_function(x: float, wanted: float) -> None:
+    (y,) = Graph().vector("y", 1)
+
+    def both(x: Any) -> Any:
+        return clipped(x) if x > 0.0 else -clipped(-x)
+
+    assert value_of([explored(both, y)], [x]) == [wanted]
+    assert clipped(x) == wanted
+
+
+def test_equality_of_a_symbol_is_a_condition() -> None:
+    (y,) = Graph().vector("y", 1)
+    outputs = [explored(lambda x: 5.0 if x == 2.0 else 6.0, y)]
+    assert value_of(outputs, [2.0]) == [5.0]
+    assert value_of(outputs, [2.5]) == [6.0]
+
+
+def test_a_law_may_not_branch_outside() -> None:
+    (y,) = Graph().vector("y", 1)
+    with pytest.raises(TypeError, match="branch"):
+        _ = 1.0 if y > 0.0 else 2.0
+    explored(clipped, y)
+    with pytest.raises(TypeError, match="branch"):
+        bool(y > 0.0)

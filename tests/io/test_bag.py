@@ -11,23 +11,35 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
 import subprocess
 import sys
 import tracemalloc
 from dataclasses import replace
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
 import mcap.reader
 import numpy as np
 import pytest
 import yaml
+from mcap.exceptions import EndOfFile
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.base.errors import SinkError
+from rb_sim.io.bag import batches as bag_batches
+from rb_sim.io.bag import file
+from rb_sim.io.bag.batches import BagScan
+from rb_sim.io.bag.file import Draft
 from rb_sim.io.bag.reader import BagReader
+from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ARRAYS, empty_block
 
@@ -187,3 +199,120 @@ def test_log_times_are_simulated_time(tmp_path, scene, layout, samples):
     with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
         clocks = mcap.reader.make_reader(file).iter_messages(["/clock"])
         assert [message.log_time for *_, message in clocks] == [0, 10_000_000, 20_000_000]
+
+
+# How much of a bag is read at once.
+
+
+CHANNELS, EACH = 8, 40
+
+
+def bag(path: Path) -> Path:
+    """Messages of all channels in turns, in small chunks."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=300)
+        writer.start(profile="ros2", library="somebody")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channels = [writer.register_channel(f"/x{k}", "cdr", schema) for k in range(CHANNELS)]
+        for n in range(EACH):
+            for k, channel in enumerate(channels):
+                stamp = n * 1000 + k
+                writer.add_message(channel, stamp, bytes(12), stamp, n)
+        writer.finish()
+    return path
+
+
+def test_batches_grow_with_the_channels(tmp_path, monkeypatch):
+    """What is done once for each channel of a batch costs as much for one message as for many."""
+    path = bag(tmp_path / "x.mcap")
+    monkeypatch.setattr(bag_batches, "_TOGETHER", 600)
+    few = list(BagScan(path).batches())
+    monkeypatch.setattr(bag_batches, "_CHANNELS", 2)
+    many = list(BagScan(path).batches())
+    assert len(few) > 3 * len(many) > 3
+    for batches in (few, many):
+        for channel in range(1, CHANNELS + 1):
+            parts = [batch[channel].log_time for batch in batches if channel in batch]
+            expected = np.arange(EACH) * 1000 + channel - 1
+            np.testing.assert_array_equal(np.concatenate(parts), expected)
+
+
+# What waits in the open chunk of a bag is at the end of the file, for whoever reads it then.
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draft after every block."""
+    monkeypatch.setattr(file, "PERIOD", 0.0)
+
+
+def messages(data: bytes) -> int:
+    """How many a reader of broken files finds, that knows nothing of drafts."""
+    found = 0
+    try:
+        for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+            found += isinstance(record, Message)
+    except EndOfFile:
+        pass
+    return found
+
+
+def test_every_written_sample_is_in_the_file_before_its_chunk_ends(
+    impatient, tmp_path: Path, scene, layout, samples
+) -> None:
+    """As it would be found after kill -9; some chunks end on the way."""
+    sink = BagSink(tmp_path / "bag", chunk_size=20_000)
+    sink.open(scene, layout)
+    path = tmp_path / "bag" / "bag_0.mcap"
+    for k in range(40):
+        sink.write(samples(2, start=k / 50.0))
+        assert messages(path.read_bytes()) == 2 * (k + 1) * TOPICS + LATCHED
+    result = recover_bag(tmp_path / "bag")
+    t = np.concatenate([block.t for block in BagReader(result.directory).blocks()])
+    np.testing.assert_allclose(t, np.arange(80) / 100.0, atol=1e-9)
+    sink.close()
+    assert messages(path.read_bytes()) == 80 * TOPICS + LATCHED
+
+
+def test_drafts_leave_no_trace(
+    tmp_path: Path, scene, layout, samples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However the clock ran, the finished files are equal."""
+    files = []
+    for name, period in (("patient/bag", 1e9), ("impatient/bag", 0.0)):
+        monkeypatch.setattr(file, "PERIOD", period)
+        sink = BagSink(tmp_path / name, chunk_size=20_000)
+        sink.open(scene, layout)
+        for k in range(40):
+            sink.write(samples(2, start=k / 50.0))
+        sink.close({"steps": 7, "wall_time": period})
+        files.append((tmp_path / name / "bag_0.mcap").read_bytes())
+    assert files[0] == files[1]
+
+
+def test_a_draft_waits_for_half_a_second() -> None:
+    now = 10.0
+    draft = Draft(lambda: now)
+    assert not draft.due
+    draft.wait()
+    assert not draft.due
+    now += file.PERIOD / 2.0
+    draft.wait()
+    now += file.PERIOD / 2.0
+    assert draft.due
+    draft.clear()
+    assert not draft.due
+
+
+def test_no_room_for_a_draft_is_no_failure(
+    impatient, tmp_path: Path, scene, layout, samples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    sink = BagSink(tmp_path / "bag")
+    sink.open(scene, layout)
+    sink.write(samples(20))
+    sink.close()
+    assert sum(len(block) for block in BagReader(tmp_path / "bag").blocks()) == 20

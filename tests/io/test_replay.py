@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -23,11 +24,14 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 
-from rb_sim.base.errors import SinkError
+from rb_sim.base.errors import MissingExtraError, SinkError
 from rb_sim.base.palette import AXES, REACTION, rgb
 from rb_sim.cli.verbs import replay as verb
 from rb_sim.cli.verbs.replay import recover, replay
+from rb_sim.io.rerun import viewer
 from rb_sim.io.rerun import viewer as rerun_screenshot
+from tests.bags.scenes import PUSHED, record_run
+from tests.interpreted import interpreted
 
 RERUN = Path(sys.executable).with_name("rerun")
 needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
@@ -214,3 +218,94 @@ def test_no_viewer_at_all(monkeypatch, tmp_path):
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(Exception, match=r"pip install 'rb_sim\[rerun\]'"):
         rerun_screenshot.rerun_executable()
+
+
+# A film of a bag: made by the Rerun viewer and ffmpeg, or one line that says why not.
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return interpreted(record_run, PUSHED, tmp_path_factory.mktemp("film") / "bag")
+
+
+def test_without_ffmpeg_it_says_so_at_once(bag, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(SinkError, match="needs the program ffmpeg .* apt install ffmpeg") as caught:
+        replay(bag, video=tmp_path / "film.mp4")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg")
+def test_another_ending_is_refused(bag, tmp_path):
+    with pytest.raises(SinkError, match=r"film.gif: the name must end in .mp4"):
+        replay(bag, video=tmp_path / "film.gif")
+
+
+def test_length_of_a_film():
+    assert [viewer.length_of(t) for t in (0.5, 7.0, 100.0)] == [4.0, 7.0, 20.0]
+
+
+@pytest.mark.skipif(shutil.which("ffprobe") is None, reason="no ffmpeg")
+def test_a_film_has_its_pictures_and_moves(bag, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(viewer, "SHORTEST", 0.2)
+    monkeypatch.setattr(viewer, "LONGEST", 0.2)
+    path = tmp_path / "film.mp4"
+    try:
+        replay(bag, video=path)
+    except MissingExtraError as error:
+        pytest.skip(str(error))
+    except SinkError as error:
+        if "no Vulkan driver" in str(error):
+            pytest.skip(str(error))
+        raise
+    assert "6 pictures, 0.2 s of film at 5 times real time" in capsys.readouterr().out
+    shown = "stream=codec_name,nb_read_frames,r_frame_rate"
+    probe = ["ffprobe", "-v", "error", "-count_frames", "-show_entries", shown, "-of", "csv=p=0"]
+    probe.append(str(path))
+    told = subprocess.run(probe, capture_output=True, text=True, check=True).stdout.strip()
+    assert told == "h264,25/1,6"
+    command = ["ffmpeg", "-loglevel", "error", "-i", str(path), "-f", "framemd5", "-"]
+    rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    pictures = {row.rpartition(",")[2] for row in rows if not row.startswith("#")}
+    assert len(pictures) == 6  # the box falls from one to the next
+
+
+# The viewer's process ends with ours, whatever ends ours.
+
+
+HOST = """
+import subprocess, sys
+from rb_sim.io.rerun.viewer import viewer_process
+child = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]])"
+grandchild = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
+with viewer_process([sys.executable, "-c", child, grandchild]) as process:
+    process.wait()
+"""
+
+
+def gone(number: int) -> bool:
+    """Whether no process of this number runs (one that nobody waits for has ended too)."""
+    try:
+        with open(f"/proc/{number}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="looks into /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_ends_the_viewer_and_its_child_too(number: signal.Signals):
+    signals = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL);"
+    signals += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    command = [sys.executable, "-c", signals + HOST]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as host:
+        assert host.stdout is not None
+        grandchild = int(host.stdout.readline())
+        assert not gone(grandchild)
+        host.send_signal(number)
+        status = host.wait(timeout=60)
+    assert status in (128 + number, -number)
+    deadline = time.monotonic() + 60
+    while not gone(grandchild):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

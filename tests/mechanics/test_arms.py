@@ -31,7 +31,7 @@ from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_motion, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.interpreted import interpreted
-from tests.mechanics.test_redundant_steps import with_ball
+from tests.mechanics.test_redundant import with_ball
 
 SIZES = (1e-6, 1.0, 1e3)
 TILT = 1e-5

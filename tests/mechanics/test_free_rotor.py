@@ -7,18 +7,21 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The torque-free body in principal axes, beside the general one and the laws it must keep."""
+"""Free bodies: in principal axes, beside others, and beside the general equations."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.mechanics.systems.free import FreeBody, FreeRotor
+from rb_sim import Simulation, load_scene
 from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -54,28 +57,6 @@ def scene(turned: bool = False, **body: Any) -> dict[str, Any]:
         own["angular_velocity"] = (R @ own["angular_velocity"]).tolist()
         own["orientation"] = TURN.inv().as_quat().tolist()
     return {"bodies": {"b": own}, "effects": {"weight": {"type": "gravity"}}}
-
-
-def system_of(mapping: dict[str, Any]) -> Any:
-    options = {"simulation": {"duration": 1.0, "method": "rk4", "step": 0.01}}
-    return compile_scene(scene_from_mapping(mapping | options)).system
-
-
-@pytest.mark.parametrize(
-    ("effect", "kind"),
-    [
-        ({"type": "linear_drag", "coefficient": 0.1}, FreeRotor),
-        ({"type": "quadratic_drag", "coefficient": 0.1}, FreeRotor),
-        ({"type": "angular_damping", "coefficient": 0.1}, FreeBody),
-        ({"type": "wrench", "force": [1.0, 0.0, 0.0]}, FreeBody),
-        ({"type": "commanded_wrench"}, FreeBody),
-    ],
-)
-def test_only_forces_at_the_centre_leave_the_spin_to_itself(
-    effect: dict[str, Any], kind: type
-) -> None:
-    assert type(system_of(scene())) is FreeRotor
-    assert type(system_of(scene() | {"effects": {"e": {"body": "b"} | effect}})) is kind
 
 
 @pytest.mark.parametrize("name", SPINS)
@@ -153,3 +134,90 @@ def spins_from_elsewhere() -> tuple[np.ndarray, np.ndarray]:
 def test_a_motion_reset_to_another_spin_stays_on_its_polhode() -> None:
     moved, direct = interpreted(spins_from_elsewhere)
     assert_allclose(moved, direct, rtol=0.0, atol=0.0)
+
+
+# A free body beside an unrelated one is as exact as alone: flips about the middle axis, 1000 s.
+#
+# The reference is the case free_dzhanibekov_long of the oracle, integrated in quadruple precision.
+
+
+CASES = Path(__file__).parents[1] / "oracles" / "cases_public.json"
+BYSTANDER = {"mass": 2.0, "inertia": [1.0, 1.5, 2.0], "position": [50.0, 0.0, 0.0]}
+DROP = {"type": "gravity", "bodies": ["far"]}
+
+
+@pytest.fixture(scope="module")
+def case() -> Any:
+    cases = json.loads(CASES.read_text())
+    listed = cases["cases"] if isinstance(cases, dict) else cases
+    return next(case for case in listed if case["id"] == "free_dzhanibekov_long")
+
+
+def scene_of_spin(case: Any, **more: Any) -> Any:
+    """The case; more: constraints and effects of a scene with a bystander 50 m away."""
+    start = case["initial"]
+    body = {
+        "mass": 1.0,
+        "inertia": [1.0, 2.0, 3.0],
+        "position": start["position"],
+        "orientation": start["quaternion_xyzw"],
+        "linear_velocity": start["velocity_world"],
+        "angular_velocity": start["omega_body"],
+    }
+    options = {"method": "dopri853", "step": 0.005, "duration": 1000.0, "rate": 1}
+    bodies = {"body": body} | ({"far": BYSTANDER} if more else {})
+    return {"bodies": bodies, "simulation": options} | more
+
+
+def error(case: Any, mapping: Any) -> float:
+    """Largest, of the spin, relative to its largest."""
+    samples = case["samples"]
+    run = Simulation(load_scene(mapping)).run(at=samples["t"], watched=False)
+    apart = np.abs(run.angular_velocity["body"] - np.array(samples["omega_body"]))
+    return float(apart.max()) / 5.0
+
+
+def test_beside_an_unrelated_body(case):
+    """1.5e-6 without the polhode; a joint and an effect elsewhere do not matter."""
+    alone = error(case, scene_of_spin(case))
+    assert alone < 2e-11
+    assert error(case, scene_of_spin(case, effects={"weight": DROP})) < 2e-11
+    pin = {"pin": {"type": "fixed_point", "body": "far", "point_B": [0.2, 0.0, 0.0]}}
+    assert error(case, scene_of_spin(case, effects={"weight": DROP}, constraints=pin)) < 2e-11
+
+
+# A jointed body beside a bystander moves as alone: reduced coordinates alone, maximal ones beside.
+#
+# The two are independent derivations, so what they share at 1e-11 is the motion, not an error.
+
+
+CONFIG = Path(__file__).parents[2] / "config"
+OPTIONS = {"duration": 2.0, "rate": 10.0, "method": "dopri853", "tolerance": 1e-13}
+OTHER_BODY = {
+    "mass": 1.0,
+    "inertia": [0.1, 0.2, 0.3],
+    "position": [50.0, 0.0, 0.0],
+    "angular_velocity": [0.3, 0.2, 1.0],
+}
+
+
+def run(mapping: dict[str, Any]) -> Any:
+    return (
+        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(watched=False).block
+    )
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])
+def test_a_bystander_changes_nothing(name):
+    scene = yaml.safe_load((CONFIG / f"{name}.yaml").read_text())
+    alone = run(scene)
+    beside = run(scene | {"bodies": scene["bodies"] | {"bystander": OTHER_BODY}})
+    assert beside.position.shape[1] == 2, "the stranger is there"
+    for field in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        expected, found = getattr(alone, field)[:, 0], getattr(beside, field)[:, 0]
+        size = max(1.0, float(np.abs(expected).max()))
+        assert np.abs(found - expected).max() < 1e-11 * size, field
+    weight = float(np.abs(alone.reaction_force).max())
+    for field in ("reaction_force", "reaction_torque"):
+        expected, found = getattr(alone, field), getattr(beside, field)
+        assert np.abs(found - expected).max() < 1e-11 * weight, field

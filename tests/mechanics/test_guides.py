@@ -16,20 +16,26 @@ parameter to another is the integral of |c'| / sqrt(v^2), piece by piece.
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from typer.testing import CliRunner
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.curves import Pieces, share_of_step, spline_through
+from rb_sim.cli.main import app
 from rb_sim.graph.derivative import jacobian
 from rb_sim.graph.functions import call
 from rb_sim.graph.machine import PlainLaw, compile_law, evaluate
 from rb_sim.graph.symbols import Graph
-from tests.interpreted import trajectory
+from rb_sim.scene import yaml_reader
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.simulation.sensitivity import TangentSimulation
 
 pytestmark = pytest.mark.filterwarnings("error::rb_sim.AccuracyWarning")
 """What agrees with its reference is not told as lost."""
@@ -196,15 +202,6 @@ def test_who_leaves_the_end_of_an_open_guide_is_told(coordinates: str) -> None:
         Simulation(load_scene(scene), coordinates=coordinates).run()
 
 
-def test_interpreted_runs_give_the_same_numbers() -> None:
-    scene = sliding(LOOP, 0.3, 3.0, closed=True, duration=0.3, tolerance=1e-9)
-    for coordinates in ("auto", "maximal"):
-        compiled = Simulation(load_scene(scene), coordinates=coordinates).run().block
-        plain = trajectory(scene, coordinates)
-        for name in ("position", "linear_velocity", "reaction_force"):
-            assert_allclose(getattr(compiled, name), getattr(plain, name), atol=1e-11)
-
-
 def test_a_guide_beside_a_contact_runs() -> None:
     """A ball dropped beside: the guided body moves as alone."""
     scene = sliding(parabola(31), 0.7, 2.0, duration=0.3)
@@ -272,3 +269,179 @@ def test_the_slope_of_the_nearest_parameter() -> None:
         for e in h * np.eye(3)
     ]
     assert_allclose(found, differences, rtol=1e-8)
+
+
+# Linear models, carried derivatives and many bodies on guides along splines, by closed forms.
+
+
+def hollow(n: int) -> list[list[float]]:
+    """z = x^2 / 2, which the spline has exactly."""
+    x = np.linspace(-1.0, 1.0, n)
+    return np.stack([x, 0.0 * x, 0.5 * x * x], axis=-1).tolist()
+
+
+def lowest(points: list[list[float]]) -> float:
+    """The parameter at which the slope of the curve is level, by bisection."""
+    curve = pieces(points)
+    low, high = curve.breaks[0], curve.breaks[-1]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if curve.point(middle)[1][2] < 0.0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("coordinates", ["auto", "maximal"])
+@pytest.mark.parametrize("points", [hollow(31), hollow(30), VALLEY])
+def test_small_oscillations_at_the_bottom(points: list[list[float]], coordinates: str) -> None:
+    """w^2 = g z'' / |c'|^2; hollow(31) has a break just there."""
+    s = lowest(points)
+    _, slope, bend = pieces(points).point(s)
+    scene = load_scene(sliding(points, s, 0.0, duration=1.0))
+    model = Simulation(scene, coordinates=coordinates).linearize()
+    w = math.sqrt(G * bend[2] / np.dot(slope, slope))
+    assert len(model.states) == 2
+    assert_allclose(np.sort(model.eigenvalues.imag), [-w, w], rtol=1e-9)
+    assert_allclose(model.eigenvalues.real, 0.0, atol=1e-9)
+
+
+def by_energy(slide: Slide, a: float, b: float) -> float:
+    """dt/dE of the time from a to b, m = 1: minus the integral of |c'| / v^3 over ds."""
+    marks = [a, *(x for x in slide.curve.breaks.tolist() if a < x < b), b]
+    total = []
+    for begin, end in zip(marks, marks[1:], strict=False):
+        half, middle = 0.5 * (end - begin), 0.5 * (begin + end)
+        for w, x in zip(WEIGHTS, NODES, strict=True):
+            c, slope, _ = slide.curve.point(middle + half * x)
+            speed = math.sqrt(2.0 * (slide.energy - G * c[2]))
+            total.append(-half * w * math.hypot(*slope) / speed**3)
+    return math.fsum(total)
+
+
+@pytest.mark.parametrize(("points", "s"), [(parabola(31), 0.7), (VALLEY, 0.3)])
+def test_derivatives_by_the_speed_at_the_start(points: list[list[float]], s: float) -> None:
+    """The place at t moves along the curve by minus dt/dE of its arc for each unit of energy."""
+    curve, speed = pieces(points), 2.0
+
+    def scene_at(x: Any) -> Any:
+        return scene_from_mapping(sliding(points, s, float(x[0]), duration=0.5, tolerance=1e-13))
+
+    simulation = TangentSimulation(scene_at, np.array([speed]), [speed])
+    times = simulation.run(watched=False).t
+    (found,) = simulation.take_derivatives()
+    slide, start = Slide(curve, s, speed), curve.point(s)[1]
+    for t, moved in zip(times, found.position[:, 0], strict=True):
+        now = slide.parameter(t)
+        by_speed = -slide.rate(now) * by_energy(slide, s, now) * speed * np.dot(start, start)
+        assert_allclose(moved, by_speed * np.array(curve.point(now)[1]), rtol=0.0, atol=1e-10)
+
+
+def test_twelve_bodies_each_on_a_spline() -> None:
+    """Many enough for laws over tables: each moves as if alone, for its own start."""
+    points = parabola(31)
+    speeds = [2.0 + 0.1 * k for k in range(12)]
+    bodies, constraints = {}, {}
+    for k, speed in enumerate(speeds):
+        alone = sliding(points, 0.7, speed)
+        bodies[f"b{k}"] = alone["bodies"]["b"]
+        constraints[f"guide{k}"] = alone["constraints"]["guide"] | {"body": f"b{k}"}
+    whole = sliding(points, 0.7, 1.0, duration=0.5, tolerance=1e-12)
+    scene = load_scene(whole | {"bodies": bodies, "constraints": constraints})
+    block = Simulation(scene).run(watched=False).block
+    for k, speed in enumerate(speeds):
+        slide = Slide(pieces(points), 0.7, speed)
+        exact = [slide.curve.point(slide.parameter(t))[0] for t in block.t]
+        assert_allclose(block.position[:, k], exact, rtol=0.0, atol=1e-10)
+
+
+# A motion so fast that one step passes pieces of a spline without end can be ended even so.
+
+
+RING = """
+import math
+
+around = [2.0 * math.pi * k / 32 for k in range(32)]
+scene = {
+    "bodies": {
+        "bead": {
+            "mass": 0.03,
+            "inertia": [1e-3] * 3,
+            "position": [1.0, 0.0, 0.0],
+            "linear_velocity": [0.0, 1e10, 0.0],
+        },
+    },
+    "constraints": {
+        "wire": {
+            "type": "translation",
+            "body": "bead",
+            "guide": {
+                "type": "curve",
+                "closed": True,
+                "points": [[math.cos(a), math.sin(a), 0.0] for a in around],
+            },
+        },
+    },
+    "simulation": {
+        "duration": 10.0, "rate": 100.0, "method": "rk4", "step": 4e-3, "project_initial": True,
+    },
+}
+"""
+SCRIPT = """
+import signal
+import rb_sim.motion.traced
+from rb_sim import Simulation
+
+# Without its own end, which a fast machine comes to before the signal does.
+rb_sim.motion.traced.MOST_ROUNDS = 10**9
+
+def ended(number, frame):
+    raise KeyboardInterrupt
+
+simulation = Simulation(scene)
+simulation.warm()
+signal.signal(signal.SIGALRM, ended)
+signal.alarm(1)
+try:
+    simulation.run()
+except KeyboardInterrupt:
+    print("ended at", simulation.time)
+"""
+
+
+def test_a_signal_ends_a_run_that_passes_pieces_without_end() -> None:
+    """A step of 4 ms is 4e7 m of a ring whose pieces are 0.2 m long: 2e8 parts, minutes in which
+    nobody would be asked.  A motion that blows up on a wire comes to the same, but when and how
+    hangs on its last digits, so on the machine."""
+    done = subprocess.run(
+        [sys.executable, "-c", RING + SCRIPT],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.stdout.startswith("ended at"), done.stderr
+
+
+def ring() -> dict[str, Any]:
+    """The scene of the script."""
+    space: dict[str, Any] = {}
+    exec(RING, space)
+    return space["scene"]
+
+
+def test_a_step_that_passes_pieces_without_end_is_an_error(monkeypatch) -> None:
+    monkeypatch.setattr("rb_sim.motion.traced.MOST_ROUNDS", 4)
+    with pytest.raises(SimulationError, match="8192 pieces of a guide .* too large"):
+        Simulation(ring()).run()
+
+
+def test_a_run_that_ends_in_its_first_step_keeps_what_was_logged(monkeypatch, tmp_path) -> None:
+    """A sample was, and no step, so that none had a price: the summary divided by zero."""
+    monkeypatch.setattr("rb_sim.motion.traced.MOST_ROUNDS", 4)
+    scene, out = tmp_path / "ring.yaml", tmp_path / "out"
+    mapping = ring()
+    mapping["simulation"] |= {"duration": 1e-5, "rate": 1e7}
+    scene.write_text(yaml_reader.write(mapping))
+    told = CliRunner().invoke(app, ["run", str(scene), "--out", str(out), "--no-rerun"])
+    assert told.exit_code == 1
+    assert "8192 pieces of a guide" in " ".join(told.output.split())
+    assert (out / "summary.json").exists()

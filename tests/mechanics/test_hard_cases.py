@@ -74,12 +74,3 @@ def test_absurd_steps(method: str, step: float, coordinates: str) -> None:
         for column in (got.position, got.orientation, got.linear_velocity, got.reaction_force):
             assert np.isfinite(column).all()
         assert got.residual.max() <= 1e-12 * max(1.0, np.abs(got.position).max())
-
-
-def test_adaptive_method_is_right_however_seldom_it_is_asked() -> None:
-    """One sample at the end equals that of a run with many."""
-    options = {"tolerance": 1e-12, "duration": 4.0}
-    once = outcome(JOINTS["fixed_point"], "auto", options | {"rate": 0.25})
-    often = outcome(JOINTS["fixed_point"], "auto", options | {"rate": 50.0})
-    assert_allclose(once.position[-1], often.position[-1], atol=1e-15)
-    assert_allclose(once.reaction_force[-1], often.reaction_force[-1], atol=1e-12)

@@ -7,10 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The shipped cart-pole example: an outside controller in lockstep, against the equations."""
+"""What ships with the node: the cart-pole controller in lockstep, and `make run`."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -80,3 +81,30 @@ def test_the_pole_is_balanced_over_topics_and_the_bag_tells_how(start, tmp_path:
     assert np.max(np.abs(angle)) > np.radians(3.0)
     assert abs(angle[-1]) < np.radians(1.0)
     assert len(bag["/rb_sim/cart/wrench_command"].messages) > 50
+
+
+# `make run`: what it says is there is there, the second time, too.
+
+
+def demonstrated(out: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rb_sim.ros.demo", "--out", str(out)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def test_it_replaces_what_it_left_and_shows_plots_that_are_drawn(tmp_path: Path) -> None:
+    (tmp_path / "node.log").write_text("of an earlier one")
+    plots = tmp_path / "plots.png"
+    plots.write_text("old")
+    os.utime(plots, (1e9, 1e9))
+    done = demonstrated(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert str(plots) in done.stdout.replace("\n", "")
+    assert plots.read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "bag/metadata.yaml").is_file()
+
+
+def test_logs_of_somebody_else_stay(tmp_path: Path) -> None:
+    (tmp_path / "plots.png").write_text("mine")
+    done = demonstrated(tmp_path)
+    assert done.returncode == 1 and "has plots.png already" in done.stderr
+    assert (tmp_path / "plots.png").read_text() == "mine"

@@ -7,10 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Starts at which the lines of a constraint are not numbers are refused in one line."""
+"""Starts: what is refused in one line, and what a misfit means at every size."""
 
 from __future__ import annotations
 
+import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,11 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.state_override import compiled_at
+from tests.interpreted import interpreted
 
 BODY = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
 
@@ -200,4 +205,165 @@ def test_a_start_that_slips_is_answered_with_the_rolling_spin(
     assert (f"use angular_velocity {cure} or" if cure else "correct it or") in str(error.value)
     if cure:
         body["angular_velocity"] = [float(part) for part in cure.strip("[]").split(",")]
+        compile_scene(load_scene(scene))
+
+
+# What a start or a run violates of an angle or a spin means the same whatever a scene's size.
+
+
+SIZES = (1e-6, 1e-3, 1.0, 1e3, 1e5)
+
+
+def body(size: float) -> dict[str, Any]:
+    squares = np.array([0.1, 0.2, 0.25]) * size**2
+    return {"mass": 1.0, "inertia": squares.tolist(), "center_of_mass": [0.3 * size, 0, 0]}
+
+
+def upright(size: float, tilt: float = 0.0, spin: float = 0.0) -> dict[str, Any]:
+    """A body on a plane whose axis, off by `tilt` [rad], is to stay parallel to z; it falls over
+    its size in half a second."""
+    start = {"orientation": {"axis": [1, 0, 0], "angle": tilt}, "angular_velocity": [spin, 0, 0]}
+    return {
+        "bodies": {"b": body(size) | start},
+        "constraints": {
+            "upright": {"type": "parallel", "body": "b", "axis_B": [0, 0, 1], "axis_A": [0, 0, 1]},
+            "table": {"type": "plane", "body": "b", "point_B": [size, 0, 0], "normal_A": [0, 0, 1]},
+        },
+        "effects": {"weight": {"type": "gravity", "acceleration": [size, 0, -size]}},
+        "simulation": {"duration": 0.1, "rate": 10.0, "method": "rk4", "step": 0.01},
+    }
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_tilt_is_refused_by_its_angle(size: float) -> None:
+    """At a kilometre 1e-3 rad were taken for rounding without a word, and the body turned."""
+    with pytest.raises(SceneError, match=r"upright: the initial position violates it by 1e-05 rad"):
+        Simulation(scene_from_mapping(upright(size, tilt=1e-5)))
+    Simulation(scene_from_mapping(upright(size, tilt=1e-7)))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_spin_is_refused_by_its_speed_at_the_scene_s_size(size: float) -> None:
+    fall = math.sqrt(9.81 * size)
+    with pytest.raises(SceneError, match="upright: the initial velocity violates it by"):
+        Simulation(scene_from_mapping(upright(size, spin=1e-5 * fall / size)))
+    Simulation(scene_from_mapping(upright(size, spin=1e-8 * fall / size)))
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("count", [2, BODIES])
+def test_a_run_is_on_its_constraints_at_every_size(size: float, count: int) -> None:
+    """Rounding of an attitude was told as a violation at a micrometre: 1e-16 rad over 1e-6 m."""
+    names = [f"b{k}" for k in range(count)]
+    welds: dict[str, Any] = {}
+    for name, parent in zip(names[1:], names[:-1], strict=True):
+        welds[name] = {"type": "weld", "body": name, "parent": parent}
+    spin = {"orientation": {"axis": [1, 2, 3], "angle": 0.7}}
+    bodies = {n: body(size) | spin | {"position": [0, k * size, 0]} for k, n in enumerate(names)}
+    push = {"type": "wrench", "body": "b0", "force": [size, 0, 0], "torque": [0, size**2, size**2]}
+    scene = upright(size) | {
+        "bodies": bodies,
+        "constraints": {"foot": {"type": "fixed_point", "body": "b0"}} | welds,
+    }
+    scene["effects"] = scene["effects"] | {"push": push}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulation = Simulation(scene_from_mapping(scene))
+        assert isinstance(simulation.compiled.laws, TableLaws) == (count == BODIES)
+        assert simulation.run().residual.max() < 1e-12
+
+
+# Lines that depend on each other for good are kept and named; in one position only, refused.
+
+
+HINGE = {"type": "fixed_axis", "axis_B": [0.0, 1.0, 0.0], "floating": "B"}
+
+
+def links(apart: float, mass: float = 1.0, size: float = 1.0) -> dict[str, Any]:
+    """A point held by two links of length `size` to points 2 size apart, `apart` off their line."""
+    across, along = apart * size, size * math.sqrt(1.0 - apart * apart)
+    ends = {"left": [-along, 0.0, 0.0], "right": [along, 0.0, 0.0]}
+    inertia = [0.1 * mass * size**2] * 3
+    return {
+        "bodies": {"knee": {"mass": mass, "inertia": inertia, "position": [0.0, 0.0, across]}},
+        "constraints": {
+            name: {"type": "distance", "body": "knee", "point_A": point, "length": size}
+            for name, point in ends.items()
+        },
+        "effects": {"weight": {"type": "gravity"}},
+    }
+
+
+def four_bar(crank: float, coupler: float = 1.0) -> dict[str, Any]:
+    """Hinged bars in the plane y = 0: two cranks of length 0.5 and a coupler, seen from above x."""
+    c, s = 0.5 * math.cos(crank), 0.5 * math.sin(crank)
+    bodies, constraints = {}, {}
+    for name, foot in (("first", 0.0), ("second", coupler)):
+        turn = {"axis": [0.0, 1.0, 0.0], "angle": -crank}
+        bodies[name] = bar(0.5) | {"position": [foot + c / 2, 0.0, s / 2], "orientation": turn}
+        constraints[f"foot_{name}"] = HINGE | {"body": name, "point_B": [-0.25, 0.0, 0.0]}
+    bodies["coupler"] = bar(coupler) | {"position": [c + coupler / 2, 0.0, s]}
+    for name, end in (("first", -coupler / 2), ("second", coupler / 2)):
+        at = {"point_B": [end, 0.0, 0.0], "point_A": [0.25, 0.0, 0.0]}
+        constraints[f"top_{name}"] = HINGE | at | {"body": "coupler", "parent": name}
+    return {"bodies": bodies, "constraints": constraints, "effects": {"w": {"type": "gravity"}}}
+
+
+def bar(length: float) -> dict[str, Any]:
+    across = length**2 / 12.0
+    return {"mass": 1.0, "inertia": [1e-3, across, across]}
+
+
+def compiled(scene: dict[str, Any]) -> tuple[int, tuple[str, ...]]:
+    """(degrees of freedom, undetermined reactions)."""
+    found = compile_scene(load_scene(scene), coordinates="maximal")
+    return found.degrees_of_freedom, found.indeterminate
+
+
+@pytest.mark.parametrize(("mass", "size"), [(1.0, 1.0), (1e6, 1e-3), (1e-6, 1e3)])
+def test_two_links_at_dead_centre_are_refused_by_name(mass: float, size: float) -> None:
+    with pytest.raises(
+        SceneError, match="singular initial position: left, right lose rank .* dead centre"
+    ):
+        interpreted(compiled, links(0.0, mass, size))
+
+
+@pytest.mark.parametrize(("mass", "size"), [(1.0, 1.0), (1e6, 1e-3), (1e-6, 1e3)])
+def test_beside_the_dead_centre_the_links_are_two_lines(mass: float, size: float) -> None:
+    assert interpreted(compiled, links(0.01, mass, size)) == (4, ())
+
+
+def test_a_flat_parallelogram_is_refused_where_its_motion_branches() -> None:
+    with pytest.raises(SceneError, match="dead centre"):
+        interpreted(compiled, four_bar(0.0))
+
+
+def test_a_four_bar_keeps_what_is_redundant_at_every_angle() -> None:
+    """20 lines of rank 17: out of their plane the hinges hold each other, wherever the bars are."""
+    freedom, named = interpreted(compiled, four_bar(0.7))
+    assert freedom == 1
+    assert {"foot_first", "foot_second", "top_first", "top_second"} <= set(named)
+
+
+@pytest.mark.parametrize("axis", [[0.0, 1.0, 0.0], [0.0, 0.6, 0.8], [0.3, -0.5, 0.2]])
+def test_two_bearings_that_both_carry_axial_force_share_it(axis: list[float]) -> None:
+    """Askew, too, where what should vanish is rounding."""
+    at = {"point_B": [-0.5, 0.1, 0.3], "axis_B": axis}
+    scene = {
+        "bodies": {
+            "wheel": {"mass": 2.0, "inertia": [0.3, 0.2, 0.25], "position": [0.7, 0.2, 0.1]}
+        },
+        "constraints": {"axle": HINGE | at | {"body": "wheel", "floating": "none"}},
+        "effects": {"weight": {"type": "gravity"}},
+    }
+    assert interpreted(compiled, scene) == (1, ("axle", "axle/A", "axle/B"))
+
+
+@pytest.mark.parametrize("kind", ["disk", "cylinder"])
+def test_a_rim_that_starts_flat_is_refused(kind: str) -> None:
+    length = {"length": 0.2} if kind == "cylinder" else {}
+    shape = {"type": kind, "radius": 0.1, "axis_B": [0.0, 0.0, 1.0]} | length
+    plane = {"type": "rolling", "body": "coin", "normal_A": [0.0, 0.0, 1.0]}
+    scene = {"bodies": {"coin": {"mass": 1.0, "shape": shape}}, "constraints": {"floor": plane}}
+    with pytest.raises(SceneError, match="the rim of coin starts flat"):
         compile_scene(load_scene(scene))

@@ -15,9 +15,11 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from rb_sim.scene.reduced import principal_axes
 from rb_sim.scene.shapes import SHAPES, THIN_ROD, Box, Cylinder, Disk, Ellipsoid, Rod, Shape, Sphere
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)  # exact for polynomials of degree 15
@@ -147,3 +149,47 @@ def test_registry_holds_each_shape_under_its_type() -> None:
 def test_bad_dimensions(kind: str, values: dict) -> None:
     with pytest.raises(ValidationError):
         SHAPES[kind].model_validate({"type": kind, **values})
+
+
+# Principal axes against tensors made from known ones.
+
+
+MOMENTS = [
+    [1.0, 2.0, 2.7],
+    [3.0, 1.0, 2.5],
+    [1.0, 1.0, 1.7],
+    [1.0, 1.0, 1.0],
+    [0.1, 0.1, 1e-4],
+    [1e-6, 2e-6, 2.5e-6],
+]
+
+
+def six(tensor: np.ndarray) -> tuple[float, ...]:
+    i = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return tuple(float(tensor[k]) for k in i)
+
+
+def test_a_diagonal_tensor_keeps_its_axes() -> None:
+    assert principal_axes((3.0, 1.0, 2.5, 0.0, 0.0, 0.0)) == (
+        (3.0, 1.0, 2.5),
+        (0.0, 0.0, 0.0, 1.0),
+    )
+
+
+@pytest.mark.parametrize("moments", MOMENTS)
+@pytest.mark.parametrize("seed", range(8))
+def test_axes_and_moments(moments: list[float], seed: int) -> None:
+    R = Rotation.random(random_state=seed).as_matrix()
+    tensor = R @ np.diag(moments) @ R.T
+    tensor = 0.5 * (tensor + tensor.T)
+    found, q = principal_axes(six(tensor))
+    assert_allclose(sorted(found), sorted(moments), atol=1e-15 * max(moments))
+    P = Rotation.from_quat(q).as_matrix()
+    assert_allclose(P @ np.diag(found) @ P.T, tensor, atol=1e-15 * max(moments))
+    assert abs(np.linalg.norm(q) - 1.0) <= 4e-16
+
+
+def test_equal_moments_are_equal_to_the_last_digit() -> None:
+    R = Rotation.from_rotvec([0.3, 0.9, -0.5]).as_matrix()
+    found, _ = principal_axes(six(R @ np.diag([1.0, 1.0, 1.7]) @ R.T))
+    assert len(set(found)) == 2

@@ -13,21 +13,19 @@ from __future__ import annotations
 
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pytest
-
-pytest.importorskip("pyarrow")
-pytest.importorskip("distributed")
-
 import pandas as pd
+import pytest
 from typer.testing import CliRunner
 
 from rb_sim.base.errors import RbSimError
@@ -39,9 +37,13 @@ from rb_sim.sweeps import sweep
 from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
-from rb_sim.sweeps.sweep import _checked, client
+from rb_sim.sweeps.sweep import _checked, check_guarded, client
 from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
 
 ROOT = Path(__file__).resolve().parents[2]
 PLANS = sorted(
@@ -344,3 +346,55 @@ def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(cluster: Clu
 def test_no_scheduler_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RbSimError, match="scheduler: .* does not answer"):
         sweep(plan(tmp_path), tmp_path / "out", scheduler="nonsense://nowhere")
+
+
+# A script that workers would run again is refused before one starts; others are not.
+
+
+CALL = "from rb_sim.sweeps.sweep import check_guarded\n"
+
+
+def run(script: Path, text: str) -> None:
+    """As `python script` does, in this process."""
+    script.write_text(text)
+    runpy.run_path(str(script), run_name="__main__")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "check_guarded()\n",
+        "def main():\n    check_guarded()\n\nmain()\n",
+        "if __name__ == '__main__':\n    pass\ncheck_guarded()\n",
+        "if True:\n    check_guarded()\n",
+    ],
+)
+def test_a_call_that_workers_would_come_to_is_refused(tmp_path: Path, text: str) -> None:
+    line = 2 + text.rstrip().count("\n")
+    with pytest.raises(RbSimError, match=rf"script.py:{line}: .*must be below `if __name__ =="):
+        run(tmp_path / "script.py", CALL + text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "if __name__ == '__main__':\n    check_guarded()\n",
+        "def main():\n    check_guarded()\n\nif '__main__' == __name__:\n    main()\n",
+    ],
+)
+def test_a_guarded_call_goes_on(tmp_path: Path, text: str) -> None:
+    run(tmp_path / "script.py", CALL + text)
+
+
+def test_a_sweep_asks_before_it_makes_anything(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    text = f"import rb_sim\nrb_sim.sweep('rotor_imbalance', {str(out)!r}, workers=1)\n"
+    with pytest.raises(RbSimError, match="starts workers, which import this file"):
+        run(tmp_path / "script.py", text)
+    assert not out.exists()
+
+
+def test_what_is_typed_in_is_imported_by_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    typed = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", typed)
+    exec("check_guarded()", vars(typed) | {"check_guarded": check_guarded})

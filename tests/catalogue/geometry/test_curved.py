@@ -16,12 +16,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.geometry.curved import SurfaceOnCylinder, SurfaceOnSphere
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, touching
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
 from rb_sim.catalogue.types import BodyState
+from tests.interpreted import interpreted
 from tests.moving import assert_rates, at, brought, random_state
 
 AXIS = (0.6, 0.0, 0.8)
@@ -89,3 +91,41 @@ def test_the_point_is_the_nearest(name: str) -> None:
     distance = np.linalg.norm(world - centre, axis=1)
     least = (pair.side * (distance - pair.curved)).min()
     assert least - 1e-4 <= touching(pair, B, A).gap <= least + 1e-12
+
+
+# The lowest point of a rim that lies flat, or nearly; of other surfaces: test_pairs.
+
+
+CENTRE = (0.02, -0.01, 0.03)
+AXIS_SHAPES = (0.48, -0.6, 0.64)
+GAMMA = (0.6, 0.48, 0.64)
+GAMMA_DOT = tuple(np.cross(GAMMA, (0.7, -1.1, 0.4)).tolist())
+
+
+def lying(gamma: tuple[float, ...]) -> tuple[np.ndarray, ...]:
+    """Support and rate of a rim that may lie flat, then those of one that may not."""
+    from rb_sim.catalogue.geometry import smooth_surfaces as c
+
+    both = c.LyingRimSurface(CENTRE, 0.3, AXIS_SHAPES), c.RimSurface(CENTRE, 0.3, AXIS_SHAPES)
+    of = [(c.support(rim, gamma), c.support_rate(rim, gamma, GAMMA_DOT)) for rim in both]
+    return tuple(np.array(values) for pair in of for values in pair)
+
+
+@pytest.mark.parametrize("lean", [1.0, 0.1, 1e-6, 1e-9])
+def test_a_rim_that_may_lie_flat_is_a_rim_as_long_as_it_leans(lean: float) -> None:
+    flat = np.array(AXIS_SHAPES) / np.linalg.norm(AXIS_SHAPES)
+    gamma = flat + lean * (np.array(GAMMA) - flat)
+    point, rate, expected, its_rate = interpreted(lying, tuple(gamma.tolist()))
+    assert_allclose(point, expected, atol=1e-15)
+    assert_allclose(rate, its_rate, rtol=1e-12)
+
+
+def test_a_rim_that_lies_flat_touches_somewhere() -> None:
+    """The rim has no lowest point then: one of its points, which stays."""
+    from rb_sim.catalogue.geometry import smooth_surfaces as c
+
+    axis = tuple((np.array(AXIS_SHAPES) / np.linalg.norm(AXIS_SHAPES)).tolist())
+    rim = c.LyingRimSurface(CENTRE, 0.3, axis)
+    point = np.array(interpreted(c.support, rim, axis)) - CENTRE
+    assert_allclose([np.linalg.norm(point), point @ axis], [0.3, 0.0], atol=1e-15)
+    assert interpreted(c.support_rate, rim, axis, GAMMA_DOT) == (0.0, 0.0, 0.0)

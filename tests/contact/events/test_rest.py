@@ -12,12 +12,16 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from benchmarks.contact.toss_scenes import toss
+from rb_sim import Simulation
+from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, body, box, scene, touch
 from tests.contact_runs import contact_run
 
@@ -134,3 +138,232 @@ def test_slip_as_slow_as_the_errors_of_the_method_ends() -> None:
     found = contact_run(scene(disk, contact), [0.0, 1e-4], tolerance=1e-9)
     assert found.times("rests")
     assert found.trajectory.contact_state["floor"][1] == 2.0
+
+
+# A box that lands on a support that gives way rocks, creeps and rests.
+#
+# Its corners slip by lean times rate of the lean, ever more slowly, while friction of some newtons
+# turns those slips at once: explicit steps were as short as that (1e-9 s), and the changes between
+# rest and slip, at speeds that are but errors, had no end.
+
+
+SIZE, MASS, STIFFNESS, DAMPING, MU, G_COMPLIANT = (0.2, 0.15, 0.1), 1.0, 5e3, 20.0, 0.4, 9.81
+AXIS, ANGLE, START = (0.6, 0.8, 0.0), 0.03, (0.05, 0.02, 0.0)
+HEIGHT = 0.5 * 0.1 * np.cos(ANGLE) + (0.5 * 0.2 * 0.8 + 0.5 * 0.15 * 0.6) * np.sin(ANGLE) + 1e-4
+REFERENCE = {
+    "position": ([0.0013857002019, 0.000580810296126, 0.0495490924591], 5e-9),
+    "linear_velocity": ([-8.50849545722e-05, 0.000467378122239, -0.00605720189468], 1e-7),
+    "angular_velocity": ([-0.00934508803745, -0.0017152263156, 1.09747290247e-07], 2e-6),
+}
+"""At 0.12 s, by `python -m benchmarks.contact.rocking_box`, and how far off it is: friction is
+rounded there at 1e-8 m/s; at 1e-7 m/s it is off by 19 times as much."""
+
+
+def box_of_compliant(lean: float = 0.0, **simulation: Any) -> Simulation:
+    """The box above a floor that leans."""
+    body = {
+        "mass": MASS, "shape": {"type": "box", "size": SIZE}, "position": [0.0, 0.0, HEIGHT],
+        "orientation": {"axis": AXIS, "angle": ANGLE}, "linear_velocity": START,
+    }  # fmt: skip
+    contact = {
+        "type": "contact", "body": "box", "friction": {"type": "coulomb", "static": MU},
+        "compliance": {"stiffness": STIFFNESS, "damping": DAMPING},
+    }  # fmt: skip
+    weight = [G_COMPLIANT * np.sin(lean), 0.0, -G_COMPLIANT * np.cos(lean)]
+    scene = {
+        "bodies": {"box": body},
+        "constraints": {"floor": contact},
+        "effects": {"weight": {"type": "gravity", "acceleration": weight}},
+    }
+    return Simulation(scene_from_mapping(scene | {"simulation": simulation}))
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.2])
+def test_it_comes_to_rest(lean: float) -> None:
+    simulation = box_of_compliant(lean, duration=1.0, rate=200)
+    found = simulation.run()
+    assert simulation.steps < 20_000
+    assert [e.kind for e in simulation.events[-4:]] == ["sticks"] * 4
+    for velocity in (found.linear_velocity["box"][-1], found.angular_velocity["box"][-1]):
+        assert np.abs(velocity).max() < 1e-9
+    weight = MASS * G_COMPLIANT * np.array([np.sin(lean), 0.0, -np.cos(lean)])
+    np.testing.assert_allclose(found.reaction["floor"].force[-1], -weight, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(found.reaction["floor"].torque[-1], 0.0, rtol=0.0, atol=1e-9)
+    balance = found.energy - found.contact_work
+    assert np.ptp(balance) < 1e-9 * MASS * G_COMPLIANT
+
+
+def test_on_the_way_it_moves_as_an_independent_program_says() -> None:
+    """At 0.12 s corners slip by some 1e-5 m/s, and have stuck six times."""
+    found = box_of_compliant(duration=0.12, rate=100).run()
+    for name, (expected, off) in REFERENCE.items():
+        np.testing.assert_allclose(getattr(found, name)["box"][-1], expected, rtol=0.0, atol=off)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
+def test_what_has_stopped_is_held_by_static_friction(tolerance: float) -> None:
+    """A point that gives way stops under a load of 0.985 of kinetic friction, and stays where the
+    load grows beyond that, up to 0.95 of static friction; it went on, creeping."""
+    static, kinetic, pulled, swings = 0.5, 0.4, 0.394 * G_COMPLIANT, 0.08 * G_COMPLIANT
+    body = {
+        "mass": 1.0,
+        "position": [0.0, 0.0, -G_COMPLIANT / 5e3],
+        "linear_velocity": [-0.01, 0.0, 0.0],
+    }
+    contact = {
+        "type": "contact", "body": "b", "points": [[0.0, 0.0, 0.0]],
+        "compliance": {"stiffness": 5e3},
+        "friction": {"type": "coulomb", "static": static, "kinetic": kinetic},
+    }  # fmt: skip
+    pull = {
+        "type": "wrench", "body": "b", "force": [pulled, 0.0, 0.0],
+        "sine_force": [swings, 0.0, 0.0], "angular_frequency": 20.0,
+    }  # fmt: skip
+    scene = {
+        "bodies": {"b": {"inertia": [1.0, 1.0, 1.0]} | body},
+        "constraints": {"c": contact},
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G_COMPLIANT]},
+            "pull": pull,
+        },
+        "simulation": {"duration": 0.5, "tolerance": tolerance, "method": "dopri853"},
+    }
+    simulation = Simulation(scene_from_mapping(scene))
+    found = simulation.run(watched=False)
+    assert [e.kind for e in simulation.events] == ["closes", "slips", "sticks"]
+    stopped = found.position["b"][found.t > 0.01, 0]
+    assert np.ptp(stopped) < 1e-12
+    # the pull helps to stop it, and grows but by 0.08 g 20 t in the millisecond that it takes
+    assert stopped[0] == pytest.approx(-0.5 * 0.01**2 / ((kinetic + 0.394) * G_COMPLIANT), rel=5e-3)
+
+
+def test_one_corner_that_creeps_near_the_bound_of_friction_rests() -> None:
+    """Under 0.98 of kinetic friction; static friction holds more. Runs parted by 2 mm."""
+    ends = []
+    for tolerance in (1e-10, 1e-12):
+        mapping = toss(77, 432).mapping
+        times = {"duration": 0.3, "tolerance": tolerance, "method": "dopri853"}
+        simulation = Simulation(scene_from_mapping(mapping | {"simulation": times}))
+        ends.append(simulation.run(watched=False).position["b"][-1])
+        assert simulation.steps < 5000
+    np.testing.assert_allclose(*ends, rtol=0.0, atol=1e-8)
+
+
+def creeping(tolerance: float) -> tuple[int, np.ndarray]:
+    """(steps, where it ends) of a box that creeps on a stiffer floor."""
+    body = {
+        "mass": 1.0,
+        "shape": {"type": "box", "size": [0.1, 0.2, 0.16]},
+        "position": [0.0, 0.0, 0.0857],
+        "orientation": {"axis": [0.8, 0.6, 0.0], "angle": 0.04},
+        "linear_velocity": [0.05, -0.08, 0.0],
+    }
+    contact = {
+        "type": "contact", "body": "box", "friction": {"type": "coulomb", "static": 0.45},
+        "compliance": {"stiffness": 1.2e4, "damping": 5.0},
+    }  # fmt: skip
+    scene = {
+        "bodies": {"box": body},
+        "constraints": {"floor": contact},
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G_COMPLIANT]}},
+        "simulation": {"duration": 0.2, "rate": 100.0, "tolerance": tolerance},
+    }
+    simulation = Simulation(scene_from_mapping(scene))
+    found = simulation.run(watched=False)
+    return simulation.steps, found.position["box"][-1]
+
+
+def test_a_tolerance_that_rounding_does_not_allow_costs_no_more_steps() -> None:
+    """Stages of implicit steps are solved to 1e-13: steps that were to keep to that were 1e6."""
+    steps, place = creeping(1e-12)
+    more, same = creeping(1e-13)
+    assert more < 2 * steps
+    np.testing.assert_allclose(same, place, rtol=0.0, atol=1e-10)
+
+
+# Points that lift off together open once each, whatever they stand on.
+
+
+AMPLITUDE, RATE = 0.03, 10.0 * math.pi
+SHAKEN = {"type": "shaken", "direction": [0, 0, 1], "amplitude": AMPLITUDE, "frequency": 5.0}
+LEAVES = math.asin(G / (AMPLITUDE * RATE**2)) / RATE
+"""Where the floor falls as fast as the weight asks for: a w^2 sin(w t) = g."""
+PLATE = {"type": "disk", "radius": 0.2}
+FEET = {
+    "two": [[0.1, 0.0, -0.05], [-0.1, 0.0, -0.05]],
+    "three": [[0.1, 0.0, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05]],
+    "five": [[0.1, 0.1, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05], [0.1, -0.1, -0.05]]
+    + [[0.0, 0.0, -0.05]],
+}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "loose": {"tolerance": 1e-4},
+    "sharp": {"tolerance": 1e-13},
+    "rk4": {"method": "rk4", "step": 1e-3, "tolerance": None},
+    "coarse rk4": {"method": "rk4", "step": 1e-2, "tolerance": None},
+    "gauss6": {"method": "gauss6", "step": 2e-3, "tolerance": None},
+}
+
+
+def thrown_off(solid: dict[str, Any], **contact: Any) -> dict[str, Any]:
+    """What stands on a floor that rises first and then falls away under it."""
+    moving = solid | {"linear_velocity": [0.0, 0.0, AMPLITUDE * RATE]}
+    return scene(moving, touch(motion=SHAKEN, **contact))
+
+
+def assert_lifts_once(mapping: dict[str, Any], **setting: Any) -> None:
+    found = contact_run(mapping, [0.0, LEAVES + 1e-3], **setting)
+    after = [e for e in found.events if e.t > 0.0]
+    assert {e.kind for e in after} == {"opens"}
+    assert set(Counter(e.contact for e in after).values()) == {1}
+    assert {e.contact for e in after} == {e.contact for e in found.events if e.kind == "closes"}
+    assert_allclose([e.t for e in after], LEAVES, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_box_is_thrown_off(mu: float, setting: str) -> None:
+    """Its corners opened and closed 52 times, by rounding, and the run leapt over the rest."""
+    beside = {"center_of_mass": [0.03, 0.02, 0.01], "inertia": [0.01, 0.012, 0.02]}
+    thrown = box([0.3, 0.2, 0.1], [0, 0, 0.05]) | beside
+    assert_lifts_once(thrown_off(thrown, mu=mu), **SETTINGS[setting])
+
+
+@pytest.mark.parametrize("feet", FEET)
+def test_feet_are_thrown_off(feet: str) -> None:
+    standing = body(PLATE, [0, 0, 0.05])
+    assert_lifts_once(thrown_off(standing, mu=0.4, kinetic=0.3, points=FEET[feet]))
+
+
+def test_a_cylinder_on_its_end_is_thrown_off() -> None:
+    shape = {"type": "cylinder", "radius": 0.1, "length": 0.2}
+    assert_lifts_once(thrown_off(body(shape, [0, 0, 0.1]), mu=0.4))
+
+
+def test_an_edge_that_is_lifted_leaves_the_other_down() -> None:
+    """A force F = c t at the middle of an edge, a half width b off C: the other edge bears until
+    c t b = m g b - c t b, and the corners under the force leave at c t = m g / 2, both at once."""
+    pull = {"type": "wrench_table", "body": "body", "times": [0.0, 1.0], "point_B": [0.15, 0, 0.05]}
+    pull |= {"forces": [[0.0, 0.0, 0.0], [0.0, 0.0, 10.0 * G]]}
+    standing = scene(box([0.3, 0.2, 0.1], [0, 0, 0.05]), touch(mu=0.5), pull=pull)
+    found = contact_run(standing, np.linspace(0.0, 0.06, 7).tolist())
+    opened = [e for e in found.events if e.t > 0.0 and e.kind == "opens"]
+    assert_allclose([e.t for e in opened], [0.05, 0.05], rtol=0.0, atol=1e-9)
+    states = found.trajectory.contact_state
+    down = [name for name in states if name.startswith("floor/") and states[name][-1] > 0.0]
+    assert len(down) == 2
+    assert not set(down) & {e.contact for e in opened}
+
+
+@pytest.mark.parametrize("mu", [0.859, 0.8589195577097951, 0.762, 0.3])
+def test_a_box_on_a_slope_at_its_very_bound_stays(mu: float) -> None:
+    """tan(slope) = mu. At the begin of a step a push that falls by rounding is no lift-off."""
+    lean, half = math.atan(mu), 0.1
+    normal = [math.sin(lean), 0.0, math.cos(lean)]
+    placed = box([2 * half] * 3, [half * x for x in normal])
+    placed["orientation"] = {"axis": [0, 1, 0], "angle": lean}
+    plane = {"type": "plane", "normal": normal}
+    found = contact_run(scene(placed, touch(mu=mu, surface=plane)), [0.0, 0.1, 0.2], tolerance=1e-9)
+    assert not [e for e in found.events if e.kind in ("opens", "impact")]
+    moved = found.trajectory.block.position - found.trajectory.block.position[0]
+    assert np.abs(moved).max() < 1e-12

@@ -19,7 +19,7 @@ from rb_sim import Simulation
 from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import ball, body, scene, touch
-from tests.mechanics.test_redundant_steps import error, linkages, with_ball
+from tests.mechanics.test_redundant import error, linkages, with_ball
 
 
 def test_a_linkage_moves_as_its_equation_says_to_second_order() -> None:

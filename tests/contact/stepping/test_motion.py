@@ -19,7 +19,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.base.errors import StepTooLargeError
 from rb_sim.contact.stepping import step_workspace
 from rb_sim.contact.stepping.step_workspace import GAP
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
@@ -255,19 +254,6 @@ def sampled(way: str, upto: float, *times: float) -> tuple[Any, ...]:
     return motion.coordinates.copy(), motion.steps, motion.frontier, out, *kept
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_samples_leave_no_trace(way: str) -> None:
-    """Wherever they are taken, at the start, on the grid or between its points."""
-    plain = interpreted(sampled, way, 0.2)
-    assert plain[1] == 20
-    assert plain[2] == pytest.approx((0.2, 0.01))
-    for times in ((0.0,), (0.01, 0.013, 0.017, 0.02, 0.151), (0.0, 0.004, 0.1)):
-        found = interpreted(sampled, way, 0.2, *times)
-        assert np.array_equal(found[0], plain[0])
-        assert found[1:3] == plain[1:3]
-        assert np.array_equal(found[4], plain[4]) and np.array_equal(found[5], plain[5])
-
-
 def one_step(way: str, h: float, start: float, y: Any, memory: Any) -> np.ndarray:
     """The sample after one step of length h of a motion that stands there."""
     motion = motion_of(bouncing(**WAYS[way]))
@@ -310,55 +296,6 @@ def test_a_ball_on_its_floor_bears_its_weight_from_the_start(way: str) -> None:
     """Less what a spring above it takes."""
     pull = SPRING["stiffness"] * (0.9 - SPRING["rest_length"]) if way != "plain" else 0.0
     assert_allclose(interpreted(at_rest, way)[13:16], [0.0, 0.0, G - pull], rtol=1e-9)
-
-
-def recorded(way: str, stop: float, *times: float) -> tuple[Any, ...]:
-    """(steps, frontier, time) after a record to each of the times, up to a place to stop."""
-    motion = motion_of(bouncing(**WAYS[way]))
-    ends, advance = [], motion._advance
-
-    def noted(t: float, upto: float) -> None:
-        advance(t, upto)
-        ends.append((motion.steps, *motion.frontier))
-
-    motion._advance = noted  # type: ignore[method-assign]
-    motion._record(np.array(times), stop, None)
-    return ends, motion.steps, motion.frontier, motion.time, motion.coordinates[:13].copy()
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_step_ends_where_loads_jump(way: str) -> None:
-    ends, steps, frontier, time, y = interpreted(recorded, way, 0.025, 0.025)
-    assert steps == 3 and time == 0.025
-    assert_allclose(frontier, (0.025, 0.005))
-    if way == "plain":  # as it falls before it lands
-        assert_allclose(y[2], 0.12 - 0.3 * 0.025 - 0.5 * G * 0.025**2)
-        assert_allclose(y[7:10], [0.4, 0.0, -0.3 - G * 0.025], atol=1e-12)
-    else:
-        before, *_, memory = interpreted(sampled, way, 0.02)
-        row = interpreted(one_step, way, 0.005, 0.02, before, memory)
-        assert_allclose(y, row[:13], atol=1e-12)
-    _, steps, frontier, *_ = interpreted(recorded, way, math.inf, 0.025)
-    assert steps == 3
-    assert_allclose(frontier, (0.03, 0.01))
-    ends, steps, frontier, *_ = interpreted(recorded, way, 0.03, 0.01, 0.03)
-    assert steps == 3
-    assert_allclose(frontier, (0.03, 0.01))
-    assert ends[0][0] == 1
-
-
-def spoilt(way: str) -> str:
-    motion = motion_of(bouncing(**WAYS[way]))
-    motion._grid.y1[7] = math.nan
-    with np.errstate(all="ignore"), pytest.raises(StepTooLargeError) as error:
-        motion.run_to(np.array([0.1]))
-    assert motion.steps == 0
-    return str(error.value)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_numbers_that_end_are_told(way: str) -> None:
-    assert "no longer finite" in interpreted(spoilt, way)
 
 
 def warmed(way: str, warm: bool) -> np.ndarray:

@@ -1,0 +1,216 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Event-driven heaps advance or end with a line that names time stepping."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.contact.random_scenes import random_scene
+from rb_sim import Simulation, load_scene
+from rb_sim.base.errors import SimulationError, StepTooLargeError
+from rb_sim.contact.events import event_motion, limits
+from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
+from rb_sim.contact.events.instant import pseudo_inverse, require_finite
+from rb_sim.contact.problem.impacts import ENDLESS
+from tests.contact.scenes import ball, box, scene, touch
+from tests.interpreted import interpreted
+
+TOOL = "use simulation.method time_stepping for this scene"
+
+
+def stack(*sizes: float) -> dict[str, Any]:
+    """Cubes on top of each other, from the floor up, at rest."""
+    bodies, constraints, top = {}, {}, 0.0
+    for i, size in enumerate(sizes):
+        bodies[f"b{i}"] = box([size] * 3, [0.0, 0.0, top + 0.5 * size])
+        below = {"parent": f"b{i - 1}", "surface": {"type": "shape"}} if i else {}
+        constraints[f"c{i}"] = touch(f"b{i}", mu=0.5, **below)
+        top += size
+    return scene(bodies, constraints)
+
+
+def made(mapping: dict[str, Any]) -> str:
+    """What making a simulation of the scene says."""
+    try:
+        Simulation(load_scene(mapping))
+    except SimulationError as error:
+        return str(error)
+    return "made"
+
+
+def test_corners_on_edges_whose_normals_differ_are_refused() -> None:
+    """Three equal cubes: corners of the third lie on edges of the second, to rounding."""
+    equal = stack(0.1, 0.1, 0.1)
+    text = interpreted(made, equal)
+    assert text.startswith("contacts c2/1 and c2/") and text.endswith(TOOL) and "\n" not in text
+    equal["simulation"] = {"duration": 1.0, "method": "time_stepping", "step": 1e-3}
+    assert interpreted(made, equal) == "made"
+
+
+def test_corners_within_a_face_are_not() -> None:
+    assert interpreted(made, stack(0.1, 0.08)) == "made"
+
+
+def test_a_run_counts_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a ball that bounces three in this time (natural units) are too many."""
+    mapping = scene(ball([0.0, 0.0, 0.11]), touch(restitution=0.5))
+    mapping["simulation"]["duration"] = 0.2
+    monkeypatch.setattr(limits, "STALLED_EVENTS", 3)
+    monkeypatch.setattr(limits, "STALLED_TIME", 1e-12)
+    Simulation(load_scene(mapping)).run()
+    monkeypatch.setattr(limits, "STALLED_TIME", 1e3)
+    with pytest.raises(SimulationError, match=f"{TOOL}$"):
+        Simulation(load_scene(mapping)).run()
+
+
+def test_what_gives_way_and_hardly_slips_is_no_paradox() -> None:
+    """Coulomb's law has forces wherever the pushes are given; a box that comes to rest on corners
+    that give way ended in "Painleve's paradox", and then in a line that no forces are found."""
+    rocking = box([0.1, 0.14, 0.18], [0.0, 0.0, 0.0895095])
+    rocking |= {
+        "mass": 0.8,
+        "orientation": {"axis": [0.8, 0.6, 0.0], "angle": 3e-4},
+        "linear_velocity": [4e-4, -7e-4, 5e-4],
+        "angular_velocity": [-0.03, 0.02, 0.006],
+    }
+    floor = touch(mu=0.5, compliance={"stiffness": 4000.0})
+    places = []
+    for tolerance in (1e-8, 1e-11):
+        setting = {"simulation": {"duration": 1.0, "tolerance": tolerance, "method": "dopri853"}}
+        simulation = Simulation(load_scene(scene(rocking, floor) | setting))
+        simulation.advance(0.1)
+        places.append(simulation.state.position["body"])
+        assert simulation.steps < 5000
+    np.testing.assert_allclose(*places, rtol=0.0, atol=1e-9)
+
+
+SETTINGS = [{"tolerance": 1e-8}, {"method": "rk4", "step": 0.01}]
+
+
+def motion_of(setting: dict[str, Any]) -> Any:
+    mapping = scene(ball([0.0, 0.0, 0.1]), touch(mu=0.3))
+    return Simulation(load_scene(mapping | {"simulation": {"duration": 1.0} | setting}))._motion
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_steps_that_do_not_advance_end_the_run(setting: dict[str, Any]) -> None:
+    motion, fixed = motion_of(setting), "step" in setting
+    unit = motion.system.length / motion.system.speed
+    for part, ends in ((0.9, True), (1.1, False)):
+        motion._mark = -STALLED_STEPS, -part * STALLED_SPAN * unit
+        if not ends:
+            motion._refuse_to_stall()
+            continue
+        with pytest.raises(SimulationError) as caught:
+            motion._refuse_to_stall()
+        assert isinstance(caught.value, StepTooLargeError) == fixed
+        assert str(caught.value).endswith("step 0.01 s is too large here" if fixed else TOOL)
+    motion._mark = 1 - STALLED_STEPS, 0.0
+    motion._refuse_to_stall()
+
+
+def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a slip that ends, steps of rk4 from one as long as this kept 1 nm/s alive for days."""
+    monkeypatch.setattr(event_motion, "STALLED_STEPS", 10_000)
+    mapping, _ = random_scene(11, 0)
+    mapping["simulation"] = {"duration": 0.5, "rate": 200.0, "method": "rk4", "step": 0.05}
+    simulation = Simulation(load_scene(mapping))
+    match = "steps in the last .* step 0.05 s is too large here; use step .* runs to the end"
+    with pytest.raises(StepTooLargeError, match=match):
+        simulation.run()
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_impacts_without_end_name_the_step_where_there_is_one(setting: dict[str, Any]) -> None:
+    motion, fixed = motion_of(setting), "step" in setting
+    instant = motion._instant(0.0, motion.coordinates)
+    with pytest.raises(SimulationError, match="endless impacts at t = 0 s") as caught:
+        motion._refuse_impacts(instant, ENDLESS, True)
+    assert isinstance(caught.value, StepTooLargeError) == fixed
+    assert ("step 0.01 s is too large" in str(caught.value)) == fixed
+
+
+# No LinAlgError leaves the contacts: what linear algebra cannot do is one line.
+
+
+BAD = (np.nan, np.inf, -np.inf)
+
+
+def fail(*_: Any, **__: Any) -> Any:
+    raise np.linalg.LinAlgError("SVD did not converge")
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("ends", ["choose_modes", "_strike"])
+def test_a_run_whose_loads_are_not_finite_is_told(bad: float, ends: str) -> None:
+    """A mass that is none makes the Delassus matrix none, of impacts and of modes."""
+    text = interpreted(told_of, bad, ends)
+    assert text.startswith("the laws of contact have no solution") and "finite" in text
+
+
+def told_of(bad: float, ends: str) -> str:
+    """What is said of a ball that strikes the floor, or lies on it, with an inertia of this."""
+    from rb_sim import Simulation, load_scene
+    from rb_sim.contact.events.shares import choose_modes
+
+    falls = ends == "_strike"
+    mapping = scene(
+        ball([0, 0, 0.1], linear_velocity=[0, 0, -1.0 if falls else 0.0]), touch(mu=0.3)
+    )
+    motion: Any = Simulation(load_scene(mapping))._motion
+    y = np.array(motion.compiled.y)
+    motion.system.bodies[:, 7] = bad  # of the inverse of the inertia
+    try:
+        instant = motion._instant(0.0, y)
+        motion._strike(instant) if falls else choose_modes(instant)
+    except SimulationError as error:
+        return str(error)
+    return "ran"
+
+
+def run_with_a_failing(module: str, name: str) -> str:
+    """What a box that falls onto its corners says when this function fails."""
+    from rb_sim import Simulation, load_scene
+
+    with pytest.MonkeyPatch.context() as patch:
+        mapping = scene(box([0.2, 0.3, 0.1], [0, 0, 0.051]), touch(mu=0.4))
+        mapping["simulation"]["duration"] = 0.02
+        simulation = Simulation(load_scene(mapping))
+        patch.setattr(importlib.import_module(module), name, fail)
+        try:
+            simulation.run()
+        except SimulationError as error:
+            return str(error)
+    return "ran"
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("numpy.linalg", "svd"),
+        ("rb_sim.contact.events.event_motion", "record_contacts"),
+    ],
+)
+def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:
+    """svd: the shares of redundant corners; record_contacts: kernels."""
+    text = interpreted(run_with_a_failing, module, name)
+    assert "have no solution: SVD did not converge" in text and "\n" not in text
+
+
+def test_entries_whose_squares_overflow_are_no_error() -> None:
+    """A pseudo-inverse of numbers of 1e200 has a solution."""
+    A = 1e200 * np.diag([1.0, 2.0])
+    np.testing.assert_allclose(pseudo_inverse(A, "reactions"), 1e-200 * np.diag([1.0, 0.5]))
+    require_finite("reactions", A, np.array([-1e300, 1e300]))
