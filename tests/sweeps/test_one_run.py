@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import SceneError
-from rb_sim.sweeps.one_run import PlanRunner, parse, with_default
+from rb_sim.sweeps.one_run import PlanRunner, parse, placed, with_default
 from rb_sim.sweeps.plan import load_plan, points
 from rb_sim.sweeps.sweep import MOST, look_over, to_look_at
 
