@@ -11,7 +11,7 @@
 
 A scene keeps the name that its user gave. ROS allows less: the parts of a topic are letters, digits
 and underscores of ASCII and begin with a letter, and frames and joints are called as topics are.
-A sentence lists the first few of many.
+A sentence lists the first few of many, and the name that was probably meant first.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 
 LONGEST = 64
 """Characters of a name, in ROS as in a scene: a topic has 255 in all."""
@@ -85,3 +86,81 @@ def first_few(texts: Sequence[str], count: int | None = None, most: int = MOST_N
     """The first of the texts as a list in a sentence, "..." for the rest; count: of how many, if
     they are not all given."""
     return ", ".join(texts[:most]) + ", ..." * ((count or len(texts)) > min(most, len(texts)))
+
+
+ALSO_CALLED = {
+    "hinge": ("fixed_axis",),
+    "revolute": ("fixed_axis",),
+    "ball": ("fixed_point", "sphere"),
+    "spherical": ("fixed_point",),
+    "prismatic": ("translation",),
+    "slider": ("translation",),
+    "fixed": ("weld",),
+    "rope": ("string",),
+    "cable": ("string",),
+    "damper": ("spring",),
+    "force": ("wrench",),
+    "torque": ("wrench",),
+    "drag": ("linear_drag",),
+    "cube": ("box",),
+    "rk45": ("dopri853",),
+    "k": ("stiffness",),
+    "c": ("damping",),
+    "coefficient": ("static",),
+    "mu": ("static", "coefficient", "friction"),
+    "pose": ("position",),
+    "com": ("center_of_mass",),
+    "weight": ("mass",),
+    "density": ("mass",),
+    "velocity": ("linear_velocity",),
+    "omega": ("angular_velocity",),
+    "rpy": ("orientation",),
+    "quaternion": ("orientation",),
+    "degrees": ("angle",),
+    "deg": ("angle",),
+    "diameter": ("radius",),
+    "half_extents": ("size",),
+    "dimensions": ("size",),
+    "extents": ("size",),
+    "height": ("length",),
+    "ball_joint": ("fixed_point",),
+    "rigid": ("weld",),
+    "g": ("acceleration",),
+    "dt": ("step",),
+    "timestep": ("step",),
+    "rtol": ("tolerance",),
+    "gravity": ("effects",),
+    "contacts": ("constraints",),
+    "name": ("description",),
+    "links": ("bodies",),
+    "joints": ("constraints",),
+    "forces": ("effects",),
+}
+"""What other programs call a thing -> its names here; which of them is meant, the place tells."""
+
+
+MOST_NAMES = 14
+"""Names that a message lists: as many as the longest list of keys, that of a contact, has."""
+
+
+def meant(value: object, names: Iterable[str]) -> str | None:
+    """The one of `names` that `value` was probably meant to be."""
+    known = {name.lower(): name for name in sorted(names)}
+    word = value[:64].lower() if isinstance(value, str) else ""
+    close = [name for name in (word, *ALSO_CALLED.get(word, ())) if name in known]
+    close = close or get_close_matches(word, known, n=1)
+    return known[close[0]] if close else None
+
+
+def one_of(value: object, names: Iterable[str]) -> str:
+    """Phrase that lists `names`, first the one that `value` was probably meant to be."""
+    listed = sorted(names)
+    close = meant(value, listed)
+    if close:
+        listed.remove(close)
+    text = ", ".join(listed[:MOST_NAMES])
+    if len(listed) > MOST_NAMES:
+        text += f" and {len(listed) - MOST_NAMES} more"
+    if not close:
+        return f"one of {text or 'none'}"
+    return {0: close, 1: f"{close} or {text}"}.get(len(listed), f"{close}, or one of {text}")

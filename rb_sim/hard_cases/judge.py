@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rb_sim.accuracy.differences import pose_gaps
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.spec import one_of
+from rb_sim.base.names import one_of
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.spec import one_of
+from rb_sim.base.names import one_of
 
 Path = tuple[str | int, ...]
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.spec import meant
+from rb_sim.base.names import meant
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import scene_error
 

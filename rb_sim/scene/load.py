@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import SceneError, SceneWarning
-from rb_sim.base.names import ros_name
-from rb_sim.catalogue.spec import one_of
+from rb_sim.base.names import one_of, ros_name
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene

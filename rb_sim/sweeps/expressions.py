@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.spec import one_of
+from rb_sim.base.names import one_of
 from rb_sim.trajectory.tables import QUANTITIES
 from rb_sim.trajectory.trajectory import Trajectory
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from rb_sim.base.diagnostic import Finding, GlobalError
 from rb_sim.base.errors import RbSimError, UnknownNameError
+from rb_sim.base.names import one_of
 from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
 
 if TYPE_CHECKING:
@@ -39,8 +40,6 @@ class ByName(dict[str, T]):
         self._what = what
 
     def __missing__(self, name: object) -> T:
-        from rb_sim.catalogue.spec import one_of  # pydantic loads for it
-
         allowed = f"must be {one_of(name, self)}" if self else "there is none in this run"
         raise UnknownNameError(f"{self._what}: got {name!r}; {allowed}")
 

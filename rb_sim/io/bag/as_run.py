@@ -15,8 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.base.names import keys_of
-from rb_sim.catalogue.spec import one_of
+from rb_sim.base.names import keys_of, one_of
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
