@@ -166,7 +166,7 @@ class Quadrature:
         self._waiting, self._count = [], 0
         if len(t) < 2:
             return
-        breaks = np.array(self._breaks)
+        breaks = np.array(self._breaks, dtype=float)
         found = integrals(t, f, breaks)[:, self._open :]
         # settled is what lies before the last break, or has a sample after its cubic
         begun = int(np.searchsorted(t, breaks[breaks <= t[-1]].max(initial=-np.inf)))
