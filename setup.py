@@ -79,7 +79,7 @@ setup(
     package_data={
         "rb_sim": ["py.typed"],
         "": ["loops.json"],
-        "rb_sim.io.page": ["*.css", "*.html", "*.js"],
+        "rb_sim.io": ["page/*.css", "page/*.html", "page/*.js"],
     },
     cmdclass={"build_py": BuildPy, "develop": Develop},
     data_files=[

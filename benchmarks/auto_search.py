@@ -31,8 +31,7 @@ from benchmarks.fuzz.random_scenes import Mapping, magnitude, unit, vector
 from rb_sim import load_scene
 from rb_sim.accuracy import auto
 from rb_sim.accuracy.checked import checked_run
-from rb_sim.accuracy.differences import pose_difference
-from rb_sim.accuracy.runs import CountedRunner, sample_times
+from rb_sim.accuracy.runs import CountedRunner, pose_difference, sample_times
 from rb_sim.base.errors import RbSimError
 from rb_sim.scene.compile import compile_scene
 

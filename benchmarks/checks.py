@@ -178,7 +178,7 @@ def scene_of(name: str) -> Any:
     if "/" not in name:
         return name
     from rb_sim.cli.verbs.hard_cases import shipped
-    from rb_sim.hard_cases.judge import load_cases
+    from rb_sim.sweeps.hard_cases import load_cases
 
     return load_cases(shipped(), [name.split("/")[1]])[0].scene
 

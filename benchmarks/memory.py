@@ -54,8 +54,8 @@ def main() -> int:
             growth_of(simulation, FEW)
             growth = growth_of(simulation, MANY)
             failed |= growth > GROWTH
-            told = f"{growth / 1024:+.0f} KiB{'  GROWS' if growth > GROWTH else ''}"
-            print(f"{name:15s} {method:9s} memory {told} over {MANY} steps")
+            reported = f"{growth / 1024:+.0f} KiB{'  GROWS' if growth > GROWTH else ''}"
+            print(f"{name:15s} {method:9s} memory {reported} over {MANY} steps")
     return int(failed)
 
 

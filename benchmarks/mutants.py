@@ -86,8 +86,8 @@ def mutants(text: str) -> list[Mutant]:
             for what, new in faults(node):
                 before, after = ast.unparse(node), ast.unparse(new)
                 source = changed_source(text, node, after)
-                told = f"{what}: `{before}` becomes `{after}`"
-                found.append(Mutant(node.lineno, told, source))
+                reported = f"{what}: `{before}` becomes `{after}`"
+                found.append(Mutant(node.lineno, reported, source))
     return found
 
 

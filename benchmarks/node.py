@@ -136,8 +136,10 @@ def ratio_ranges(rounds: list[Round], bare: list[Round]) -> np.ndarray:
 def show(rows: dict[str, list[Round]], heading: str) -> None:
     """Print the table."""
     print(heading)
-    told = "".join(f"{f'p{share:g} [ms]':>12} times {'(5 to 95 %)':14}" for share in PERCENTILES)
-    print(f"{'':15} CPU [us] times {'(all rounds)':14}  samples/s{told}")
+    reported = "".join(
+        f"{f'p{share:g} [ms]':>12} times {'(5 to 95 %)':14}" for share in PERCENTILES
+    )
+    print(f"{'':15} CPU [us] times {'(all rounds)':14}  samples/s{reported}")
     bare = rows["bare rclpy"]
     for name, rounds in rows.items():
         spent = np.array([one.spent for one in rounds])

@@ -73,8 +73,8 @@ def flood(seconds: float, commands: float) -> tuple[float, int]:
         )
         for k in range(SENDERS)
     ]
-    told = [json.loads(sender.communicate()[0]) for sender in senders]
-    return sum(sent / took for sent, took in told), sum(sent for sent, _ in told)
+    reported = [json.loads(sender.communicate()[0]) for sender in senders]
+    return sum(sent / took for sent, took in reported), sum(sent for sent, _ in reported)
 
 
 def counters(client: Client) -> dict[str, str]:

@@ -59,7 +59,7 @@ TOP = {
 def strip(keep: int) -> None:
     """Leave the first `keep` effects in the catalogue, and no kernel of any other."""
     from rb_sim.catalogue import effects
-    from rb_sim.catalogue.types import potential, wrench
+    from rb_sim.catalogue.spec import potential, wrench
 
     for name in list(effects.SPECS)[keep:]:
         del effects.SPECS[name]
@@ -73,8 +73,7 @@ def strip(keep: int) -> None:
 def add_synthetic(count: int) -> None:
     """Register `count` more kinds, each with a row class, a spec and a kernel of its own."""
     from rb_sim.catalogue import effects
-    from rb_sim.catalogue.spec import Spec
-    from rb_sim.catalogue.types import wrench
+    from rb_sim.catalogue.spec import Spec, wrench
 
     for i in range(count):
         source = (

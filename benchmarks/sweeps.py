@@ -306,9 +306,9 @@ def memory(runs: int, workers: int) -> None:
             "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
         )
         command = [sys.executable, "-c", code, str(out)]
-        told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        reported = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         page = (out / "report.html").stat().st_size
-        print(f"report: peak {float(told):.0f} MB, page {page / 1e6:.1f} MB")
+        print(f"report: peak {float(reported):.0f} MB, page {page / 1e6:.1f} MB")
 
 
 class _Peaks:

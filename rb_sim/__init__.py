@@ -90,7 +90,7 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
-    is_package = name in ("fit", "statics")  # that is a function (rb_sim.base.callable_package)
+    is_package = name in ("fit", "statics")  # that is a function (rb_sim.base.errors)
     if not is_package and name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from rb_sim.base.errors import named_if_lacking

@@ -17,12 +17,21 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.catalogue.constraints.rows import VelocityRow
-from rb_sim.catalogue.contacts.friction import straight_on, traction
+from rb_sim.catalogue.friction import straight_on, traction
 from rb_sim.catalogue.geometry.pairs import Touch, carried_point, touching
-from rb_sim.catalogue.spec import Finite, Name, NonNegative, Positive, Spec
-from rb_sim.catalogue.types import Part, Place, Vec3, wrench
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Part,
+    Place,
+    Positive,
+    Spec,
+    Vec3,
+    wrench,
+)
 from rb_sim.numerics.vectors import ZERO, add, dot, norm, scale, sub
 
 # An effect: a force that grows with time.
@@ -76,7 +85,7 @@ class Oil(NamedTuple):
 
 
 @traction.register(Oil)
-def oil_traction(law, s, ahead, least, gives):
+def oil_traction(law, s, ahead, least, compliant):
     return scale(-law.coefficient * norm(s), s), ZERO
 
 
@@ -98,7 +107,7 @@ class Weakening(NamedTuple):
 
 
 @traction.register(Weakening)
-def weakening_traction(law, s, ahead, least, gives):
+def weakening_traction(law, s, ahead, least, compliant):
     ratio = dot(s, s) / (law.speed * law.speed)
     coefficient = law.slow + (law.static - law.slow) / (1.0 + ratio)
     return scale(-coefficient, straight_on(s, ahead, least)), ZERO
@@ -122,7 +131,7 @@ class Sideways(NamedTuple):
 
 
 @traction.register(Sideways)
-def sideways_traction(law, s, ahead, least, gives):
+def sideways_traction(law, s, ahead, least, compliant):
     return scale(law.coefficient, (-s[1], s[0], 0.0)), ZERO
 
 

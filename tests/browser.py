@@ -57,6 +57,6 @@ def ask(page: Path, script: str, *options: str) -> Any:
     asked.write_text(text.replace("</body>", answer, 1), encoding="utf-8")
     found = re.search(r'<pre id="answer">(.*?)</pre>', dom_of(asked, *options), re.DOTALL)
     assert found is not None, "the page's scripts came to no end"
-    told = json.loads(html.unescape(found[1]))
-    assert told["complaints"] == [] and told["loaded"] == []
-    return told["answer"]
+    reported = json.loads(html.unescape(found[1]))
+    assert reported["complaints"] == [] and reported["loaded"] == []
+    return reported["answer"]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 
 STEP = 1e-4
 """Of the fourth-order differences: truncation and rounding both stay below 1e-8."""

@@ -21,13 +21,13 @@ from tests.mechanics.test_tables import outputs
 def settled(system: Any, t: float, y: np.ndarray) -> np.ndarray:
     """y with unit quaternions and on the manifold, in place."""
     from rb_sim.mechanics.initial_projection import start_on_manifold
-    from rb_sim.mechanics.system import settle
+    from rb_sim.mechanics.system import project
     from rb_sim.mechanics.systems.many_bodies import MultiBody
 
     if isinstance(system, MultiBody):
         start_on_manifold(system, t, y)
     else:
-        settle(system, t, y)
+        project(system, t, y)
     return y
 
 

@@ -25,7 +25,7 @@ from typing import Any
 
 import pytest
 
-from rb_sim.compiler.kinds import INTEGER, REAL
+from rb_sim.compiler.builder import INTEGER, REAL
 from rb_sim.compiler.unit import Unit
 from rb_sim.integrate.loop import record_into
 from rb_sim.integrate.methods.dopri853 import dopri853
@@ -72,9 +72,9 @@ def counts(mapping, system=None):
 BARE = """
 # Newton and Euler for one free body, with nothing around them: the least that a step can be.
 from typing import NamedTuple
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 from rb_sim.mechanics.systems.one_body import put_balance, put_state, quaternion_defect
-from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, project
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.free import on_polhode, rotor_state
 from rb_sim.numerics.vectors import conjugate, quaternion_product, quaternion_rate, rotate, scale
@@ -99,8 +99,8 @@ def bare_rate(system, t, y):
     alpha = (k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
     return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
 
-@settle.register(Bare)
-def bare_settle(system, t, y):
+@project.register(Bare)
+def bare_project(system, t, y):
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
 
 @sample.register(Bare)

@@ -134,12 +134,12 @@ def summary(spec: type[Any]) -> str:
 
 def keys(spec: type[Any]) -> list[str]:
     """Rows of the table of keys."""
-    told = attribute_docs(spec)
+    reported = attribute_docs(spec)
     rows = ["| key | needed | default | meaning |", "|---|---|---|---|"]
     for name, field in spec.model_fields.items():
         key = field.alias or name
         need = "required" if field.is_required() else "optional"
-        meaning = told.get(name) or field.description or ABOUT.get(name, "")
+        meaning = reported.get(name) or field.description or ABOUT.get(name, "")
         meaning = meaning.replace("] [", r"] \[")  # a unit behind a vector is no link of Markdown's
         words = [f"`{word}`" for word in words_of(field.annotation)]
         if len(words) > 1:

@@ -10,7 +10,7 @@
 """The table of common errors and notes for docs/reference/messages.md: text, cause, cure.
 
 The text is a piece of the message as it stands in the sources; a test looks it up there. Accuracy
-checks are listed where they are defined (rb_sim/base/diagnostic.py).
+checks are listed where they are defined (rb_sim/base/errors.py).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import ast
 from pathlib import Path
 from typing import NamedTuple
 
-from rb_sim.base.diagnostic import CHECKS as WORDS
+from rb_sim.base.errors import CHECKS as WORDS
 from rb_sim.checks.check_list import CHECKS
 
 ROOT = Path(__file__).parents[1] / "rb_sim"

@@ -36,11 +36,10 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.differences import Errors
 from rb_sim.accuracy.ladder import Accuracy, Ladder, Reference, Rung
+from rb_sim.accuracy.runs import Errors
 from rb_sim.cli.verbs.hard_cases import shipped
-from rb_sim.hard_cases.judge import Row, load_cases
-from rb_sim.hard_cases.report import picture
+from rb_sim.sweeps.hard_cases import Row, load_cases, picture
 from tools import gallery, law_pictures, readme_picture
 from tools.law_examples import EXAMPLES
 

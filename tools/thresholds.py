@@ -36,7 +36,7 @@ NONE_OF_THEM = {
     ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
     ("simulation/sensitivity.py", "TOLERANCE"),
     ("fit/unknowns.py", "TOLERANCE"),
-    ("motion/pieces.py", "FIRST_PIECE"),  # a length to begin with
+    ("motion/motion.py", "FIRST_PIECE"),  # a length to begin with
     ("fit/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
     ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip
@@ -117,7 +117,7 @@ def page() -> str:
     of_package = groupby(thresholds(), lambda found: found.module.split("/")[0])
     for package, found in of_package:
         rows = [
-            f"| `{one.module}` | `{one.name}` | {one.value:g} | {told(one.meaning)} |"
+            f"| `{one.module}` | `{one.name}` | {one.value:g} | {reported(one.meaning)} |"
             for one in found
         ]
         head = "| module | name | value | what it decides |\n|---|---|---|---|"
@@ -125,7 +125,7 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def told(text: str) -> str:
+def reported(text: str) -> str:
     """As a cell of a table, which begins with a capital."""
     return (text[:1].upper() + text[1:]).replace("|", "\\|")
 

@@ -53,17 +53,19 @@ def run(name: str) -> tuple[float, float, float, int, int]:
     simulation.warm()
     loop = Timed(event_motion.record_contacts)
     event_motion.record_contacts = loop  # type: ignore[assignment]
-    costs, told = np.empty(round(duration / interval)), [len(simulation.events)]
+    costs, reported = np.empty(round(duration / interval)), [len(simulation.events)]
     try:
         for i in range(len(costs)):
             began = time.process_time()
             simulation.advance(interval)
             costs[i] = time.process_time() - began
-            told.append(len(simulation.events))
+            reported.append(len(simulation.events))
     finally:
         event_motion.record_contacts = loop.function
     i, events = int(costs.argmax()), simulation.events
-    everywhere, here = ({e.t for e in some} for some in (events, events[told[i] : told[i + 1]]))
+    everywhere, here = (
+        {e.t for e in some} for some in (events, events[reported[i] : reported[i + 1]])
+    )
     worst, second = float(costs[i]), float(costs.sum()) / duration
     return worst, second, loop.seconds / duration, len(everywhere), len(here)
 

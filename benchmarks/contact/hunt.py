@@ -59,8 +59,8 @@ def commanded(simulation: Any) -> Any:
         simulation.apply_wrench(bodies[0], force, torque)
         runs.append(simulation.run(duration=simulation.scene.simulation.duration / 20))
     block = concatenate([one.block for one in runs], simulation.layout)
-    told = [finding for one in runs for finding in one.findings]
-    return Trajectory(block, simulation.layout, findings=told)
+    reported = [finding for one in runs for finding in one.findings]
+    return Trajectory(block, simulation.layout, findings=reported)
 
 
 def seldom(mapping: dict[str, Any], often: Any) -> list[str]:

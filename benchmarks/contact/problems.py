@@ -124,11 +124,11 @@ def apart_from_clarabel(p: Problem) -> float | None:
 def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
     """The friction problem of each of so many steps."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.solvers.gauss_seidel import is_plain
-    from rb_sim.contact.solvers.graph import CONTACT_ROWS
+    from rb_sim.contact.contact_graph import CONTACT_ROWS
+    from rb_sim.contact.gauss_seidel import is_plain
     from rb_sim.contact.stepping.constraint_rows import graph_of
     from rb_sim.contact.stepping.step_workspace import ACTIVE
-    from tests.contact.solvers.problems import dense
+    from tests.contact.problems import dense
 
     simulation, out = Simulation(load_scene(mapping)), []
     for _ in range(steps):
@@ -138,9 +138,9 @@ def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
         n = int(work.notes[ACTIVE])
         graph = graph_of(motion._tables, work, n)
         x = work.x[: CONTACT_ROWS * n].reshape(n, CONTACT_ROWS)[:, :3]
-        told = np.linalg.norm(motion._memory[work.active[:n], :3], axis=1)
+        reported = np.linalg.norm(motion._memory[work.active[:n], :3], axis=1)
         # what has been moved apart after the step is in place of the problem
-        there = np.allclose(np.linalg.norm(x, axis=1), told, rtol=1e-12, atol=0.0)
+        there = np.allclose(np.linalg.norm(x, axis=1), reported, rtol=1e-12, atol=0.0)
         if n == 0 or not there or not is_plain(graph):
             continue
         W, q, mu, r = dense(graph, work.u, work.x[: CONTACT_ROWS * n])
@@ -157,8 +157,8 @@ def of_events(mapping: dict[str, Any]) -> list[Problem]:
     """All problems at the events of a run."""
     from rb_sim import Simulation, load_scene
     from rb_sim.base.errors import RbSimError
+    from rb_sim.contact import assembly, impacts, modes
     from rb_sim.contact.events import event_motion
-    from rb_sim.contact.problem import assembly, impacts, modes
     from rb_sim.numerics.complementarity import CONTRADICTION, HOLDS, PUSHES, solve
 
     out: list[Problem] = []

@@ -27,7 +27,7 @@ from rb_sim import load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
-from rb_sim.motion.pieces import Forecast
+from rb_sim.motion.motion import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.yaml_reader import parse

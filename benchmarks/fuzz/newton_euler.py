@@ -48,7 +48,7 @@ class Gap(NamedTuple):
     """The derivative of a body's velocity beside the acceleration that its wrenches give."""
 
     slope: Array
-    told: Array
+    reported: Array
     doubt: float
     """of the slope."""
     least: float
@@ -57,15 +57,15 @@ class Gap(NamedTuple):
     def fits(self, more: float = 0.0) -> bool:
         """Whether they are the same within the doubt, and so much more of it."""
         most = CONTRADICTION * (self.doubt + more) + self.least
-        return float(np.abs(self.slope - self.told).max()) <= most
+        return float(np.abs(self.slope - self.reported).max()) <= most
 
     def apart(self, other: Gap) -> float:
         """By how much two runs differ in either."""
-        pairs = ((self.slope, other.slope), (self.told, other.told))
+        pairs = ((self.slope, other.slope), (self.reported, other.reported))
         return max(float(np.abs(a - b).max()) for a, b in pairs)
 
     def __str__(self) -> str:
-        return f"dv/dt {self.slope} is {self.told} by its wrenches (doubt {self.doubt:.1e})"
+        return f"dv/dt {self.slope} is {self.reported} by its wrenches (doubt {self.doubt:.1e})"
 
 
 def broken_law(mapping: dict[str, Any]) -> str:
@@ -102,15 +102,15 @@ def gaps_of(run: Trajectory) -> dict[tuple[str, str], Gap]:
         ("w", run.angular_velocity, run.angular_acceleration, torque / inertia),
     )
     found = {}
-    for name, of, told, alone in ways:
-        sizes = [np.abs(of[body]).max() + np.abs(told[body]).max() for body in of]
+    for name, of, reported, alone in ways:
+        sizes = [np.abs(of[body]).max() + np.abs(reported[body]).max() for body in of]
         least = SHARE * max(sizes) + CANCELLED * alone + TOLERANCE  # of what has died out
         for body in of:
-            found[body, name] = gap_of(run.t, of[body], told[body], least)
+            found[body, name] = gap_of(run.t, of[body], reported[body], least)
     return found
 
 
-def gap_of(t: Array, values: Array, told: Array, least: float) -> Gap:
+def gap_of(t: Array, values: Array, reported: Array, least: float) -> Gap:
     """By central differences of fourth order at the spacing where they are surest. values, told:
     (n, 3).
 
@@ -118,14 +118,14 @@ def gap_of(t: Array, values: Array, told: Array, least: float) -> Gap:
     fourth differences of the accelerations told, where oscillations faster than the samples make
     slopes that agree by chance.
     """
-    best = Gap(np.full(values.shape[1], np.nan), told[nearest(t, AT)], np.inf, least)
+    best = Gap(np.full(values.shape[1], np.nan), reported[nearest(t, AT)], np.inf, least)
     for h in SPACINGS:
         coarse, fine = difference(t, values, h), difference(t, values, 0.5 * h)
         rounding = 1e-13 * np.abs(values).max() / h  # of the run: a hundred ulps
-        bent = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) @ told[places(t, 0.5 * h)] / 30.0
+        bent = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) @ reported[places(t, 0.5 * h)] / 30.0
         doubt = float(np.abs(fine - coarse).max() + np.abs(bent).max() + rounding)
         if doubt < best.doubt:
-            best = Gap(fine, best.told, doubt, least)
+            best = Gap(fine, best.reported, doubt, least)
     return best
 
 

@@ -24,8 +24,7 @@ from pathlib import Path
 
 from benchmarks.hard_cases.compare import rows_on_peers
 from rb_sim.cli.verbs.hard_cases import hard_cases, line
-from rb_sim.hard_cases.judge import Case, Row
-from rb_sim.hard_cases.report import PeerRow, number
+from rb_sim.sweeps.hard_cases import Case, PeerRow, Row, number
 
 
 def on_peers(case: Case, rows: Sequence[Row]) -> list[PeerRow]:

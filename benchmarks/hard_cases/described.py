@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
 from rb_sim.catalogue.constraints.joints import FixedPoint
+from rb_sim.catalogue.constraints.simple import FixedAxis
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.catalogue.effects.spring import Spring
 from rb_sim.catalogue.effects.wrench import Wrench

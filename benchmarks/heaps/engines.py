@@ -46,8 +46,8 @@ class OfRbSim:
     def note(self) -> str:
         """What the solver says of itself."""
         unsolved, worst = self.simulation.unsolved_steps
-        told = f"{unsolved} of {self.simulation.steps} unsolved, worst {worst:.0e}"
-        return f"{told}, violation {self.simulation.solver_give:.0e}"
+        reported = f"{unsolved} of {self.simulation.steps} unsolved, worst {worst:.0e}"
+        return f"{reported}, violation {self.simulation.solver_give:.0e}"
 
 
 class OfMuJoCo:

@@ -33,14 +33,20 @@ from rb_sim.accuracy.checked import (
     sharpest_adaptive,
 )
 from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, evaluations
-from rb_sim.accuracy.differences import distances, pose_difference
-from rb_sim.accuracy.runs import CountedRunner, affordable_times, dividing, ulp_growth
+from rb_sim.accuracy.runs import (
+    CountedRunner,
+    affordable_times,
+    distances,
+    dividing,
+    pose_difference,
+    ulp_growth,
+)
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.graph.taylor import NoSeriesError
 from rb_sim.mechanics.methods import METHODS, tried
-from rb_sim.mechanics.tables.table_laws import BODIES
-from rb_sim.motion.pieces import ENDLESS
+from rb_sim.mechanics.table_laws import BODIES
+from rb_sim.motion.motion import ENDLESS
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene, SimulationOptions
 

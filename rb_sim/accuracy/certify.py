@@ -21,8 +21,19 @@ import numpy as np
 from rb_sim.accuracy.checked import CheckedRun, by_order, checked_run
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
 from rb_sim.accuracy.choice import TIGHTEST, Setting, listed
-from rb_sim.accuracy.differences import FORCE, POSITION, ROTATION, distances, parts
-from rb_sim.accuracy.runs import EPS, CountedRunner, dividing, one_ulp_apart, sample_times, sizes_of
+from rb_sim.accuracy.runs import (
+    EPS,
+    FORCE,
+    POSITION,
+    ROTATION,
+    CountedRunner,
+    distances,
+    dividing,
+    one_ulp_apart,
+    parts,
+    sample_times,
+    sizes_of,
+)
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout

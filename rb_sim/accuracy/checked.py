@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.choice import TIGHTEST, Setting
-from rb_sim.accuracy.differences import pose_difference
-from rb_sim.accuracy.runs import Runner, dividing
+from rb_sim.accuracy.runs import Runner, dividing, pose_difference
 from rb_sim.mechanics.methods import METHODS, tried
 from rb_sim.mechanics.samples import Array
 

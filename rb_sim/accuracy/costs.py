@@ -24,12 +24,11 @@ import numpy as np
 
 from rb_sim.accuracy.auto import remembered_choice
 from rb_sim.accuracy.choice import Choice, Setting
-from rb_sim.accuracy.differences import BALANCE
-from rb_sim.accuracy.runs import dividing
+from rb_sim.accuracy.runs import BALANCE, dividing
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.contacts.touching import contact_rows
+from rb_sim.catalogue.contact import contact_rows
 from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.contact.events.event_motion import ContactMotion

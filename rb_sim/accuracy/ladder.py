@@ -21,8 +21,7 @@ import numpy as np
 from rb_sim.accuracy.checked import CheckedRun, checked_run
 from rb_sim.accuracy.choice import TIGHTEST, Setting
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.differences import Errors, compare
-from rb_sim.accuracy.runs import EPS, Runner, dividing, sample_times, ulp_growth
+from rb_sim.accuracy.runs import EPS, Errors, Runner, compare, dividing, sample_times, ulp_growth
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.scene.compile import compile_scene

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.message_rates import after_gaps
+from rb_sim.bags.info import after_gaps
 from rb_sim.bags.tracks import Track
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.rounding import WRITTEN_ROUNDING

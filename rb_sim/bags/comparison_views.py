@@ -22,13 +22,13 @@ import numpy as np
 
 from rb_sim.bags.alignment import Interpolated, stretches
 from rb_sim.bags.compare import CALENDAR, UNITS, Differences
-from rb_sim.bags.message_rates import after_gaps, linear
+from rb_sim.bags.info import after_gaps, linear
 from rb_sim.bags.tracks import ROUNDING, Track, Tracks
 from rb_sim.bags.transforms import is_static
 from rb_sim.base.errors import MissingExtraError
 from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
 from rb_sim.base.rounding import NEGLIGIBLE
-from rb_sim.io.plots.panels import LEAST_DRAWN
+from rb_sim.io.panels import LEAST_DRAWN
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
 

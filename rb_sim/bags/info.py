@@ -7,25 +7,233 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What is in a bag: the run that it is of, its topics, and whether it is whole."""
+"""What is in a bag: its run, its topics with their rates, and whether it is whole.
+
+Times of a stream of messages (order, rates, gaps, clock jumps) are counted in bounded memory.
+"""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rb_sim.bags.message_rates import Rates
 from rb_sim.base.errors import SceneError, SinkError
+from rb_sim.base.names import MOST_NAMED
 from rb_sim.io.bag.batches import Messages
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
 from rb_sim.io.bag.reader import described_in
 from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
+from rb_sim.mechanics.samples import Array
 from rb_sim.scene import yaml_reader
+
+# Readings at increasing times.
+
+
+def forward(t: Array) -> NDArray[np.bool_]:
+    """Which times are later than all before them; a reset or a clock set back leaves out some."""
+    return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
+
+
+def joined(times: Iterable[Array], rows: Iterable[Array]) -> tuple[Array, Array]:
+    """Parts in a row, without the readings whose time goes back."""
+    t = np.concatenate(list(times))
+    kept = forward(t)
+    return t[kept], np.concatenate(list(rows))[kept]
+
+
+def linear(t: Array, times: Array, rows: Array, outside: float | None = None) -> Array:
+    """Rows (m, k) at the times t, linear in between; outside: what holds before and after."""
+    columns = [np.interp(t, times, column, left=outside, right=outside) for column in rows.T]
+    return np.stack(columns, axis=1)
+
+
+# Rates and gaps of a stream of times, in bounded memory.
+
+
+FIRST = 4096
+"""Intervals whose median tells which others are gaps; the rate is the mean of the rest."""
+LOST = 1.5
+"""An interval longer than this many periods lacks a message."""
+GAP = 2.5
+"""An interval longer than this many periods is a gap: more than one message lacks."""
+LONG = 10.0
+"""An interval of more periods says nothing of the motion in it."""
+KEPT = 20
+"""Gaps that are kept one by one."""
+
+
+def after_gaps(t: Array) -> NDArray[np.intp]:
+    """Which times come after an interval that is LONG."""
+    steps = np.diff(t)
+    return 1 + np.flatnonzero(steps > LONG * np.median(steps) if len(steps) else steps)
+
+
+class Rates:
+    """Counts, rate, jitter and gaps of times [s] that come in pieces."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.first = self.last = np.nan
+        self.longest = 0.0
+        self.backwards = 0
+        """times that are before the one before them."""
+        self.gaps: list[tuple[float, float]] = []
+        self.gap_count = 0
+        self.lost = 0
+        """single messages that lack."""
+        self._sum = self._squares = 0.0
+        self._regular = 0
+        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
+        self._waiting_count = 0
+        self._period: float | None = None
+
+    def add(self, t: np.ndarray) -> None:
+        """The next times [s], in the order of the stream."""
+        if not len(t):
+            return
+        steps = np.diff(t, prepend=self.last) if self.count else np.diff(t)
+        starts = t[-len(steps) :] - steps if len(steps) else t[:0]
+        if not self.count:
+            self.first = float(t[0])
+        self.count += len(t)
+        self.last = float(t[-1])
+        self.backwards += int((steps < 0).sum())
+        if self._period is not None:
+            self._judge(starts, steps)
+            return
+        self._waiting.append((starts, steps))
+        self._waiting_count += len(steps)
+        if self._waiting_count >= FIRST:
+            self._settle()
+
+    def _settle(self) -> None:
+        steps = np.concatenate([s for _, s in self._waiting]) if self._waiting else np.empty(0)
+        forward = steps[steps > 0]
+        self._period = float(np.median(forward)) if len(forward) else 0.0
+        waiting, self._waiting = self._waiting, []
+        for starts, part in waiting:
+            self._judge(starts, part)
+
+    def _judge(self, starts: np.ndarray, steps: np.ndarray) -> None:
+        period = self._period or 0.0
+        self.longest = max(self.longest, float(steps.max(initial=0.0)))
+        far = steps > GAP * period
+        self.gap_count += int(far.sum())
+        room = KEPT - len(self.gaps)
+        self.gaps += list(zip(starts[far].tolist(), steps[far].tolist(), strict=True))[:room]
+        single = (steps > LOST * period) & ~far
+        self.lost += int(single.sum())
+        near = steps[(steps > 0) & ~far & ~single] - period
+        self._regular += len(near)
+        self._sum += float(near.sum())
+        self._squares += float(near @ near)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers; times in seconds, rates in Hz."""
+        if self._period is None:
+            self._settle()
+        period = self._period or 0.0
+        mean = self._sum / self._regular if self._regular else 0.0
+        spread = self._squares / self._regular - mean**2 if self._regular else 0.0
+        return {
+            "count": self.count,
+            "first": None if np.isnan(self.first) else self.first,
+            "last": None if np.isnan(self.last) else self.last,
+            "rate": 1.0 / (period + mean) if period > 0 else None,
+            "jitter": float(np.sqrt(max(0.0, spread))),
+            "longest_gap": self.longest,
+            "gaps": self.gap_count,
+            "lost": self.lost,
+            "first_gaps": [{"after": start, "seconds": step} for start, step in self.gaps],
+            "backwards": self.backwards,
+        }
+
+
+# One growing time for readings whose stamps go back: a clock that was set, a looped bag.
+
+
+APART = 1000.0
+"""Between the stretches before and after a jump on the growing time [s]; sources may reach the
+jump at instants that differ by less."""
+
+
+class _Jump(NamedTuple):
+    """The time of all sources goes back."""
+
+    source: str
+    """the one that showed it first."""
+    old: float
+    new: float
+    """its last stamp before and its first one after [s]."""
+    offset: float
+    """growing time less stamp from here on [s]."""
+    border: float
+    """on the growing time [s]; what comes later is after the jump."""
+
+
+class GrowingTime:
+    """Turns the stamps of several sources into one time that never goes back.
+
+    The n-th jump back of every source is the same jump. What is joined across no gap is not joined
+    across a jump either, as APART lies between.
+    """
+
+    def __init__(self) -> None:
+        self._jumps: list[_Jump] = []
+        self._count: dict[str, int] = {}
+        self._latest: dict[str, float] = {}
+
+    def jump(self, source: str, old: float, new: float) -> None:
+        """The stamps of a source go back from `old` to `new` [s]."""
+        count = self._count[source] = self._count.get(source, 0) + 1
+        if count > len(self._jumps):
+            before = self._offset(count - 1)
+            offset = before + old - new + APART
+            self._jumps.append(_Jump(source, old, new, offset, old + before + 0.5 * APART))
+
+    def of(self, source: str, t: Array) -> Array:
+        """The growing time of stamps of a source, all after its last jump."""
+        return t + self._offset(self._count.get(source, 0))
+
+    def found(self, source: str, t: Array, late: float) -> Array:
+        """As `of`, where the jumps are to be found: steps back by more than `late` [s]."""
+        parts, latest = [], self._latest.get(source, -np.inf)
+        while len(t):
+            highest = np.maximum.accumulate(np.append(latest, t))
+            jump = int(np.argmax(np.append(highest[:-1] - t > late, True)))
+            parts.append(self.of(source, t[:jump]))
+            latest, t = float(highest[jump]), t[jump:]
+            if len(t):
+                self.jump(source, latest, float(t[0]))
+                latest = float(t[0])
+        self._latest[source] = latest
+        return np.concatenate(parts) if parts else t
+
+    def stamps(self, t: Array) -> Array:
+        """The stamps of instants of the growing time."""
+        count = np.searchsorted([jump.border for jump in self._jumps], t, side="right")
+        return t - np.array([0.0, *(jump.offset for jump in self._jumps)])[count]
+
+    def notes(self) -> list[str]:
+        """A line for each jump, the first few of them."""
+        lines = [
+            f"{jump.source}: time goes back from {jump.old:.6g} s to {jump.new:.6g} s: the balance "
+            "starts again there"
+            for jump in self._jumps[:MOST_NAMED]
+        ]
+        more = len(self._jumps) - len(lines)
+        return [*lines, f"and so {more} times more"] if more else lines
+
+    def _offset(self, count: int) -> float:
+        return self._jumps[count - 1].offset if count else 0.0
+
 
 NANO = 1e-9
 MOST_RESETS = 1000

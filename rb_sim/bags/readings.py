@@ -21,8 +21,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.sources import IMU, POSE, SCALAR, TRANSFORMS, TWIST, WRENCH, Piece, Sources
-from rb_sim.bags.transforms import Composed, FixedFrames, chains, is_static
+from rb_sim.bags.transforms import (
+    IMU,
+    POSE,
+    SCALAR,
+    TRANSFORMS,
+    TWIST,
+    WRENCH,
+    Composed,
+    FixedFrames,
+    Piece,
+    Sources,
+    chains,
+    is_static,
+)
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted

@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
-from rb_sim.base.errors import SinkError
+from rb_sim.base.errors import Finding, SinkError
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.io.bag.reader import BagReader, Rows
 from rb_sim.io.bag.sink import BagSink
@@ -30,7 +29,7 @@ from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import Input, SampleBlock, concatenate
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
-from rb_sim.trajectory.wrenches import accelerating
+from rb_sim.trajectory.record import accelerating
 
 # Are two bags of one scene the same, byte for byte? Where they part first, and by how much.
 

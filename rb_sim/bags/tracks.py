@@ -21,17 +21,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.message_rates import forward, joined
+from rb_sim.bags.info import forward, joined
 from rb_sim.bags.readings import Readings
-from rb_sim.bags.sources import POSE, TWIST, WRENCH, Piece, words
-from rb_sim.bags.transforms import FixedFrames, plain
+from rb_sim.bags.transforms import POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.base.names import MOST_NAMED, ros_name
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.bag.as_run import scene_as_run
 from rb_sim.io.bag.batches import unpacked
 from rb_sim.io.bag.folder import bag_paths, scan_of
-from rb_sim.io.bag.reader import BagReader, reader_of
+from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.extent import reach_of
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.cdr import JOINT_STATE

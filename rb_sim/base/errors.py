@@ -7,13 +7,22 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What can go wrong, said in one line that names the field, the value and what is allowed."""
+"""What can go wrong, said in one line that names the field, the value and what is allowed.
+
+Findings of accuracy checks name quantity, value, limit, time and place, and what to try. Packages
+that are also the function of their name (rb_sim.fit) name what they lack.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
 
 
 class RbSimError(Exception):
@@ -98,3 +107,223 @@ def named_if_lacking() -> Iterator[None]:
         if not (line := complaint(error=error)):
             raise
         raise ImportError(line.removeprefix("error: "), name=error.name) from None
+
+
+class Check(NamedTuple):
+    """An accuracy check, for the reference page of messages."""
+
+    quantity: str
+    limit: str
+    cause: str
+    cure: str
+
+
+FINER = "the step that the message names, or an adaptive method with a tolerance"
+
+CHECKS: dict[str, Check] = {
+    "global error": Check(
+        "difference from a second run with 0.62 of the step or a tenth of the tolerance (fixed "
+        "steps with contacts: with `dopri853` by events), relative to the motion",
+        "0.01; with `method: auto` its tolerance",
+        "step or tolerance too large; a chaotic or unstable motion",
+        "the setting that the message names; for chaos a shorter duration",
+    ),
+    "auto": Check(
+        "smallest global error that can be assured [m, rad]",
+        "the tolerance",
+        "round-off, chaos or an instability exceeds the tolerance of `method: auto`",
+        "a larger tolerance or a shorter duration",
+    ),
+    "energy": Check(
+        "change of energy minus work, relative to the energy exchanged; or energy gained in "
+        "contacts",
+        "10 x tolerance x steps, between 1e-9 and 1e-3; fixed step 1e-3, first order 2e-2; gained "
+        "in contacts 1e-2",
+        "step or tolerance too large for the fastest motion or the stiffest spring",
+        FINER + "; for stiff springs `radau5`",
+    ),
+    "momentum": Check(
+        "change of linear momentum minus impulse, relative to the largest momentum",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "angular momentum": Check(
+        "change of angular momentum minus angular impulse, relative to the largest",
+        "ten times that of energy",
+        "step or tolerance too large",
+        FINER,
+    ),
+    "residual": Check(
+        "largest violation of a constraint, relative to the scene's size or speed",
+        "1e-9; 1e-6 with contacts",
+        "constraints that contradict each other; `time_stepping` is of first order",
+        "check the constraint that the message names; a smaller step; `dopri853`",
+    ),
+    "inside": Check(
+        "penetration of a shape into the support of a contact that lists points [m]",
+        "1e-3 of the shape's size",
+        "only the listed points make contact",
+        "more points, or none so that the whole shape makes contact",
+    ),
+    "singular configuration": Check(
+        "number of constraint equations that become dependent",
+        "0",
+        "the linkage passes a position from which several motions are possible",
+        "end the run before, or change lengths or drives so that it is not reached",
+    ),
+    "step": Check(
+        "error of a fixed step by step doubling: relative to the change of velocity in the step, "
+        "as an attitude [rad], or summed over all steps relative to the velocity",
+        "0.01 (first order 0.1); 0.02 rad in 4 steps; 0.1 (first order 0.5)",
+        "the fixed step does not resolve the motion",
+        FINER,
+    ),
+    "turn": Check(
+        "rotation of a body in one fixed step [rad]",
+        "pi",
+        "the step is longer than half a turn of the fastest body",
+        FINER,
+    ),
+    "events": Check(
+        "contact events between two samples",
+        "50",
+        "a contact chatters: it opens and closes continually",
+        "`method: time_stepping`",
+    ),
+    "contact steps": Check(
+        "the first that applies of `time_stepping`: residual of the friction problem; share of the "
+        "steps with a contact point that runs around its body, with several solutions (Painleve's "
+        "paradox) or with a perfectly rough contact that slips; energy lost or gained in contacts; "
+        "speed given along a normal that rotated",
+        "residual 1e-6; shares 0; energy 0.02 and 0.01 of the exchanged; speed 0.05",
+        "the step is too long for the contacts, or rigid friction has several or no solutions",
+        "the step that the message names, or an event-driven method",
+    ),
+    "ambiguous": Check(
+        "difference between solutions of the contact problem that are all admissible",
+        "the tolerance; 1e-3",
+        "impact or friction laws leave several solutions, or round-off decides between them",
+        "if the message names a setting, use it; else take the result as one of several",
+    ),
+}
+"""Every check by its name, which a warning begins with."""
+
+
+class Finding(NamedTuple):
+    """One loss of accuracy; each check reports its first."""
+
+    watch: str
+    """name of the check, a key of CHECKS."""
+    t: float
+    """simulated time of the first sample beyond the bound [s]."""
+    figure: float
+    bound: float
+    what: str
+    """the quantity, with its unit in brackets at the end if it has one."""
+    where: str
+    """the body, constraint or contact concerned, or ""."""
+    advice: str
+    """what to try."""
+    finer_step: float | None = None
+    """fixed step to try first [s], from the order of the method; None where no step mends it."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), "text": str(self)}
+
+    def __str__(self) -> str:
+        return f"{self.seen}; {self.advice}"
+
+    @property
+    def seen(self) -> str:
+        """The finding as one line, without advice."""
+        place = f" ({self.where})" if self.where else ""
+        quantity, _, unit = self.what.removesuffix("]").partition(" [")
+        unit = f" {unit}" if unit else ""
+        figure = f"{self.figure:.2g}{unit}" if math.isfinite(self.figure) else "not finite"
+        return (
+            f"{self.watch}: {quantity} is {figure} (limit {self.bound:.2g}{unit}) "
+            f"at t = {self.t:.6g} s{place}"
+        )
+
+
+class GlobalError(NamedTuple):
+    """How far a run is from the motion at most, or why that is not known."""
+
+    relative: float = math.nan
+    """share of the motion; infinite where the second run could not go as far as the first."""
+    t: float = 0.0
+    """when it is largest [s]."""
+    body: str = ""
+    pose: float = math.nan
+    """largest difference of a centre of mass [m] or an attitude [rad] itself."""
+    by: str = ""
+    """what the second run was made with."""
+    unknown: str = ""
+    """why no error is stated."""
+    upto: float | None = None
+    """end of the part of the run that was compared [s]; None: all of it was."""
+    why: str = ""
+    """why no more of it was."""
+    below: bool = False
+    """whether it is only known to be smaller than this, by a coarser second run."""
+
+    @property
+    def known(self) -> bool:
+        """Whether a second run was made."""
+        return not self.unknown
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**self._asdict(), "text": str(self)}
+
+    def __str__(self) -> str:
+        if self.unknown:
+            return f"not known: {self.unknown}"
+        if not math.isfinite(self.relative):
+            return f"not known: the second run ({self.by}) failed at t = {self.t:.6g} s"
+        by = f"by a second run ({self.by})"
+        if self.upto is not None:
+            by += f" up to t = {self.upto:.4g} s; {self.why}"
+        if self.below:
+            by += "; --check states the error itself"
+        if not self.relative > 0.0:
+            return f"at round-off, {by}"
+        share = f"{'below ' if self.below else ''}{self.relative:.1g} of the motion"
+        return f"{share}, at t = {self.t:.4g} s ({self.body}), {by}"
+
+
+def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:
+    """Those that a summary of a run tells; what another version wrote otherwise is left out."""
+    warnings = (summary or {}).get("warnings") or ()
+    known = ({k: each[k] for k in Finding._fields if k in each} for each in warnings)
+    least = set(Finding._fields) - set(Finding._field_defaults)
+    return tuple(Finding(**each) for each in known if least <= each.keys())
+
+
+def global_error_in(summary: Mapping[str, Any] | None) -> GlobalError | None:
+    """The global error that a summary of a run states; None where it states none."""
+    given = (summary or {}).get("global_error") or {}
+    nan = {k: math.nan for k in ("relative", "pose") if given.get(k, 0.0) is None}
+    known: dict[str, Any] = {k: given[k] for k in GlobalError._fields if k in given} | nan
+    return GlobalError(**known) if known else None
+
+
+def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1) -> None:
+    """Warn of each line, and of each finding as lost accuracy."""
+    for line in lines:
+        warnings.warn(line, stacklevel=stacklevel + 1)
+    for finding in findings:
+        warnings.warn(str(finding), AccuracyWarning, stacklevel=stacklevel + 1)
+
+
+class Called(ModuleType):
+    """A package that calls the function of its name in rb_sim.cli.public."""
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        """As that function."""
+        name = self.__name__.rpartition(".")[2]
+        with named_if_lacking():
+            function = getattr(import_module("rb_sim.cli.public"), name)
+        return function(*arguments, **keywords)

@@ -20,10 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import SUM_ROUNDING
-from rb_sim.catalogue.types import Vec3
-from rb_sim.graph.functions import call
+from rb_sim.catalogue.spec import Vec3
 from rb_sim.graph.machine import bound
-from rb_sim.graph.symbols import External, stepwise
+from rb_sim.graph.symbols import External, call, stepwise
 from rb_sim.numerics.kernels import Routine, dispatch, inline, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 

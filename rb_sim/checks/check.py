@@ -26,7 +26,7 @@ from rb_sim.checks.step_doubling import LocalError
 from rb_sim.mechanics.methods import METHODS
 
 if TYPE_CHECKING:
-    from rb_sim.base.diagnostic import Finding
+    from rb_sim.base.errors import Finding
     from rb_sim.checks.balance import Ledger
     from rb_sim.checks.sample_integrals import Resolution
     from rb_sim.contact.grid_motion import LeftOpen

@@ -46,16 +46,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.choice import TIGHTEST, Setting, counted_time
-from rb_sim.accuracy.differences import motion_size, motions_apart
-from rb_sim.base.diagnostic import Finding, GlobalError
-from rb_sim.base.errors import RbSimError, SimulationError
+from rb_sim.accuracy.runs import motion_size, motions_apart
+from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import finer_step, round_down, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
-from rb_sim.motion.pieces import WatchEndedError
+from rb_sim.motion.motion import WatchEndedError
 from rb_sim.scene.compile import compile_method
-from rb_sim.scene.scales import at_its_size
+from rb_sim.scene.place import at_its_size
 from rb_sim.scene.schema import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:

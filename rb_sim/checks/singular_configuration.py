@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
-from rb_sim.base.errors import RbSimError, SimulationError
+from rb_sim.base.errors import Finding, RbSimError, SimulationError
 from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.checks.violation import coordinates
 from rb_sim.contact.choose_motion import motion_of

@@ -23,11 +23,11 @@ from rb_sim.checks.check import below, effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
-from rb_sim.motion.pieces import ADVICE, Forecast
+from rb_sim.motion.motion import ADVICE, Forecast
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
-    from rb_sim.base.diagnostic import Finding
+    from rb_sim.base.errors import Finding
 
 
 # The forecast of a scene's run, with what would make it shorter.

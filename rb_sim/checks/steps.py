@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
     LARGEST_SHARE,

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
-from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.base.errors import Finding, RbSimError, SceneError
 from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
-from rb_sim.catalogue.contacts.touching import Touching
+from rb_sim.catalogue.contact import Touching
 from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
@@ -28,7 +27,7 @@ from rb_sim.scene.place import InitialPlace
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rb_sim.catalogue.types import BodyState
+    from rb_sim.catalogue.spec import BodyState
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 

@@ -25,7 +25,7 @@ from rb_sim.contact.events.shares import undetermined_at_start
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rb_sim.base.diagnostic import GlobalError
+    from rb_sim.base.errors import GlobalError
     from rb_sim.checks.check_list import CheckList
     from rb_sim.scene.schema import SimulationOptions
     from rb_sim.simulation.simulation import Simulation

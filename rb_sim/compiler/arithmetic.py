@@ -15,22 +15,27 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from rb_sim.compiler.builder import Builder, Value, entries, known, real_text, tuple_of
-from rb_sim.compiler.kinds import (
+from rb_sim.compiler.builder import (
     BOOLEAN,
     COMPLEX,
     INTEGER,
     RANKS,
     REAL,
     Array,
+    Builder,
     Complex,
     Kind,
     KindError,
     Number,
     Object,
     Tuple,
+    Value,
     common,
+    entries,
     kind_text,
+    known,
+    real_text,
+    tuple_of,
 )
 
 

@@ -16,8 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rb_sim.compiler.arithmetic import converted, integer, real, truth
-from rb_sim.compiler.builder import Builder, Value
-from rb_sim.compiler.kinds import (
+from rb_sim.compiler.builder import (
     BOOLEAN,
     ELEMENTS,
     HERE,
@@ -27,10 +26,12 @@ from rb_sim.compiler.kinds import (
     SIZES,
     VECTOR,
     Array,
+    Builder,
     Kind,
     KindError,
     PackedSystem,
     Pointer,
+    Value,
 )
 
 FIELDS: dict[str, tuple[Any, int]] = {}

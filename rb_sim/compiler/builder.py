@@ -7,16 +7,202 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Blocks and instructions of a function, as the text of LLVM IR."""
+"""Blocks and instructions of a function as the text of LLVM IR, and the kinds of its values."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rb_sim.compiler.kinds import Kind, Object, Tuple
+import numpy as np
+
+ELEMENTS = {"real": "double", "integer": "i64", "short": "i32", "flag": "i8"}
+"""LLVM types of what an array holds."""
+
+DTYPES = {
+    np.dtype(np.float64): "real",
+    np.dtype(np.int64): "integer",
+    np.dtype(np.int32): "short",
+    np.dtype(np.bool_): "flag",
+}
+SIZES = {"real": 8, "integer": 8, "short": 4, "flag": 1}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """The type of a value; `leaves` are the LLVM types of which it consists, in turn."""
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """None, unless the kind says otherwise."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Number(Kind):
+    """A real number, an integer of 64 bits or a truth value."""
+
+    name: str
+    type: str
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """One: the type itself."""
+        return (self.type,)
+
+
+REAL, INTEGER, BOOLEAN = Number("real", "double"), Number("integer", "i64"), Number("boolean", "i1")
+RANKS = {BOOLEAN: 0, INTEGER: 1, REAL: 2}
+
+
+@dataclass(frozen=True)
+class Complex(Kind):
+    """A complex number."""
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Two: real and imaginary part."""
+        return "double", "double"
+
+
+COMPLEX = Complex()
+
+
+@dataclass(frozen=True)
+class Pointer(Kind):
+    """Where numbers are; how many, nobody knows."""
+
+    element: str
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """One: the address."""
+        return ("ptr",)
+
+
+HERE = -1
+
+VECTOR, INTEGERS = Pointer("real"), Pointer("integer")
+
+
+@dataclass(frozen=True)
+class Array(Kind):
+    """An array, by where its numbers are and its lengths; C-contiguous but for its last axis where
+    that is `strided`: then the distance of its entries comes last.
+
+    origins: where it may come from: HERE if it is made in the function, which ends with it, and the
+    places of arguments with which it may have come.
+    """
+
+    element: str
+    ndim: int
+    strided: bool = False
+    origins: frozenset[int] = frozenset()
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """The address, the length of each axis, and the distance of entries if strided."""
+        return ("ptr",) + ("i64",) * (self.ndim + self.strided)
+
+
+@dataclass(frozen=True)
+class PackedSystem(Kind):
+    """A system behind the address of its packed layout; see `rb_sim.integrate.layout`."""
+
+    fields: Any = field(compare=False, default=None)
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """One: the address of the layout."""
+        return ("ptr",)
+
+
+@dataclass(frozen=True)
+class Tuple(Kind):
+    """A tuple, or a NamedTuple of the class."""
+
+    kinds: tuple[Kind, ...]
+    of: type | None = None
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Those of its entries in turn."""
+        return tuple(leaf for kind in self.kinds for leaf in kind.leaves)
+
+
+class Object(Kind):
+    """A value that is known while compiling: a function, a class, a module, a word; None."""
+
+    def __init__(self, value: Any) -> None:
+        object.__setattr__(self, "value", value)
+
+    value: Any
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Object) and (
+            self.value is other.value or (isinstance(self.value, str) and self.value == other.value)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.value) if isinstance(self.value, str) else id(self.value)
+
+
+NOTHING = Object(None)
+
+
+class KindError(TypeError):
+    """Two kinds that no value can have at once."""
+
+
+def common(a: Kind, b: Kind) -> Kind:
+    """The kind of which values of both kinds can be taken."""
+    if a == b:
+        return a
+    if isinstance(a, Number) and isinstance(b, Number):
+        return a if RANKS[a] > RANKS[b] else b
+    if isinstance(a, Array) and isinstance(b, Array) and (a.element, a.ndim) == (b.element, b.ndim):
+        return Array(a.element, a.ndim, a.strided or b.strided, a.origins | b.origins)
+    if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.kinds) == len(b.kinds):
+        kinds = tuple(common(x, y) for x, y in zip(a.kinds, b.kinds, strict=True))
+        return Tuple(kinds, a.of if a.of is b.of else None)
+    raise KindError(f"{kind_text(a)} and {kind_text(b)}")
+
+
+def kind_text(kind: Kind) -> str:
+    """The kind in words."""
+    if isinstance(kind, Number):
+        return kind.name
+    if isinstance(kind, Tuple):
+        inside = ", ".join(kind_text(k) for k in kind.kinds)
+        return f"{kind.of.__name__ if kind.of else ''}({inside})"
+    if isinstance(kind, Array):
+        return f"array of {kind.element} of {kind.ndim} axes"
+    if isinstance(kind, Object):
+        return f"{kind.value!r}"
+    return type(kind).__name__.lower()
+
+
+def origins_of(kind: Kind) -> frozenset[int]:
+    """Where the arrays in it may come from."""
+    if isinstance(kind, Tuple):
+        return frozenset().union(*(origins_of(k) for k in kind.kinds))
+    return kind.origins if isinstance(kind, Array) else frozenset()
+
+
+def from_places(kind: Kind, places: Callable[[frozenset[int]], frozenset[int]]) -> Kind:
+    """The same, its arrays from where `places` says."""
+    if isinstance(kind, Tuple):
+        return Tuple(tuple(from_places(k, places) for k in kind.kinds), kind.of)
+    if isinstance(kind, Array):
+        return Array(kind.element, kind.ndim, kind.strided, places(kind.origins))
+    return kind
+
+
+def from_nowhere(kind: Kind) -> Kind:
+    """The same, whatever its arrays come from."""
+    return from_places(kind, lambda origins: frozenset())
 
 
 @dataclass(frozen=True)

@@ -23,21 +23,25 @@ import numpy as np
 
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
-from rb_sim.compiler.builder import Builder, Value, entries, known, real_text
-from rb_sim.compiler.kinds import (
+from rb_sim.compiler.builder import (
     BOOLEAN,
     COMPLEX,
     DTYPES,
     INTEGER,
     REAL,
     Array,
+    Builder,
     KindError,
     Object,
     Tuple,
+    Value,
     common,
+    entries,
     kind_text,
+    known,
+    real_text,
 )
-from rb_sim.graph import functions
+from rb_sim.graph import symbols
 
 Handler = Callable[..., Value]
 _MEANINGS: dict[Any, Handler] = {}
@@ -81,8 +85,8 @@ def of_library(function: Any, name: str, count: int = 1) -> None:
 
 
 for _function, _name in (
-    (functions.sqrt, "llvm.sqrt.f64"), (functions.sin, "llvm.sin.f64"),
-    (functions.cos, "llvm.cos.f64"), (math.sqrt, "llvm.sqrt.f64"),
+    (symbols.sqrt, "llvm.sqrt.f64"), (symbols.sin, "llvm.sin.f64"),
+    (symbols.cos, "llvm.cos.f64"), (math.sqrt, "llvm.sqrt.f64"),
     (math.sin, "llvm.sin.f64"), (math.cos, "llvm.cos.f64"),
     (math.exp, "llvm.exp.f64"), (math.log, "llvm.log.f64"), (math.tan, "tan"),
     (math.atan, "atan"), (math.asin, "asin"), (math.acos, "acos"), (math.log1p, "log1p"),
@@ -90,7 +94,7 @@ for _function, _name in (
 ):  # fmt: skip
     of_library(_function, _name)
 for _function, _name in (
-    (functions.atan2, "atan2"), (math.atan2, "atan2"), (math.hypot, "hypot"), (math.fmod, "fmod"),
+    (symbols.atan2, "atan2"), (math.atan2, "atan2"), (math.hypot, "hypot"), (math.fmod, "fmod"),
     (math.copysign, "llvm.copysign.f64"),
 ):  # fmt: skip
     of_library(_function, _name, 2)
@@ -123,19 +127,19 @@ def _several(values: tuple[Value, ...]) -> list[Value]:
     return entries(values[0]) if len(values) == 1 else list(values)
 
 
-@means(functions.where, functions.rarely)
+@means(symbols.where, symbols.rarely)
 def _where(f: Builder, condition: Value, a: Value, b: Value) -> Value:
     kind = common(a.kind, b.kind)
     holds = numbers.truth(f, condition).leaf
     return numbers.selected(f, holds, numbers.converted(f, a, kind), numbers.converted(f, b, kind))
 
 
-@means(max, functions.maximum)
+@means(max, symbols.maximum)
 def _max(f: Builder, *values: Value) -> Value:
     return numbers.extreme(f, ast.Gt(), _several(values))
 
 
-@means(min, functions.minimum)
+@means(min, symbols.minimum)
 def _min(f: Builder, *values: Value) -> Value:
     return numbers.extreme(f, ast.Lt(), _several(values))
 

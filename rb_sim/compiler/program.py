@@ -36,7 +36,7 @@ import llvmlite
 import numpy as np
 
 from rb_sim.compiler import shipped
-from rb_sim.compiler.kinds import (
+from rb_sim.compiler.builder import (
     BOOLEAN,
     COMPLEX,
     DTYPES,

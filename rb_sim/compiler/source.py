@@ -19,8 +19,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from rb_sim.compiler import arithmetic as numbers
-from rb_sim.compiler.builder import Builder, Value
-from rb_sim.compiler.kinds import Kind, KindError
+from rb_sim.compiler.builder import Builder, Kind, KindError, Value
 
 # The syntax tree of a function, and what the names in it mean.
 

@@ -19,9 +19,7 @@ import numpy as np
 
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
-from rb_sim.compiler.builder import Block, Builder, Value, entries, known, tuple_of
-from rb_sim.compiler.calls import METHODS, meaning_of
-from rb_sim.compiler.kinds import (
+from rb_sim.compiler.builder import (
     BOOLEAN,
     DTYPES,
     HERE,
@@ -29,6 +27,8 @@ from rb_sim.compiler.kinds import (
     NOTHING,
     REAL,
     Array,
+    Block,
+    Builder,
     Complex,
     Kind,
     KindError,
@@ -36,12 +36,17 @@ from rb_sim.compiler.kinds import (
     PackedSystem,
     Pointer,
     Tuple,
+    Value,
     common,
+    entries,
     from_nowhere,
     from_places,
     kind_text,
+    known,
     origins_of,
+    tuple_of,
 )
+from rb_sim.compiler.calls import METHODS, meaning_of
 from rb_sim.compiler.source import (
     in_order,
     names_of,

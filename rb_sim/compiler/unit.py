@@ -20,8 +20,17 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from rb_sim.compiler.arithmetic import converted
-from rb_sim.compiler.builder import Builder, Value, real_text
-from rb_sim.compiler.kinds import DTYPES, ELEMENTS, HERE, Kind, from_nowhere, origins_of
+from rb_sim.compiler.builder import (
+    DTYPES,
+    ELEMENTS,
+    HERE,
+    Builder,
+    Kind,
+    Value,
+    from_nowhere,
+    origins_of,
+    real_text,
+)
 from rb_sim.compiler.shipped import Target
 from rb_sim.compiler.source import parameters_of, result_type, taken_apart
 from rb_sim.compiler.translate import AgainError, CompileError, Translation

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.base.rounding import SOLVED
-from rb_sim.catalogue.contacts.touching import Sides, edges_of_box
+from rb_sim.catalogue.contact import Sides, edges_of_box
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder, Resting, carrier
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
-from rb_sim.catalogue.types import WORLD
+from rb_sim.catalogue.spec import WORLD
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of
 from rb_sim.numerics.rotations import conjugate, product

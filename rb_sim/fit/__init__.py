@@ -11,6 +11,6 @@
 
 import sys
 
-from rb_sim.base.callable_package import Called
+from rb_sim.base.errors import Called
 
 sys.modules[__name__].__class__ = Called  # rb_sim.fit is a function, too

@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rb_sim.bags.resim import Inputs, blocks
-from rb_sim.bags.sources import WORLD, topic_of, words
 from rb_sim.bags.tracks import Tracks, Wrenches
-from rb_sim.bags.transforms import carried_over
+from rb_sim.bags.transforms import WORLD, carried_over, topic_of, words
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import first_few
 from rb_sim.checks.check_list import CheckedSamples

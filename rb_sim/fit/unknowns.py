@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.bag.as_run import value_at
+from rb_sim.io.bag.reader import value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
 

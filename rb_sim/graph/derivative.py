@@ -23,9 +23,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.graph.emit import RARELY, Pieces
-from rb_sim.graph.functions import cos, maximum, sin, where
 from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
-from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, graph_of, in_order
+from rb_sim.graph.symbols import (
+    INPUTS,
+    Condition,
+    Graph,
+    Symbol,
+    cos,
+    graph_of,
+    in_order,
+    maximum,
+    sin,
+    where,
+)
 from rb_sim.graph.vector_code import LANES, VECTOR, Vectors, splat
 
 

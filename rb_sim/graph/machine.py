@@ -24,7 +24,7 @@ from weakref import WeakValueDictionary
 import llvmlite
 import llvmlite.binding as llvm
 
-from rb_sim.graph import functions, store
+from rb_sim.graph import store, symbols
 from rb_sim.graph.emit import Pieces, constant, modules, python_source
 from rb_sim.graph.symbols import External
 
@@ -77,7 +77,7 @@ class PlainLaw:
 def plain_function(source: str, pieces: Pieces) -> Callable[..., None]:
     """The function of `emit.python_source`."""
     names = ("sqrt", "sin", "cos", "floor", "atan2", "divide")
-    space: dict[str, Any] = {name: getattr(functions, name) for name in names}
+    space: dict[str, Any] = {name: getattr(symbols, name) for name in names}
     space["external"] = {f.name: f.plain for f in pieces.externals}
     exec(source, space)
     return space["law"]

@@ -7,18 +7,21 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Symbols stand for floats while a law runs once; what it did with them is its graph.
+"""Symbols and the graph of their operations; what a law may call besides arithmetic.
 
-Equal parts are one node, constants fold, exact zeros vanish.  Nothing is reordered: the graph gives
+Symbols stand for floats while a law runs once; what it did with them is its graph. The functions
+give the plain value on floats and an operation of the graph on symbols.
+
+Equal parts are one node, constants fold, exact zeros vanish. Nothing is reordered: the graph gives
 bit for bit what plain Python gives on floats, except that x * 0 is 0 and x - x is 0 even where x is
-not finite.  A graph belongs to one trace and to one thread; different threads trace different
+not finite. A graph belongs to one trace and to one thread; different threads trace different
 graphs at the same time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -170,7 +173,7 @@ class Symbol:
     __hash__ = object.__hash__
 
     def __float__(self) -> float:
-        raise TypeError("a law may not read the value of a symbol: use rb_sim.graph.functions")
+        raise TypeError("a law may not read the value of a symbol: use rb_sim.graph.symbols")
 
     __bool__ = __int__ = __index__ = __float__
 
@@ -378,3 +381,128 @@ def _value(x: Symbol, value: Any, t: Array, y: Array) -> Any:
     if x.op == "item":
         return value(x.operands[0])[:, x.operands[1]]
     return OPERATIONS[x.op](*map(value, x.operands))
+
+
+def sqrt(x: Any) -> Any:
+    """The square root; NaN below zero, as machine code has it."""
+    if isinstance(x, Symbol):
+        return x.graph.node("sqrt", x)
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+def sin(x: Any) -> Any:
+    """The sine of x [rad]; NaN of what is not finite."""
+    if isinstance(x, Symbol):
+        return x.graph.node("sin", x)
+    return math.sin(x) if math.isfinite(x) else math.nan
+
+
+def cos(x: Any) -> Any:
+    """The cosine of x [rad]; NaN of what is not finite."""
+    if isinstance(x, Symbol):
+        return x.graph.node("cos", x)
+    return math.cos(x) if math.isfinite(x) else math.nan
+
+
+def floor(x: Any) -> Any:
+    """The largest whole number up to x, as a float."""
+    if isinstance(x, Symbol):
+        return x.graph.node("floor", x)
+    return float(math.floor(x)) if math.isfinite(x) else x
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """The angle of the point (x, y) [rad], in [-pi, pi]."""
+    graph = graph_of((y, x))
+    return math.atan2(y, x) if graph is None else graph.node("atan2", y, x)
+
+
+def divide(a: Any, b: Any) -> Any:
+    """a / b by IEEE 754: infinite or NaN where b is zero."""
+    if isinstance(a, Symbol) or isinstance(b, Symbol) or b != 0.0:
+        return a / b
+    if a == 0.0 or a != a:
+        return math.nan
+    return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition holds, else b; numbers, or tuples of them alike.
+
+    On symbols both are computed and one is selected, so neither may raise.
+    """
+    if not isinstance(condition, Condition):
+        return a if condition else b
+    if isinstance(a, tuple):
+        entries = [where(condition, x, y) for x, y in zip(a, b, strict=True)]
+        return a._make(entries) if hasattr(a, "_make") else tuple(entries)  # type: ignore[attr-defined]
+    if a is b or (not isinstance(a, Symbol) and not isinstance(b, Symbol) and a == b):
+        return a
+    return condition.graph.node("select", condition, a, b)
+
+
+def rarely(condition: Any, a: Any, b: Any) -> Any:
+    """As `where` on numbers, for a condition that hardly ever holds: machine code branches on it,
+    so that what follows does not wait for a.
+    """
+    if not isinstance(condition, Condition):
+        return a if condition else b
+    return condition.graph.node("rarely", condition, a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of two, as Python's max: a where they are equal or one is NaN."""
+    return where(b > a, b, a)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of two, as Python's min: a where they are equal or one is NaN."""
+    return where(b < a, b, a)
+
+
+def call(function: External, *arguments: Any) -> tuple[Any, ...]:
+    """Call a function that is compiled once; returns what it gives for the arguments."""
+    graph = graph_of(arguments)
+    return tuple(function.plain(*arguments)) if graph is None else graph.call(function, arguments)
+
+
+def leaves(x: Any) -> Iterator[Any]:
+    """The entries of nested tuples."""
+    if isinstance(x, tuple):
+        for entry in x:
+            yield from leaves(entry)
+    else:
+        yield x
+
+
+def explored(function: Callable[..., Any], *arguments: Any) -> Any:
+    """function(*arguments), where the function may branch on symbols.
+
+    It runs once for every way through it; what the ways give is selected by their conditions.  So
+    loops that end on a condition, and long chains of branches, do not belong in it.  On floats it
+    runs once, as it is.
+    """
+    graph = graph_of(leaves(arguments))
+    if graph is None:
+        return function(*arguments)
+    outer = graph.path
+    try:
+        return _from(graph, function, arguments, [])
+    finally:
+        graph.path = outer
+
+
+def _from(
+    graph: Graph,
+    function: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    given: list[tuple[Condition, bool]],
+) -> Any:
+    """What the ways give that begin with these decisions."""
+    path = graph.path = Path(given)
+    result = function(*arguments)
+    for i in range(len(path.decisions) - 1, len(given) - 1, -1):
+        condition = path.decisions[i][0]
+        other = _from(graph, function, arguments, [*path.decisions[:i], (condition, False)])
+        result = where(condition, result, other)
+    return result

@@ -33,8 +33,17 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.functions import cos, sin, where
-from rb_sim.graph.symbols import INPUTS, Condition, Graph, Symbol, in_order, stepwise
+from rb_sim.graph.symbols import (
+    INPUTS,
+    Condition,
+    Graph,
+    Symbol,
+    cos,
+    in_order,
+    sin,
+    stepwise,
+    where,
+)
 
 # Which operations of dy/dt = f(t, y) are polynomials in time along any motion, of what degree.
 #

@@ -21,9 +21,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rb_sim.graph.emit import RARELY, Operations, constant
-from rb_sim.graph.functions import floor, where
 from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
-from rb_sim.graph.symbols import INPUTS, Graph, Symbol, in_order
+from rb_sim.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
 
 # Sine and cosine from arithmetic alone, for code that computes several numbers at once.
 #

@@ -139,7 +139,7 @@ def correct_by_laws(way, t, y, rows):
 
 
 @helper
-def project(laws, setting, n, t, y, p, work):
+def project_once(laws, setting, n, t, y, p, work):
     """y with unit quaternions on the manifold of the constraints, in place; NaN if out of reach.
 
     The velocity goes to the nearest admissible one once the position is reached.
@@ -153,7 +153,7 @@ def project(laws, setting, n, t, y, p, work):
 
 
 @helper
-def settle(laws, setting, n, t, y, p, work):
+def project(laws, setting, n, t, y, p, work):
     """y brought back to where it belongs, in place."""
     if laws[BACK]:
         at = part(work, AT * n)  # and into the row after it, DY: the increment is used up
@@ -165,7 +165,7 @@ def settle(laws, setting, n, t, y, p, work):
         call_law(laws[SETTLE], t, y, p, part(work, AT * n))
         copy(n, y, part(work, AT * n))
     if laws[POSITION]:
-        project(laws, setting, n, t, y, p, work)
+        project_once(laws, setting, n, t, y, p, work)
 
 
 # One attempt of a step, whatever its length.
@@ -215,7 +215,7 @@ def finish(laws, setting, n, t, old, p, work, new):
         return
     copy(2 * n, new, old)
     accumulate(n, new, part(work, DY * n), part(new, n))
-    settle(laws, setting, n, t, new, p, work)
+    project(laws, setting, n, t, new, p, work)
     total = 0.0
     for i in range(n):
         total += new[i]

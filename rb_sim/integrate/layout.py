@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler import arrays
-from rb_sim.compiler import kinds as k
-from rb_sim.compiler.builder import Value
+from rb_sim.compiler import builder as k
+from rb_sim.compiler.builder import PackedSystem, Value
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.numerics.kernels import helper
 
 # Rows of the work array, n numbers each, that every step finds.

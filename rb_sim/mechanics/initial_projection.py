@@ -132,7 +132,7 @@ class Manifold:
             found[1, k] = abs(row_velocity(system, y, k) - system.rows[k, RATE])
         return found, int(factored(system, self.laws.order).rank)
 
-    def settle(self, t: float, y: list[float]) -> None:
+    def project(self, t: float, y: list[float]) -> None:
         """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
         clear_push(self.system)
         move_by_push(self.system, y)
@@ -182,7 +182,7 @@ def start_on_manifold(
     """
     manifold, at = Manifold(system), y.tolist()
     before, _ = manifold.violations(t, at)
-    manifold.settle(t, at)
+    manifold.project(t, at)
     y[:] = at
     after, rank = manifold.violations(t, at)
     return before, after, rank

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.types import CHANGING, Placed
+from rb_sim.catalogue.spec import CHANGING, Placed
 from rb_sim.graph.symbols import Graph
 
 # Places of numbers in a system: which they are, what is there, and others in their stead.

@@ -21,15 +21,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.functions import maximum, minimum, sqrt, where
 from rb_sim.graph.machine import Law
-from rb_sim.graph.symbols import Graph
+from rb_sim.graph.symbols import Graph, maximum, minimum, sqrt, where
 from rb_sim.graph.vector_code import LANES, compile_lanes
 from rb_sim.integrate import lane_loops
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.methods import loop_of
 from rb_sim.mechanics.samples import Array
-from rb_sim.mechanics.system import inside, rate, sample, settle
+from rb_sim.mechanics.system import inside, project, rate, sample
 from rb_sim.numerics.kernels import Step
 
 PIECE = 4096
@@ -103,7 +102,7 @@ class Lanes:
         change = [a + b for a, b in zip(dy, carry, strict=True)]
         moved = tuple(a + b for a, b in zip(y, change, strict=True))
         rest = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
-        settled = settle(system, t + h, moved)
+        settled = project(system, t + h, moved)
         within = inside(system, settled)
         within = 1.0 if within is True else where(within, 1.0, 0.0)
         return [*settled, *rest], error, sum(settled[1:], settled[0]), within

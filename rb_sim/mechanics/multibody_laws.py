@@ -20,6 +20,7 @@ from rb_sim.graph.derivative import compile_columns
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.mechanics.blocks import Plan, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law
 from rb_sim.mechanics.systems.elimination import (
@@ -67,7 +68,6 @@ from rb_sim.mechanics.systems.multibody import (
     write_rows,
 )
 from rb_sim.mechanics.systems.translation import GuidedLaws, on_guides, ways
-from rb_sim.mechanics.tables.blocks import Plan, constraint_nodes, hubs_of, planned
 from rb_sim.numerics.kernels import Step
 
 # The factors of A = G M^-1 G^T where many constraints act on one body.
@@ -341,7 +341,7 @@ class MultiBodyLaws(SolvedRows):
         return SeriesLaws(self.outputs(lambda *at: MultiBodyLaws.slopes(self, *at)))
 
     @cached_property
-    def settle(self) -> CompiledLaws:
+    def project(self) -> CompiledLaws:
         """Unit quaternions, and free spins on their polhodes."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:

@@ -45,7 +45,7 @@ rate = dispatch(_rate)
 
 
 @dispatch
-def settle(system, t, y):
+def project(system, t, y):
     """y brought back to the constraint manifold to round-off; arrays in place."""
 
 

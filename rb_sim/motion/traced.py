@@ -48,9 +48,9 @@ Reached = tuple[int, int]
 class TracedStepper:
     """The grid of steps of a system, on laws that are called by address.
 
-    laws: rate, settle, sample ... of the system (mechanics.laws). method: with `loop`, its step and
-    its settings. small: bodies that move by little. Everything compiled is made when it is first
-    needed.
+    laws: rate, project, sample ... of the system (mechanics.laws). method: with `loop`, its step
+    and its settings. small: bodies that move by little. Everything compiled is made when it is
+    first needed.
     """
 
     def __init__(self, laws: Any, length: float = 1.0, small: Small | None = None) -> None:
@@ -184,7 +184,7 @@ class TracedStepper:
             setting = self._of_variables(setting)
         used = (
             laws.rate,
-            laws.settle,
+            laws.project,
             getattr(laws, "gap", None),
             getattr(laws, "position", None),
             getattr(laws, "velocity", None),

@@ -22,12 +22,21 @@ import numpy as np
 
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler import arrays
-from rb_sim.compiler.builder import Value, known
+from rb_sim.compiler.builder import (
+    INTEGER,
+    INTEGERS,
+    REAL,
+    VECTOR,
+    Kind,
+    Pointer,
+    Tuple,
+    Value,
+    known,
+)
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import INTEGER, INTEGERS, REAL, VECTOR, Kind, Pointer, Tuple
 from rb_sim.compiler.program import Entry, ForC, on_compilation
-from rb_sim.graph.functions import explored
 from rb_sim.graph.machine import interpreted
+from rb_sim.graph.symbols import explored
 
 # How loops are compiled: laws and steps are called by their address, vectors are pointers.
 #

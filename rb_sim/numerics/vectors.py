@@ -14,7 +14,7 @@ A symmetric matrix is (xx, yy, zz, xy, xz, yz).  Tuples live in registers: no al
 
 from __future__ import annotations
 
-from rb_sim.graph.functions import atan2, cos, maximum, rarely, sin, sqrt, where
+from rb_sim.graph.symbols import atan2, cos, maximum, rarely, sin, sqrt, where
 from rb_sim.numerics.kernels import inline
 
 # Functions of numbers that kernels call, for floats, compiled code and the symbols of a trace.

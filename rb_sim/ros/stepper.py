@@ -21,7 +21,7 @@ import numpy as np
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.mechanics.samples import SampleRow
-from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, samples_at_rate
+from rb_sim.motion.motion import NO_LIMITS, Limits, Watch, samples_at_rate
 from rb_sim.ros.topics.command import Commands
 
 if TYPE_CHECKING:

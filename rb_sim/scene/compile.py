@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.constraints.rows import COUNT
-from rb_sim.catalogue.types import Placed
+from rb_sim.catalogue.spec import Placed
 from rb_sim.mechanics import methods
 from rb_sim.mechanics.laws import traceable
 from rb_sim.mechanics.samples import SampleLayout
@@ -27,9 +27,14 @@ from rb_sim.mechanics.systems.free import with_spins
 from rb_sim.mechanics.systems.multibody import multibody
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.initial import check_maximal, check_reduced, undetermined
-from rb_sim.scene.place import InitialPlace, along_parents, along_parents_if_close
+from rb_sim.scene.place import (
+    InitialPlace,
+    along_parents,
+    along_parents_if_close,
+    scene_scales,
+    start_scales,
+)
 from rb_sim.scene.reduced import principal_axes, projected_alone, reduce_scene
-from rb_sim.scene.scales import scene_scales, start_scales
 from rb_sim.scene.schema import Scene, SimulationOptions
 
 

@@ -20,14 +20,14 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.constraints.rows import COUNT, ROW_WIDTH
-from rb_sim.catalogue.contacts.touching import ContactLaw, Sides, Touching, contact_rows, sides_of
+from rb_sim.catalogue.contact import ContactLaw, Sides, Touching, contact_rows, sides_of
 from rb_sim.catalogue.geometry.corners_and_rims import (
     ABSENT,
     PointOnSolid,
     RimOnCylinder,
     RimOnPlane,
 )
-from rb_sim.catalogue.types import Placed
+from rb_sim.catalogue.spec import Placed
 from rb_sim.mechanics.contact import constraint_tables as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -66,8 +66,13 @@ from rb_sim.numerics.vectors import norm
 from rb_sim.scene.compiled import BoxPair, Compiled
 from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial, undetermined
 from rb_sim.scene.pairs_of_bodies import Between, box_sizes
-from rb_sim.scene.place import InitialPlace, along_parents, along_parents_if_close
-from rb_sim.scene.scales import scene_scales, start_scales
+from rb_sim.scene.place import (
+    InitialPlace,
+    along_parents,
+    along_parents_if_close,
+    scene_scales,
+    start_scales,
+)
 from rb_sim.scene.schema import Scene
 
 # The points of contact of a scene, those of one kind side by side, and the table of them.
@@ -360,9 +365,9 @@ def system_of(
         constraints=tuple(joints),
         contacts=groups_of(contacts),
         touch=touch_table(parts.laws, contacts),
-        pushes=np.zeros((n, 12)),
+        force_rows=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
-        still=STILL * speed,
+        velocity_tolerance=STILL * speed,
         creep=0.0,
     )
 
@@ -379,7 +384,7 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
         first_row=system.first_row[: joints + 1].copy(),
         anchors=system.anchors[:joints].copy(),
         touch=system.touch[:0].copy(),
-        pushes=system.pushes[:n].copy(),
+        force_rows=system.force_rows[:n].copy(),
     )
 
 

@@ -31,10 +31,10 @@ from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import SampleLayout, row_width
 from rb_sim.mechanics.systems.elimination import INDEPENDENT, Dependent
 from rb_sim.mechanics.systems.many_bodies import MultiBody
-from rb_sim.mechanics.tables.table_laws import laws_over_tables
+from rb_sim.mechanics.table_laws import laws_over_tables
 
 if TYPE_CHECKING:
-    from rb_sim.catalogue.contacts.touching import ContactLaw, Sides
+    from rb_sim.catalogue.contact import ContactLaw, Sides
     from rb_sim.scene.pairs_of_bodies import Between
 
 

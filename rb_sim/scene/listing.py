@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from rb_sim.base.errors import SceneError
 from rb_sim.base.names import meant
 from rb_sim.scene import yaml_reader
-from rb_sim.scene.errors_text import scene_error
+from rb_sim.scene.yaml_reader import scene_error
 
 SHARE = Path("share", "rb_sim", "config")
 """Where setup.py installs the scenes, below the prefix."""

@@ -25,7 +25,6 @@ import numpy as np
 from rb_sim.base.errors import SceneError, SceneWarning
 from rb_sim.base.names import one_of, ros_name
 from rb_sim.scene import yaml_reader
-from rb_sim.scene.errors_text import render, scene_error, validated
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import (
     FIXED_STEP_METHODS,
@@ -35,6 +34,7 @@ from rb_sim.scene.schema import (
     SimulationOptions,
     StaticsScene,
 )
+from rb_sim.scene.yaml_reader import render, scene_error, validated
 
 # Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
 

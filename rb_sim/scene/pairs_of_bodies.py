@@ -21,9 +21,8 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.contacts.contact import Contact
-from rb_sim.catalogue.contacts.surfaces import BodySurface
-from rb_sim.catalogue.contacts.touching import ContactLaw, Touching
+from rb_sim.catalogue.contact import Contact, ContactLaw, Touching
+from rb_sim.catalogue.surfaces import BodySurface
 from rb_sim.numerics.vectors import norm
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene

@@ -7,21 +7,27 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The initial situation of a scene, as specs ask for it while they are compiled into rows."""
+"""The initial situation of a scene, as specs ask for it, and the scene's scales.
+
+A local error is held to tolerance * max(1, |y_i|), which for a motion over a nanometre is the
+whole of it. Where everything that a scene names is SMALL in SI, its tolerance is made smaller by
+that much; else nothing changes.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import DistanceRow, PlaneRow, PointRow, SeatRow, SlotRow
-from rb_sim.catalogue.types import WORLD, BodyState, Inertial, Placed, Quaternion, Symmetric, Vec3
-from rb_sim.numerics.vectors import add, cross, rotate, sub, unrotate
-from rb_sim.scene.schema import Body, Scene
+from rb_sim.catalogue.spec import WORLD, BodyState, Inertial, Placed, Quaternion, Symmetric, Vec3
+from rb_sim.numerics.vectors import add, cross, norm, rotate, sub, unrotate
+from rb_sim.scene.schema import SMALLEST_TOLERANCE, Body, Scene
 
 
 def vector(values: Any) -> Vec3:
@@ -170,3 +176,124 @@ def _close(rows: Sequence[Any]) -> bool:
 def _seated(c: Placed) -> Placed:
     """A point between two bodies with rows along the parent's axes; all else as it is."""
     return c._replace(row=SeatRow(*c.row)) if isinstance(c.row, PointRow) and c.parent >= 0 else c
+
+
+LENGTHS = ("point", "length", "radius", "distance", "size", "anchor")
+"""Parts of the names of parameters that are lengths [m]."""
+
+SMALL = 1e-3
+"""[m] or [m/s]."""
+
+LEAST = 1e-20
+"""Of the factor: below, a scene is taken to say nothing about its size."""
+
+
+def scaled_tolerance(scene: Scene, tolerance: float) -> float:
+    """The tolerance for coordinates in SI that is `tolerance` relative to the scene's own size."""
+    small = size_of(scene)
+    if not LEAST <= small < SMALL:
+        return tolerance
+    scaled = tolerance * small
+    return scaled if not turns(scene) else max(scaled, min(tolerance, SMALLEST_TOLERANCE))
+
+
+def at_its_size(scene: Scene) -> Scene:
+    """The scene with its tolerance, if it has one, as coordinates in SI need it."""
+    options = scene.simulation
+    if options.tolerance is None:
+        return scene
+    scaled = scaled_tolerance(scene, options.tolerance)
+    if scaled == options.tolerance:
+        return scene
+    update = {"simulation": options.model_copy(update={"tolerance": scaled})}
+    return scene.model_copy(update=update)
+
+
+def size_of(scene: Scene) -> float:
+    """The smaller of the scene's length [m] and speed [m/s], as plain numbers; 0 if it has none."""
+    duration = scene.simulation.duration
+    length = max([*lengths(scene), 0.0])
+    speeds = [math.hypot(*body.linear_velocity) for body in scene.bodies.values()]
+    speeds += [math.hypot(*body.angular_velocity) * length for body in scene.bodies.values()]
+    speed = max([*speeds, 0.0])
+    for effect in scene.effects.values():
+        pull = math.hypot(*getattr(effect, "acceleration", (0.0,)))
+        length = max(length, 0.5 * pull * duration * duration)
+        speed = max(speed, pull * duration)
+    length = max(length, speed * duration)
+    return min(length, max(speed, length / duration))
+
+
+def lengths(scene: Scene) -> Iterator[float]:
+    """Distances that the scene names: of bodies and centres of mass, of points, of joints."""
+    for body in scene.bodies.values():
+        yield math.hypot(*body.position)
+        yield math.hypot(*body.center_of_mass)
+    specs: list[Any] = [*scene.constraints.values(), *scene.effects.values()]
+    for spec in specs:
+        for name in length_fields(type(spec)):
+            yield from sizes(getattr(spec, name))
+
+
+@cache
+def length_fields(kind: Any) -> tuple[str, ...]:
+    """The parameters of a kind of constraint or effect that are lengths."""
+    return tuple(name for name in kind.model_fields if any(part in name for part in LENGTHS))
+
+
+def sizes(value: Any) -> Iterator[float]:
+    """The numbers and the lengths of the vectors in a parameter."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        yield abs(float(value))
+    elif isinstance(value, tuple | list):
+        if value and all(isinstance(entry, int | float) for entry in value):
+            yield math.hypot(*value)
+        else:
+            for entry in value:
+                yield from sizes(entry)
+
+
+def turns(scene: Scene) -> bool:
+    """Whether a body may turn: it spins, is held by anything, or something may twist it."""
+    steady = {"gravity"}
+    twisted = any(
+        effect.type not in steady and not central(effect) for effect in scene.effects.values()
+    )
+    spinning = any(any(body.angular_velocity) for body in scene.bodies.values())
+    return spinning or bool(scene.constraints) or twisted
+
+
+def central(effect: Any) -> bool:
+    """Whether the effect's force passes through the body's origin."""
+    return effect.type == "spring" and not any(effect.point_B)
+
+
+def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
+    """Characteristic length [m] and speed [m/s] of the scene."""
+    names = place.body_names()
+    points = [
+        value
+        for part in parts
+        for field, value in zip(part.row._fields, part.row, strict=True)
+        if field.startswith("r_")
+    ]
+    gyration = [
+        (max(b.inertia[:3]) / b.mass) ** 0.5
+        for b in (place.inertial(name) for name in names)
+        if b.mass > 0.0  # of a body at rest it may be left out
+    ]
+    length = max([norm(p) for p in points] + gyration, default=0.0)
+    speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
+    return float(length), float(max([*speeds, (9.81 * length) ** 0.5]))
+
+
+def start_scales(place: InitialPlace, owned: list[tuple[str, Any]]) -> tuple[float, float]:
+    """As `scene_scales`, for what a start may be off by: joints count by where they are.
+
+    How far apart bearings are, a metre if left out, says nothing about the size of the bodies.
+    owned: the parts of constraints with the name of theirs, the first of each says where it is.
+    """
+    first: dict[str, Any] = {}
+    for name, part in owned:
+        first.setdefault(name, part)
+    return scene_scales(place, list(first.values()))

@@ -23,13 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import TWO_ULPS, WRITTEN_ROUNDING
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
-from rb_sim.catalogue.constraints.joints import FixedPoint, Free
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Translation
 from rb_sim.catalogue.constraints.rolling import Rolling, levelled
-from rb_sim.catalogue.constraints.translation import Translation
+from rb_sim.catalogue.constraints.simple import FixedAxis
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.geometry.smooth_surfaces import RimSurface, support
-from rb_sim.catalogue.types import (
+from rb_sim.catalogue.spec import (
     CENTRAL,
     BodyState,
     ConstraintKind,

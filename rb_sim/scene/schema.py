@@ -239,8 +239,8 @@ def effect_specs() -> Mapping[str, type[Spec]]:
 
 BodyName = Annotated[Name, AfterValidator(_not_world)]
 if TYPE_CHECKING:
-    from rb_sim.catalogue.types import ConstraintKind as ConstraintSpec
-    from rb_sim.catalogue.types import EffectKind as EffectSpec
+    from rb_sim.catalogue.spec import ConstraintKind as ConstraintSpec
+    from rb_sim.catalogue.spec import EffectKind as EffectSpec
 else:
     ConstraintSpec = Annotated[
         SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(constraint_specs(), value))

@@ -112,7 +112,7 @@ def choose(
     """
     if folder is None:
         return {}
-    from rb_sim.trajectory.wrenches import accelerating
+    from rb_sim.trajectory.record import accelerating
 
     make_folder(folder)
     chosen: dict[str, Output] = {}
@@ -136,7 +136,7 @@ def choose(
                 raise
             say(f"note: no recording.rrd: {error} (or give --no-rerun)")
     if plots:
-        from rb_sim.io.plots.plots import PlotSink
+        from rb_sim.io.run_plots import PlotSink
 
         path = folder / "plots.png"
         try:

@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.contacts.touching import Touching
-from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.catalogue.contact import Touching
+from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.scene.place import InitialPlace, quaternion, vector
 from rb_sim.statics.equilibrium import Array, Element, Equilibrium, poles_of, put_together
 from rb_sim.statics.of_scene import Standing, joint_elements, still, touching_elements
-from rb_sim.statics.result import ReactionRange
+from rb_sim.statics.report import ReactionRange
 from rb_sim.statics.solve import solved
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def elements_at(
             continue
         for element in touching_elements(Standing(place, name, spec, B, A, length)).closed:
             state = int(run.contact_state[element.name][sample])
-            if state == SLIP and element.rubs:
+            if state == SLIP and element.has_friction:
                 yield sliding(element, run.reaction[element.name].force[sample])
             elif state != OPEN:
                 yield element

@@ -25,8 +25,7 @@ import numpy as np
 from rb_sim.accuracy.auto import remembered_choice
 from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.spec import STRONGEST
-from rb_sim.catalogue.types import Placed
+from rb_sim.catalogue.spec import STRONGEST, Placed
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import (
@@ -40,13 +39,12 @@ from rb_sim.mechanics.samples import (
     concatenate,
     in_order,
 )
-from rb_sim.motion.motion import Motion
-from rb_sim.motion.pieces import NO_LIMITS, Limits, Watch, Watcher, is_finite
+from rb_sim.motion.motion import NO_LIMITS, Limits, Motion, Watch, Watcher, is_finite
 from rb_sim.numerics.kernels import on_compilation
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene
-from rb_sim.scene.scales import at_its_size
+from rb_sim.scene.place import at_its_size
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.state_override import Placement, compiled_at, present_states, read_placement
 from rb_sim.trajectory.record import State

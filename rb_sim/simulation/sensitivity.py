@@ -143,7 +143,7 @@ class TangentLaws:
         self.inputs = TangentInputs(own.inputs, directions)
 
     def __getattr__(self, name: str) -> Any:
-        """rate, settle, gap, position, velocity, inside, sample of the laws below."""
+        """rate, project, gap, position, velocity, inside, sample of the laws below."""
         return getattr(self._own, name)
 
     def whole(self, step: Any, estimated: bool = True) -> None:

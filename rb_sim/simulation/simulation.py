@@ -29,7 +29,7 @@ from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
-from rb_sim.motion.pieces import (
+from rb_sim.motion.motion import (
     NO_LIMITS,
     Limits,
     Watch,

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.catalogue.spec import STRONGEST
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import STRONGEST, BodyState
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.vectors import add, cross, rotate
 from rb_sim.scene.compile import compile_scene

@@ -11,10 +11,10 @@
 
 import sys
 
-from rb_sim.base.callable_package import Called
+from rb_sim.base.errors import Called
 from rb_sim.scene.load import load_statics
 from rb_sim.scene.schema import StaticsScene
-from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult
+from rb_sim.statics.report import Finding, Reaction, ReactionRange, StaticsResult
 from rb_sim.statics.solve import solve
 
 __all__ = [

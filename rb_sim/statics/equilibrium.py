@@ -45,7 +45,7 @@ Law = Literal["two-way", "one-way"]
 class Bound(NamedTuple):
     """|x[tails]| <= coefficient N, N the push x[0], or `push` where that is given."""
 
-    gives: Literal["slips", "rolls", "spins"]
+    motion: Literal["slips", "rolls", "spins"]
     """what happens beyond it."""
     coefficient: float
     """of friction, or the arm of a resistance to turning [m]."""
@@ -86,7 +86,7 @@ class Element:
         return self.force_W.shape[1]
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether it is a contact with friction."""
         return self.direction is not None and self.friction > 0.0
 

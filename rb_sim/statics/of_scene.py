@@ -35,11 +35,11 @@ from rb_sim.catalogue.constraints.rows import (
     anchor,
     fill,
 )
-from rb_sim.catalogue.contacts.touching import ContactLaw, Touching
+from rb_sim.catalogue.contact import ContactLaw, Touching
 from rb_sim.catalogue.effects.wrench import Wrench
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.geometry.solids import box_points
-from rb_sim.catalogue.types import WORLD, BodyState, Placed, wrench
+from rb_sim.catalogue.spec import WORLD, BodyState, Placed, wrench
 from rb_sim.numerics.vectors import ZERO, add, rotate, sub
 from rb_sim.scene.compile import named
 from rb_sim.scene.compile_contacts import contact_scales
@@ -134,9 +134,9 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
     spec, normal = standing.spec, point.normal
     depth = max(-point.gap, 0.0)
     push = law.spring[0] * depth if law.compliant else None
-    rubs = law.static > 0.0
+    has_friction = law.static > 0.0
     forces = [] if law.compliant else [normal]
-    forces += [*tangents(normal)] if rubs else []
+    forces += [*tangents(normal)] if has_friction else []
     turns = [*tangents(normal)] if law.rolling_arm > 0.0 else []
     turns += [normal] if law.spinning_arm > 0.0 else []
     none = np.zeros((3, 1))

@@ -29,14 +29,14 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 from rb_sim.io.extent import drawn_cylinder
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
 from rb_sim.statics.equilibrium import Element, Equilibrium, tangents
 from rb_sim.statics.of_scene import Load, active_loads, at_rest, still
-from rb_sim.statics.result import StaticsResult
+from rb_sim.statics.report import StaticsResult
 
 # Where the points of a scene lie in its picture: the surfaces of shapes and the projection.
 

@@ -32,7 +32,7 @@ from rb_sim.statics.equilibrium import (
     eliminate,
 )
 from rb_sim.statics.of_scene import at_rest
-from rb_sim.statics.result import Finding, Reaction, ReactionRange, StaticsResult, Verdict
+from rb_sim.statics.report import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 
 # The verdict in words: what gives, what is about to give, what is not unique.
 
@@ -145,11 +145,11 @@ def _gives(element: Element, bound: Bound | None, values: Array) -> Finding:
     across = 0.0 if bound is None else float(np.linalg.norm(values[list(bound.tails)]))
     if bound is not None and first > 1e-9 * across:
         ratio = across / first
-        wanting = WANTING[bound.gives].format(need=_number(ratio), has=_number(bound.coefficient))
+        wanting = WANTING[bound.motion].format(need=_number(ratio), has=_number(bound.coefficient))
         words = f"contact '{element.name}' {wanting}"
         if _number(ratio) == _number(bound.coefficient):
             words += f" (short by {ratio - bound.coefficient:.2g})"
-        return Finding(bound.gives, element.name, ratio, words)
+        return Finding(bound.motion, element.name, ratio, words)
     words = f"contact '{element.name}' lifts: it would have to pull with {_number(-first)} N"
     return Finding("lifts", element.name, -first, words)
 
@@ -172,8 +172,8 @@ def explain_limit(
             words = f"string '{name}' is on the point of going slack"
             found.append(Finding("slack", name, first, words))
         elif bound is not None and first > floor:
-            words = f"contact '{name}' is on the point of {TURNING[bound.gives]}"
-            found.append(Finding(bound.gives, name, bound.coefficient, words))
+            words = f"contact '{name}' is on the point of {TURNING[bound.motion]}"
+            found.append(Finding(bound.motion, name, bound.coefficient, words))
         else:
             words = f"contact '{name}' is on the point of lifting"
             found.append(Finding("lifts", name, first, words))
@@ -328,7 +328,7 @@ def _reactions(system: Equilibrium, reduced: Reduced, x: Array) -> dict[str, Rea
             parent_anchor=element.parent_anchor_W,
             direction=direction,
             along=_along(element, values),
-            friction=element.friction if element.rubs else None,
+            friction=element.friction if element.has_friction else None,
         )
     return found
 

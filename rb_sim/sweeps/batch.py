@@ -26,9 +26,9 @@ from rb_sim.integrate.layout import FINE
 from rb_sim.mechanics.lane_motions import Lanes
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.samples import SampleLayout, block_of, row_width
-from rb_sim.motion.pieces import instants_at_rate, samples_at_rate
+from rb_sim.motion.motion import instants_at_rate, samples_at_rate
 from rb_sim.scene.compile import compile_method, compile_scene
-from rb_sim.scene.scales import at_its_size
+from rb_sim.scene.place import at_its_size
 from rb_sim.sweeps.expressions import COMPONENTS
 from rb_sim.sweeps.one_run import OK, PlanRunner, ended
 from rb_sim.sweeps.plan import LoadedPlan
@@ -41,8 +41,7 @@ from rb_sim.sweeps.storage import (
     write_rows,
     write_table,
 )
-from rb_sim.trajectory.tables import XYZ
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import XYZ, Trajectory
 
 # The runs of a batch that go through the machine together, in its vector lanes.
 #

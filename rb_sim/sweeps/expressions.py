@@ -23,8 +23,7 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import one_of
-from rb_sim.trajectory.tables import QUANTITIES
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.trajectory.trajectory import QUANTITIES, Trajectory
 
 MOST_CHARACTERS = 1000
 """Of one expression: beyond, Python's parser may run out of its own stack."""
@@ -253,7 +252,7 @@ EVENT_KINDS = (
     *("ambiguous", "closes", "impact", "jams", "leaps", "opens", "rests", "reverses", "rolls"),
     *("slack", "slips", "spins", "sticks", "stops rolling", "stops spinning", "taut"),
 )
-"""What can happen at a contact (see rb_sim.contact.problem.event_workspace)."""
+"""What can happen at a contact (see rb_sim.contact.event_workspace)."""
 
 COMPONENTS = {q.name: (q.components, q.unit) for q in QUANTITIES if q.name in BY_BODY}
 """Components and unit of each quantity of a body."""

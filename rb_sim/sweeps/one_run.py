@@ -27,7 +27,7 @@ from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.io.bag.as_run import replaced
+from rb_sim.io.bag.reader import replaced
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import concatenate
 from rb_sim.scene import yaml_reader

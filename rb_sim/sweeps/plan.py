@@ -34,9 +34,9 @@ from rb_sim.catalogue.spec import (
     refuse_at,
 )
 from rb_sim.scene import yaml_reader
-from rb_sim.scene.errors_text import validated
 from rb_sim.scene.listing import find_scene, scene_folders
 from rb_sim.scene.load import OVERRIDES
+from rb_sim.scene.yaml_reader import validated
 
 MOST_RUNS = 10_000_000
 """Of one plan: beyond, not even the numbers that vary fit into the memory of one process."""

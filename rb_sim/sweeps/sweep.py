@@ -29,8 +29,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding
-from rb_sim.base.errors import AccuracyWarning, MissingExtraError, RbSimError, SimulationError
+from rb_sim.base.errors import (
+    AccuracyWarning,
+    Finding,
+    MissingExtraError,
+    RbSimError,
+    SimulationError,
+)
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import storage

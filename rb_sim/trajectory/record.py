@@ -7,24 +7,29 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The samples of a run by name: what tables, plots and wrenches are made of; states at instants."""
+"""The samples of a run by name, its states at instants, and the wrenches on its bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rb_sim.base.diagnostic import Finding, GlobalError
-from rb_sim.base.errors import RbSimError, UnknownNameError
+from rb_sim.base.errors import Finding, GlobalError, RbSimError, UnknownNameError
 from rb_sim.base.names import one_of
-from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
+from rb_sim.catalogue.spec import WORLD, BodyState, wrench
+from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout, empty_block
+from rb_sim.numerics.rotations import conjugate, cross, rotate
+from rb_sim.scene.place import InitialPlace
+from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
+
 
 T = TypeVar("T")
 
@@ -260,3 +265,208 @@ def beside(run: Record, event: ContactEvent) -> EventState:
             "Simulation.run(events=True) samples there"
         )
     return EventState(event, state_of(run, rows[0]), state_of(run, rows[1]))
+
+
+class Resultant(NamedTuple):
+    """A wrench reduced to a point, world axes."""
+
+    force: Array
+    """[N], shape (n, 3)."""
+    torque: Array
+    """about `point` [N m], shape (n, 3)."""
+    point: Array
+    """world [m], shape (n, 3)."""
+
+
+def resultant(
+    trajectory: Record, name: str, about: str | Sequence[float] | Array | None
+) -> Resultant:
+    """As Trajectory.resultant."""
+    acting = trajectory.reaction.get(name)
+    if acting is None:
+        effects = effect_wrenches(trajectory) if trajectory.scene is not None else {}
+        if name not in effects:
+            known = ", ".join((*trajectory.layout.reactions, *effects)) or "none"
+            raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
+        acting = effects[name]
+    point = _point(trajectory, about, acting.anchor)
+    torque = acting.torque + np.cross(acting.anchor - point, acting.force)
+    return Resultant(acting.force, torque, point)
+
+
+def _point(trajectory: Record, about: Any, anchor: Array) -> Array:
+    if about is None:
+        return anchor
+    if isinstance(about, str):
+        if about not in trajectory.layout.bodies:
+            bodies = ", ".join(trajectory.layout.bodies)
+            raise RbSimError(f"about: got {about!r}; must be a body ({bodies}) or a point")
+        return trajectory.position[about]
+    try:
+        points = np.broadcast_to(np.asarray(about, dtype=float), (len(trajectory), 3))
+        if np.isfinite(points).all():
+            return points
+    except (TypeError, ValueError):
+        pass
+    allowed = "a body, 3 finite numbers, or 3 for each sample"
+    raise RbSimError(f"about: got {about!r}; must be {allowed}")
+
+
+# Wrenches of the effects at the samples of a trajectory: the catalogue's laws, evaluated there.
+
+
+def effect_wrenches(trajectory: Record) -> Mapping[str, Reaction]:
+    """NAME, or NAME/BODY where an effect acts on several bodies: force and torque about C.
+
+    World axes, ON the body; on the parent of an effect the opposite, about the parent's C.
+    Raises RbSimError where the scene is not known.
+    """
+    found: dict[str, Reaction] = {}
+    for name, by_body in wrenches_by_body(trajectory).items():
+        for body, acting in by_body.items():
+            found[name if len(by_body) == 1 else f"{name}/{body}"] = acting
+    return found
+
+
+def wrenches_by_body(trajectory: Record) -> Mapping[str, Mapping[str, Reaction]]:
+    """By effect, then by the body on which it acts; as `effect_wrenches`."""
+    scene = trajectory.scene
+    if not isinstance(scene, Scene):
+        raise RbSimError("effects: the scene of these samples is not known")
+    place = InitialPlace(scene)
+    return {
+        name: {
+            body: Reaction(force, torque, trajectory.position[body])
+            for body, (force, torque) in _of_effect(trajectory, place, spec).items()
+        }
+        for name, spec in scene.effects.items()
+    }
+
+
+def _of_effect(
+    trajectory: Record, place: InitialPlace, spec: Any
+) -> dict[str, tuple[Array, Array]]:
+    """(force, torque about C), world axes, shape (n, 3) each, by body."""
+    if spec.type == "commanded_wrench":
+        return {spec.body: _commanded(trajectory, place, spec.body)}
+    totals: dict[str, tuple[Array, Array]] = {}
+    for row, body, parent in spec.rows(place):
+        force, torque = _of_row(trajectory, place, row, body, parent)
+        _add(totals, body, force, torque)
+        if parent is not None:
+            lever = trajectory.position[body] - trajectory.position[parent]
+            _add(totals, parent, -force, -torque - np.cross(lever, force))
+    return totals
+
+
+def _add(totals: dict[str, tuple[Array, Array]], body: str, force: Array, torque: Array) -> None:
+    f, m = totals.get(body, (np.zeros_like(force), np.zeros_like(torque)))
+    totals[body] = f + force, m + torque
+
+
+def _of_row(
+    trajectory: Record, place: InitialPlace, row: Any, body: str, parent: str | None
+) -> tuple[Array, Array]:
+    """One row of the catalogue at every sample: its law takes one state at a time."""
+    inertial = place.inertial(body)
+    bodies = _states(trajectory, body)
+    parents = [WORLD] * len(bodies) if parent is None else _states(trajectory, parent)
+    pairs = [
+        wrench(row, t, inertial, B, A)
+        for t, B, A in zip(trajectory.t.tolist(), bodies, parents, strict=True)
+    ]
+    force = np.array([pair[0] for pair in pairs], dtype=float).reshape(-1, 3)
+    torque_B = np.array([pair[1] for pair in pairs], dtype=float).reshape(-1, 3)
+    return force, rotate(trajectory.orientation[body], torque_B)
+
+
+def _states(trajectory: Record, body: str) -> list[BodyState]:
+    columns = (
+        trajectory.position[body],
+        trajectory.orientation[body],
+        trajectory.linear_velocity[body],
+        trajectory.angular_velocity[body],
+    )
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [BodyState(*map(tuple, row)) for row in rows]
+
+
+def _commanded(trajectory: Record, place: InitialPlace, body: str) -> tuple[Array, Array]:
+    """As recorded, about the body origin, taken to C."""
+    command = trajectory.command[body]
+    force, torque = command[:, :3], command[:, 3:]
+    r_OC_W = rotate(trajectory.orientation[body], np.array(place.inertial(body).r_OC))
+    return force, torque - np.cross(r_OC_W, force)
+
+
+# Accelerations of the bodies at the samples of a trajectory, by Newton's and Euler's equations.
+#
+#     m a_C = F        I dw/dt + w x I w = K        (about the centre of mass C, body axes)
+#
+# F and K are the wrenches of the effects, evaluated at the samples, and the recorded reactions: an
+# integration knows nothing of them, so they cost only who asks.
+
+
+class Accelerations(NamedTuple):
+    """Of all bodies, in the order of the layout."""
+
+    linear: Array
+    """of the centre of mass, world axes [m/s^2], shape (n, N, 3)."""
+    angular: Array
+    """dw/dt, body axes [rad/s^2], shape (n, N, 3)."""
+
+
+def accelerations(trajectory: Record) -> Accelerations:
+    """The accelerations at every sample; at an impact without its jump.
+
+    Raises RbSimError where the scene is not known, and for time_stepping, whose reactions are means
+    over a step.
+    """
+    scene = trajectory.scene
+    if not isinstance(scene, Scene):
+        raise RbSimError("accelerations: the scene of these samples is not known")
+    if scene.simulation.method == "time_stepping":
+        raise RbSimError(
+            "accelerations: method time_stepping has reactions that are means over its steps; "
+            "must be another method"
+        )
+    block, bodies = trajectory.block, trajectory.layout.bodies
+    force, torque = np.zeros_like(block.position), np.zeros_like(block.position)
+    for body, acting in _wrenches(trajectory, scene):
+        i = bodies.index(body)
+        lever = acting.anchor - block.position[:, i]
+        force[:, i] += acting.force
+        torque[:, i] += acting.torque + cross(lever, acting.force)
+    mass = np.array([scene.bodies[name].mass for name in bodies])
+    inertia = np.array([scene.bodies[name].inertia for name in bodies])
+    spin = block.angular_velocity
+    moment = rotate(conjugate(block.orientation), torque)
+    moment -= cross(spin, np.einsum("bij,nbj->nbi", inertia, spin))
+    angular = np.linalg.solve(inertia, moment[..., None])[..., 0]
+    return Accelerations(force / mass[:, None], np.asarray(angular, dtype=float))
+
+
+def accelerating(scene: Scene, layout: SampleLayout) -> Callable[[SampleBlock], Accelerations]:
+    """What gives the accelerations of blocks of a run. Raises RbSimError as `accelerations`."""
+
+    def of(block: SampleBlock) -> Accelerations:
+        return accelerations(Record(block, layout, scene))
+
+    of(empty_block(0, layout))  # refuses what it cannot do, before the run
+    return of
+
+
+def _wrenches(trajectory: Record, scene: Scene) -> Iterator[tuple[str, Reaction]]:
+    """(body, a wrench ON it) of all effects and constraints, those on parents included."""
+    for by_body in wrenches_by_body(trajectory).values():
+        yield from by_body.items()
+    place = InitialPlace(scene)
+    reactions = trajectory.reaction
+    joints: dict[str, Any] = dict(scene.constraints)
+    for name, spec in joints.items():
+        suffixes = spec.reaction_suffixes(place)
+        for suffix in ("",) if "" in suffixes else suffixes:  # the total has all others in it
+            wrench = reactions[f"{name}/{suffix}" if suffix else name]
+            yield spec.body, wrench
+            if getattr(spec, "parent", None) is not None:
+                yield spec.parent, wrench._replace(force=-wrench.force, torque=-wrench.torque)

@@ -7,17 +7,36 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The record of a run: named columns over time, and what can be made of them."""
+"""The record of a run: named columns over time, its tables and its views.
+
+Tables are a numpy archive, a pandas DataFrame or an xarray Dataset; views are matplotlib figures
+and the Rerun viewer.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import base64
+import io
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rb_sim.base.diagnostic import findings_in, global_error_in, tell
-from rb_sim.base.errors import RbSimError, named_if_lacking
+import numpy as np
+
+from rb_sim.base.errors import (
+    MissingExtraError,
+    RbSimError,
+    SinkError,
+    check_ending,
+    findings_in,
+    global_error_in,
+    named_if_lacking,
+    tell,
+)
+from rb_sim.io.run_plots import Plots, save
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.numerics.rotations import roll_pitch_yaw, without_jumps
 from rb_sim.trajectory.record import (
@@ -25,15 +44,20 @@ from rb_sim.trajectory.record import (
     EventState,
     Reaction,
     Record,
+    Resultant,
     State,
+    accelerations,
     beside,
+    effect_wrenches,
+    resultant,
     state_of,
 )
-from rb_sim.trajectory.wrenches import Resultant, accelerations, effect_wrenches, resultant
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rb_sim.io.bag.reader import BagReader
-    from rb_sim.trajectory.views import Pages
+    from rb_sim.trajectory.record import Record
 
 
 class Trajectory(Record):
@@ -179,7 +203,6 @@ class Trajectory(Record):
         Raises:
             RbSimError: The file cannot be written, or accelerations are not available.
         """
-        from rb_sim.trajectory.tables import save_npz
 
         save_npz(self, Path(path), accelerations)
 
@@ -188,7 +211,6 @@ class Trajectory(Record):
 
         Arguments and errors are those of `to_npz`.
         """
-        from rb_sim.trajectory.tables import save_csv
 
         save_csv(self, Path(path), accelerations)
 
@@ -201,7 +223,6 @@ class Trajectory(Record):
         Raises:
             RbSimError: pandas is not installed, or accelerations are not available.
         """
-        from rb_sim.trajectory.tables import to_pandas
 
         return to_pandas(self, accelerations)
 
@@ -213,7 +234,6 @@ class Trajectory(Record):
         Raises:
             RbSimError: xarray is not installed.
         """
-        from rb_sim.trajectory.tables import to_xarray
 
         return to_xarray(self)
 
@@ -228,7 +248,6 @@ class Trajectory(Record):
         Raises:
             RbSimError: The scene is not known, `path` does not end in .png or cannot be written.
         """
-        from rb_sim.trajectory.views import pages_of
 
         pages = pages_of(self)
         if path is not None:
@@ -246,14 +265,13 @@ class Trajectory(Record):
             RbSimError: rerun-sdk is not installed, there is no screen, `save` does not end in .rrd
                 or cannot be written.
         """
-        from rb_sim.trajectory.views import view
 
         view(self, None if save is None else Path(save))
 
 
 def recorded(reader: BagReader) -> Trajectory:
     """The samples of a bag of rb_sim; what is broken in it stands in the reader's `left_out`."""
-    from rb_sim.io.bag.as_run import scene_as_run
+    from rb_sim.io.bag.reader import scene_as_run
 
     block = concatenate(reader.blocks(), reader.layout)
     try:
@@ -271,3 +289,294 @@ def method_text(options: Any) -> str:
     if options.tolerance is not None:
         return f"{options.method}, tolerance {options.tolerance:g}"
     return str(options.method)
+
+
+# The plots of a trajectory as matplotlib figures, shown in a notebook or saved.
+
+
+class Pages(Mapping[str, Any]):
+    """Matplotlib figures by page: "" is the first, the others are named by a body.
+
+    A notebook shows them all.
+    """
+
+    def __init__(self, figures: dict[str, Any]) -> None:
+        self._figures = figures
+
+    def __getitem__(self, name: str) -> Any:
+        return self._figures[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._figures)
+
+    def __len__(self) -> int:
+        return len(self._figures)
+
+    def __repr__(self) -> str:
+        bodies = [name for name in self._figures if name]
+        return f"<plots: {'one page' if not bodies else 'the whole, ' + ', '.join(bodies)}>"
+
+    def _repr_html_(self) -> str:
+        return "".join(f'<img src="data:image/png;base64,{_png(f)}">' for f in self.values())
+
+    def save(self, path: Path) -> None:
+        """Write the pages as PNG: the first to `path`, those of bodies beside it; folders are made.
+
+        Raises SinkError.
+        """
+        check_ending(path, ".png")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
+        save(self._figures, path)
+
+
+def pages_of(trajectory: Record) -> Pages:
+    """The pages of a trajectory. Raises RbSimError without samples or a scene."""
+    if trajectory.scene is None or not len(trajectory):
+        missing = "samples" if trajectory.scene is not None else "scene"
+        raise RbSimError(f"plot: the trajectory has no {missing}")
+    plots = Plots(trajectory.scene, trajectory.layout)
+    plots.add(trajectory.block)
+    return Pages(plots.figures())
+
+
+def _png(figure: Any) -> str:
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return base64.b64encode(file.getvalue()).decode("ascii")
+
+
+# Shows a trajectory in the Rerun viewer: in a window, in a notebook, or saved for later.
+
+
+def view(trajectory: Record, save: Path | None = None) -> None:
+    """Save the run as .rrd, or show it: in a notebook its widget, else the viewer in a window.
+
+    Raises MissingExtraError, SinkError; RbSimError for a trajectory without a scene.
+    """
+    if save is not None:
+        check_ending(save, ".rrd")
+        record(trajectory, save)
+        return
+    with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
+        recording = Path(folder) / f"{getattr(trajectory.scene, 'name', 'run')}.rrd"
+        record(trajectory, recording)
+        if in_notebook():
+            _widget(recording)
+            return
+        from rb_sim.io.rerun.viewer import show
+
+        show(recording)
+
+
+def record(trajectory: Record, path: Path) -> None:
+    """Write the run as a Rerun recording."""
+    from rb_sim.io.rerun.sink import RerunSink
+
+    if trajectory.scene is None:
+        raise RbSimError("view: the trajectory has no scene")
+    sink = RerunSink(path)
+    sink.open(trajectory.scene, trajectory.layout)
+    try:
+        sink.write(trajectory.block)
+    finally:
+        sink.close()
+
+
+def in_notebook() -> bool:
+    """Whether a notebook's kernel runs this."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell is not None and getattr(shell, "kernel", None) is not None
+
+
+def _widget(recording: Path) -> None:
+    """Rerun's viewer as a notebook shows it."""
+    from importlib.util import find_spec
+
+    if find_spec("rerun_notebook") is None:
+        raise MissingExtraError("rerun-notebook", "notebook", "a viewer in a notebook")
+    import rerun
+
+    stream = rerun.RecordingStream("rb_sim")
+    stream.log_file_from_path(recording)
+    stream.notebook_show(width=1200, height=700)
+
+
+class Quantity(NamedTuple):
+    """A field of a SampleBlock as it appears in tables. along: axis of the layout, or ""."""
+
+    name: str
+    field: str
+    along: str
+    components: tuple[str, ...]
+    unit: str
+    meaning: str
+
+
+XYZ, QUATERNION, NONE = ("x", "y", "z"), ("x", "y", "z", "w"), ()
+WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+
+QUANTITIES = (
+    Quantity("position", "position", "body", XYZ, "m", "centre of mass, world"),
+    Quantity("orientation", "orientation", "body", QUATERNION, "1", "quaternion, body to world"),
+    Quantity(
+        "linear_velocity", "linear_velocity", "body", XYZ, "m/s", "of the centre of mass, world"
+    ),
+    Quantity("angular_velocity", "angular_velocity", "body", XYZ, "rad/s", "body axes"),
+    Quantity("reaction.force", "reaction_force", "reaction", XYZ, "N", "on the body, world axes"),
+    Quantity("reaction.torque", "reaction_torque", "reaction", XYZ, "N m", "about the anchor"),
+    Quantity("reaction.anchor", "anchor", "reaction", XYZ, "m", "anchor or contact point, world"),
+    Quantity("command", "command", "commanded", WRENCH, "N, N m", "about the body origin, world"),
+    Quantity("contact_state", "contact_state", "contact", NONE, "1", "0 open, 1 slip, 2 stick"),
+    Quantity("momentum", "momentum", "", XYZ, "kg m/s", "total, world"),
+    Quantity("angular_momentum", "angular_momentum", "", XYZ, "kg m^2/s", "about the world origin"),
+    Quantity("kinetic_energy", "kinetic_energy", "", NONE, "J", "of all bodies"),
+    Quantity("potential_energy", "potential_energy", "", NONE, "J", "of the conservative effects"),
+    Quantity("energy", "energy", "", NONE, "J", "kinetic plus potential"),
+    Quantity("power", "power", "", NONE, "W", "of the forces without potential"),
+    Quantity("contact_work", "contact_work", "", NONE, "J", "of all contacts since the start"),
+    Quantity("residual", "residual", "", NONE, "1", "of the scene's scale"),
+)
+
+
+ACCELERATIONS = (
+    Quantity("linear_acceleration", "", "body", XYZ, "m/s^2", "of the centre of mass, world"),
+    Quantity("angular_acceleration", "", "body", XYZ, "rad/s^2", "rate of w, body axes"),
+)
+"""Not in a block: found from it where they are asked for."""
+
+
+def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
+    """Names on an axis of the layout: bodies, reactions, commanded, contacts."""
+    layout = trajectory.layout
+    axes = {
+        "body": layout.bodies,
+        "reaction": layout.reactions,
+        "commanded": layout.commanded,
+        "contact": layout.contacts,
+    }
+    return axes[along]
+
+
+def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
+    """Write `npz_columns`; raises SinkError where that is not possible."""
+    columns = npz_columns(trajectory, accelerations)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(path, **columns)
+    except OSError as error:
+        raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, Any]:
+    """t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
+    columns: dict[str, Any] = {
+        "t": trajectory.t,
+        "energy": trajectory.energy,
+        "residual": trajectory.residual,
+    }
+    for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
+        for name, values in getattr(trajectory, quantity).items():
+            columns[f"{quantity}.{name}"] = values
+    if accelerations:
+        columns |= {label: values for _, label, values in _accelerations(trajectory)}
+    for name, reaction in trajectory.reaction.items():
+        for part, values in reaction._asdict().items():
+            columns[f"reaction.{name}.{part}"] = values
+    for name, values in trajectory.contact_state.items():
+        columns[f"contact_state.{name}"] = values
+    if trajectory.layout.contacts:
+        columns["contact_work"] = trajectory.contact_work
+        for part in ("t", "contact", "kind", "impulse"):
+            columns[f"events.{part}"] = np.array([getattr(e, part) for e in trajectory.events])
+    return columns
+
+
+def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
+    """(quantity, label, values of shape (n, 3)) of each body."""
+    from rb_sim.trajectory.record import accelerations
+
+    found = accelerations(trajectory)
+    return [
+        (quantity, f"{quantity.name}.{name}", values[:, i])
+        for quantity, values in zip(ACCELERATIONS, found, strict=True)
+        for i, name in enumerate(trajectory.layout.bodies)
+    ]
+
+
+def to_pandas(trajectory: Record, accelerations: bool = False) -> Any:
+    """One column per number: position.top.x, reaction.tip.force.z, energy."""
+    pandas = _library("pandas", "a DataFrame")
+    columns, units = numbers(trajectory, accelerations)
+    frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
+    frame.attrs["units"] = units | {"t": "s"}
+    return frame
+
+
+def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
+    """t, then the columns of `to_pandas`, each number to its last bit; raises SinkError."""
+    columns, _ = numbers(trajectory, accelerations)
+    table = np.column_stack([trajectory.t, *columns.values()])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        head = ",".join(["t", *columns])
+        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=head, comments="")
+    except OSError as error:
+        raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
+    """(column, unit) of every number, by QUANTITY.NAME.COMPONENT."""
+    columns: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    shown = [(q, *named) for q in QUANTITIES for named in _named(trajectory, q)]
+    for quantity, label, values in shown + (_accelerations(trajectory) if accelerations else []):
+        names = quantity.components or ("",)
+        for component, column in zip(names, np.atleast_2d(values.T), strict=True):
+            key = f"{label}.{component}" if component else label
+            columns[key] = column
+            units[key] = quantity.unit
+    return columns, units
+
+
+def _named(trajectory: Record, quantity: Quantity) -> list[tuple[str, Array]]:
+    """(label, values of shape (n,) or (n, components)) of each name that the quantity has."""
+    values = getattr(trajectory.block, quantity.field)
+    if not quantity.along:
+        return [(quantity.name, values)]
+    stem, _, part = quantity.name.partition(".")
+    names = names_along(trajectory, quantity.along)
+    ending = f".{part}" if part else ""
+    return [(f"{stem}.{name}{ending}", values[:, i]) for i, name in enumerate(names)]
+
+
+def to_xarray(trajectory: Record) -> Any:
+    """Variables named as in pandas, dots as underscores, with units and meaning as attributes."""
+    xarray = _library("xarray", "a Dataset")
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {"t": ("t", trajectory.t, {"units": "s"})}
+    axes = {XYZ: "axis", QUATERNION: "quaternion", WRENCH: "wrench"}
+    for quantity in QUANTITIES:
+        dimensions = ["t"]
+        if quantity.along:
+            dimensions.append(quantity.along)
+            coordinates[quantity.along] = list(names_along(trajectory, quantity.along))
+        if quantity.components:
+            dimensions.append(axes[quantity.components])
+            coordinates[axes[quantity.components]] = list(quantity.components)
+        attributes = {"units": quantity.unit, "long_name": quantity.meaning}
+        values = getattr(trajectory.block, quantity.field)
+        variables[quantity.name.replace(".", "_")] = (dimensions, values, attributes)
+    return xarray.Dataset(variables, coords=coordinates)
+
+
+def _library(name: str, purpose: str) -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        raise MissingExtraError(name, "analysis", purpose) from None

@@ -29,9 +29,14 @@ from rb_sim.accuracy.auto import choose
 from rb_sim.accuracy.checked import CheckedRun, independent_of, sharpest_adaptive
 from rb_sim.accuracy.choice import Setting, evaluations, seconds_of_evaluation
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.differences import pose_difference
 from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.runs import CountedRunner, Runner, affordable_times, sample_times
+from rb_sim.accuracy.runs import (
+    CountedRunner,
+    Runner,
+    affordable_times,
+    pose_difference,
+    sample_times,
+)
 from rb_sim.mechanics import methods
 from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene import schema

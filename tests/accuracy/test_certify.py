@@ -301,9 +301,9 @@ def test_where_nothing_is_certain_no_error_is_stated() -> None:
     """The errors up to t = 0 are those of the start, and would be read as those of the run."""
     six = (math.inf,) * 6
     found = Certificate("a", ("b", "c"), six, six, (0.0,) * 6, 1.0, 0.0, 0.0, False, 1.0, 1.0, 3)
-    told = json.loads(json.dumps(found.as_dict(), allow_nan=False))
-    assert set(told["errors"].values()) == set(told["doubt"].values()) == {None}
-    assert "not certified" in told["text"][0]
+    reported = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    assert set(reported["errors"].values()) == set(reported["doubt"].values()) == {None}
+    assert "not certified" in reported["text"][0]
 
 
 def test_where_only_one_method_ends_it_is_compared_with_itself() -> None:

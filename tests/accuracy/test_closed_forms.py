@@ -24,7 +24,7 @@ from scipy.special import ellipj, ellipk
 from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.closed_forms.exact import (
+from rb_sim.accuracy.closed_forms.rotors import (
     EPS,
     Exact,
     Long,

@@ -93,8 +93,10 @@ def test_of_a_run_that_does_not_end_in_time_no_price_is_measured(
         return RunCost(1.0, 2.5)
 
     scene = load_scene(CONFIG / "pendulum.yaml")
-    told = explain(scene, run_cost=asked)
-    assert any("A run takes 1 s, or 2.5 s with its accuracy checks" in line for line in notes(told))
+    reported = explain(scene, run_cost=asked)
+    assert any(
+        "A run takes 1 s, or 2.5 s with its accuracy checks" in line for line in notes(reported)
+    )
     monkeypatch.setattr(explaining, "LONGEST_RUN", 0.0)
     assert explain(scene, run_cost=asked).run is None
 
@@ -169,10 +171,10 @@ def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(step_costs, "LONGEST_RUN", 0.0)
-    told = explain(swing())
-    assert 0.0 < told.seen_until < told.duration == 10.0
-    assert any(line.startswith("Measured up to t = ") for line in notes(told))
-    assert all(part.cost is not None for part in told.constraints + told.effects)
+    reported = explain(swing())
+    assert 0.0 < reported.seen_until < reported.duration == 10.0
+    assert any(line.startswith("Measured up to t = ") for line in notes(reported))
+    assert all(part.cost is not None for part in reported.constraints + reported.effects)
 
 
 def test_dear_steps_are_measured_by_few() -> None:
@@ -195,10 +197,10 @@ def test_measuring_ends_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -
 
 def test_parts_for_which_no_time_is_left_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(explaining, "PREPARING", -1.0)
-    told = explain(swing())
-    parts = told.constraints + told.effects
+    reported = explain(swing())
+    parts = reported.constraints + reported.effects
     assert {part.reason for part in parts} == {explaining.LATE}
-    assert told.step.nanoseconds > 0.0
+    assert reported.step.nanoseconds > 0.0
 
 
 def test_one_of_a_kind_is_no_plural() -> None:
@@ -213,10 +215,10 @@ def test_a_run_that_ends_early_is_explained_up_to_there() -> None:
     joint = {"type": "translation", "body": "bead", "guide": {"type": "curve", "points": points}}
     bead = {"mass": 1.0, "inertia": [0.1] * 3, "linear_velocity": [0.5, 0.0, 0.0]}
     mapping = {"bodies": {"bead": bead}, "constraints": {"guide": joint}}
-    told = explain(scene_from_mapping(mapping, duration=4.0))
-    assert 1.0 < told.seen_until < 4.0
-    (guide,) = told.constraints
-    assert guide.cost is not None and told.step.nanoseconds > 0.0
+    reported = explain(scene_from_mapping(mapping, duration=4.0))
+    assert 1.0 < reported.seen_until < 4.0
+    (guide,) = reported.constraints
+    assert guide.cost is not None and reported.step.nanoseconds > 0.0
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.accuracy.differences import Errors, compare, pose_difference
 from rb_sim.accuracy.ladder import Reference
-from rb_sim.accuracy.runs import dividing, one_ulp_apart
+from rb_sim.accuracy.runs import Errors, compare, dividing, one_ulp_apart, pose_difference
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.numerics.rotations import angle_between
 

@@ -24,11 +24,11 @@ from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.checks.step_search import advice_for
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.compiler import shipped
-from rb_sim.compiler.kinds import INTEGER
+from rb_sim.compiler.builder import INTEGER
 from rb_sim.compiler.program import ForC
 from rb_sim.integrate.loop import record_into
-from rb_sim.motion import pieces
-from rb_sim.motion.pieces import Forecast
+from rb_sim.motion import motion as pieces
+from rb_sim.motion.motion import Forecast
 from rb_sim.numerics import kernels as own_time_module
 from rb_sim.numerics.kernels import LOOP, own_time
 from rb_sim.scene.compile import compile_scene
@@ -46,18 +46,18 @@ class Clock:
 
 def follow(duration: float, looks: list[tuple[float, float]]) -> tuple[Forecast, list[str]]:
     """A forecast shown (time spent, simulated time) in turn, and what it told."""
-    clock, told = Clock(), []
-    made = Forecast(duration, told.append, clock=clock)
+    clock, reported = Clock(), []
+    made = Forecast(duration, reported.append, clock=clock)
     for clock.now, t in looks:
         if not made.goes_on(t):
             break
-    return made, told
+    return made, reported
 
 
 def test_a_long_run_is_told_once_with_its_time() -> None:
-    made, told = follow(10.0, [(5.0, 0.01), (10.0, 0.02), (20.0, 0.04)])
+    made, reported = follow(10.0, [(5.0, 0.01), (10.0, 0.02), (20.0, 0.04)])
     assert not made.given_up
-    (line,) = told
+    (line,) = reported
     assert "t = 0.02 s of 10 s and would take 1.39 hours more" in line  # 5 s (10 - 0.02)/0.01
 
 
@@ -79,9 +79,9 @@ def test_an_endless_run_is_given_up_after_some_patience() -> None:
 
 
 def test_a_run_that_stands_still_is_given_up() -> None:
-    made, told = follow(1.0, [(5.0, 0.0), (10.0, 0.0), (15.0, 0.0)])
+    made, reported = follow(1.0, [(5.0, 0.0), (10.0, 0.0), (15.0, 0.0)])
     assert "infinite time" in made.given_up
-    assert "infinite time" in told[0]
+    assert "infinite time" in reported[0]
 
 
 def test_a_slow_beginning_is_no_endless_run() -> None:
@@ -94,8 +94,8 @@ def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
     """A tenth of the duration in the first 5 s, then 5e9 s/s, which for 0.9 s are 143 years: the
     whole run so far would say that the rest takes some minutes, for as long as one waits."""
     looks = [(5.0, 0.1), (10.0, 0.1 + 1e-9), (15.0, 0.1 + 2e-9), (20.0, 0.1 + 3e-9)]
-    made, told = follow(1.0, looks[:-1])
-    assert not made.given_up and not told
+    made, reported = follow(1.0, looks[:-1])
+    assert not made.given_up and not reported
     made, _ = follow(1.0, looks)
     assert "143 years" in made.given_up
 
@@ -156,14 +156,14 @@ def test_a_wall_time_of_nothing_is_refused() -> None:
 def test_a_run_in_python_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """1e12 s of a top that turns 30 times a second; two samples, so that no block ends it."""
     monkeypatch.setattr(pieces, "EFFORT", 0.05)
-    told: list[str] = []
+    reported: list[str] = []
     scene = load_scene("heavy_top", duration=1e12, rate=1e-12)
-    simulation = Simulation(scene, announce=told.append)
+    simulation = Simulation(scene, announce=reported.append)
     simulation.warm()
-    told.clear()
+    reported.clear()
     with pytest.raises(SimulationError, match=r"^given up after .* years more at this pace"):
         simulation.run()
-    assert len(told) == 1 and "at this pace" in told[0]
+    assert len(reported) == 1 and "at this pace" in reported[0]
 
 
 def test_the_search_of_auto_does_not_begin_runs_of_years(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,8 +179,8 @@ def test_compiling_says_nothing_about_the_pace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A function that takes some tenths of a second, compiled inside a run."""
-    told: list[str] = []
-    made = Forecast(1.0, told.append, effort=0.0, wall=1e-3)
+    reported: list[str] = []
+    made = Forecast(1.0, reported.append, effort=0.0, wall=1e-3)
     monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     monkeypatch.setattr(shipped, "kept", lambda name: None)
     monkeypatch.setattr(shipped, "loops", lambda: shipped.NOTHING)

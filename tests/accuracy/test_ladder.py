@@ -22,10 +22,19 @@ from matplotlib.colors import to_hex
 from rich.console import Console
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.differences import Errors
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung, climb
-from rb_sim.accuracy.picture import diagrams, drawable, save_picture
-from rb_sim.accuracy.report import as_dict, decades, front, print_report, target_line, write_json
+from rb_sim.accuracy.report import (
+    as_dict,
+    decades,
+    diagrams,
+    drawable,
+    front,
+    print_report,
+    save_picture,
+    target_line,
+    write_json,
+)
+from rb_sim.accuracy.runs import Errors
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import accuracy as accuracy_verb
 from rb_sim.mechanics.methods import METHODS

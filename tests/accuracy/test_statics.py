@@ -163,14 +163,14 @@ def test_what_is_beyond_the_closed_forms_is_not_taken_for_them() -> None:
 
 
 def test_report_says_what_was_compared(tmp_path: Path) -> None:
-    def told(mapping: dict[str, Any]) -> str:
+    def reported(mapping: dict[str, Any]) -> str:
         text = io.StringIO()
         print_statics(measure(load_statics(mapping), spell=0.0), Console(file=text, width=200))
         return text.getvalue()
 
-    assert "against the closed form (rod over an edge; LL section 38" in told(rod_over_edge())
-    assert "no closed form is known" in told(ladder(1.0, 2.0, 0.5))
-    slipping = told(ladder(0.6, 0.3, 0.0))
+    assert "against the closed form (rod over an edge; LL section 38" in reported(rod_over_edge())
+    assert "no closed form is known" in reported(ladder(1.0, 2.0, 0.5))
+    slipping = reported(ladder(0.6, 0.3, 0.0))
     assert "no equilibrium" in slipping and "no reactions to measure" in slipping
     assert of_statics(CONFIG / "table_offset.yaml", tmp_path) == 0
     data = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))

@@ -83,8 +83,10 @@ def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
         row = table[quantity]
         assert 0.5 * row["max"] < row["interpolation"] < 2.0 * row["max"]
         assert row["first_above"] is None and row["growth"] is None
-    told = [f"{table[q]['interpolation']:.2g} m" for q in ("position", "velocity") if turn > 1.0]
-    assert len(found.notes) == (turn > 1.0) and all(part in found.notes[0] for part in told)
+    reported = [
+        f"{table[q]['interpolation']:.2g} m" for q in ("position", "velocity") if turn > 1.0
+    ]
+    assert len(found.notes) == (turn > 1.0) and all(part in found.notes[0] for part in reported)
     assert "of which interpolation" in summary(found, {"angle": 0.0})["exceeded"][0]
     beyond = replace(b, position=b.position + [0.5, 0.0, 0.0])
     found, table = beside(a, beyond)
@@ -364,10 +366,10 @@ def test_a_bag_and_a_scene_and_a_bound(tmp_path, capsys):
     out = tmp_path / "out"
     options = CompareOptions(bag, str(scene), out, bounds={"position": 1e-3})
     assert interpreted(compare, options) == 1
-    told = json.loads((out / "compare.json").read_text())
+    reported = json.loads((out / "compare.json").read_text())
     fall = (9.9046 - 9.81) / 2 * 1.0**2
-    assert told["differences"]["box"]["position"]["max"] == pytest.approx(fall, rel=1e-3)
-    assert told["exceeded"] and (out / "compare.png").stat().st_size > 10_000
+    assert reported["differences"]["box"]["position"]["max"] == pytest.approx(fall, rel=1e-3)
+    assert reported["exceeded"] and (out / "compare.png").stat().st_size > 10_000
     same = CompareOptions(bag, str(bag), bounds={"position": 0.0, "angle": 0.0})
     assert compare(same) == 0
 
@@ -538,11 +540,11 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys, begin
     from rb_sim.cli.verbs.compare import _print
 
     a, b = (tracks_of_csv(tmp_path / f"{name}.txt") for name in "ab")
-    told = summary(differences(a, b, match={"a": "b"}))
-    _print(told)
+    reported = summary(differences(a, b, match={"a": "b"}))
+    _print(reported)
     said = capsys.readouterr().out
     assert f"t from {begin:.6f} s on" in said and "e+09" not in said
-    assert told["differences"]["a"]["position"]["first_above"] == pytest.approx(begin + 2.0)
+    assert reported["differences"]["a"]["position"]["first_above"] == pytest.approx(begin + 2.0)
     assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)
 
 

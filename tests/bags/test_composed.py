@@ -79,9 +79,9 @@ def test_what_moves_in_the_root_has_the_forces_there(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         robot(bag)
     found = analyze(tmp_path / "x.mcap", masses={"base_link": Body(2.0, np.eye(3), np.zeros(3))})
-    told = found.as_dict()
-    assert told["bodies"][MADE]["wrench"]["Fx"]["largest"] == pytest.approx(9.0, rel=1e-3)
-    assert "wrench" not in told["bodies"]["/tf:base_link"]
+    reported = found.as_dict()
+    assert reported["bodies"][MADE]["wrench"]["Fx"]["largest"] == pytest.approx(9.0, rel=1e-3)
+    assert "wrench" not in reported["bodies"]["/tf:base_link"]
     assert found.balances["base_link"]["stretches"] == 1
     assert "along the tree of transforms also in map: /tf:base_link" in found.notes
     assert not any("which moves" in note for note in found.notes)

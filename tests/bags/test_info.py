@@ -20,8 +20,7 @@ from mcap.writer import Writer
 
 from rb_sim import Trajectory
 from rb_sim.bags.analysis.run import analyze
-from rb_sim.bags.info import info
-from rb_sim.bags.message_rates import Rates
+from rb_sim.bags.info import Rates, info
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import SinkError
 from rb_sim.cli.verbs.info import info as verb

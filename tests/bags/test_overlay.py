@@ -73,8 +73,8 @@ def test_frames_that_nothing_connects_are_told(tmp_path, capsys):
             bag.add("/a", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "map"), t)
             bag.add("/b", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "mocap"), t)
     replay(tmp_path / "x.mcap", tmp_path / "x.rrd")
-    told = "warning: no transform connects the frames map, mocap: drawn as if they were one\n"
-    assert told in capsys.readouterr().err
+    reported = "warning: no transform connects the frames map, mocap: drawn as if they were one\n"
+    assert reported in capsys.readouterr().err
 
 
 def test_without_poses_or_rerun_one_line_says_so(tmp_path, monkeypatch):

@@ -35,8 +35,7 @@ def payloads(bag: Path) -> dict[str, str]:
 
 def again(bag: Path, folder: Path, changes: tuple[str, ...] = ()):
     from rb_sim.bags.resim import identity, resimulate
-    from rb_sim.io.bag.as_run import scene_as_run
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import BagReader, scene_as_run
 
     reader = BagReader(bag, unfinished=True)
     resimulate(reader, scene_as_run(reader, changes), folder)
@@ -144,7 +143,7 @@ def test_scene_as_run(tmp_path):
 )
 def test_a_change_that_will_not_do(change, line):
     from rb_sim.base.errors import RbSimError
-    from rb_sim.io.bag.as_run import with_value
+    from rb_sim.io.bag.reader import with_value
     from rb_sim.scene import yaml_reader
 
     with pytest.raises(RbSimError, match=line):

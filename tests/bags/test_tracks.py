@@ -160,9 +160,9 @@ def test_they_are_the_poses_that_we_recorded(bags):
 
 def test_compare_lays_the_scene_beside_them(bags):
     path, _, theirs = bags
-    told = summary(rb_sim.compare(theirs, path, align="none"), {})
-    assert set(told["differences"]) == {"cart", "arm", "tip"}
-    assert all(row["position"]["max"] < 1e-6 for row in told["differences"].values())
+    reported = summary(rb_sim.compare(theirs, path, align="none"), {})
+    assert set(reported["differences"]) == {"cart", "arm", "tip"}
+    assert all(row["position"]["max"] < 1e-6 for row in reported["differences"].values())
 
 
 def test_fit_finds_a_mass_by_them(bags, tmp_path):

@@ -27,8 +27,7 @@ from benchmarks.peers.reference import Reference, pose_error
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.hard_cases import shipped
-from rb_sim.hard_cases.judge import Row, load_cases
-from rb_sim.hard_cases.report import PeerRow, beside
+from rb_sim.sweeps.hard_cases import PeerRow, Row, beside, load_cases
 
 
 @pytest.mark.parametrize("name", scenes.NAMES)
@@ -78,11 +77,15 @@ def test_minimal_equations_follow_the_reference(name: str, form: str) -> None:
 
 def test_a_ladder_ends_after_round_off_and_reports_its_points() -> None:
     scene = scenes.load("rolling_sphere")._replace(duration=0.5)
-    told: list[tuple[str, object]] = []
+    reported: list[tuple[str, object]] = []
     measure.measure(
-        scene, Reference(scene), engine_scipy, 1.5, lambda kind, value: told.append((kind, value))
+        scene,
+        Reference(scene),
+        engine_scipy,
+        1.5,
+        lambda kind, value: reported.append((kind, value)),
     )
-    points = [value for kind, value in told if kind == "point"]
+    points = [value for kind, value in reported if kind == "point"]
     assert min(point.error for point in points) < 1e-9
     assert all(point.cost > 0 and point.runs >= 2 for point in points)
 

@@ -24,7 +24,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.catalogue.effects.wrench import CommandRow
-from rb_sim.catalogue.types import CENTRAL, WORLD, BodyState, Inertial, potential, wrench
+from rb_sim.catalogue.spec import CENTRAL, WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.moving import floats, random_state

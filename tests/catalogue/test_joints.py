@@ -53,7 +53,7 @@ def lines(joint: dict[str, Any], parent: bool, seed: int | None) -> tuple[Any, .
     """(rows, B, A): the table of the joint's lines at the start, or at random states."""
     from rb_sim import load_scene
     from rb_sim.catalogue.constraints import rows
-    from rb_sim.catalogue.types import WORLD
+    from rb_sim.catalogue.spec import WORLD
     from rb_sim.scene.place import InitialPlace
 
     read = load_scene(scene(joint, parent))

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort, effort_of, finer_step
 from rb_sim.checks.step_doubling import LocalError
 from rb_sim.checks.steps import found_in, turned
@@ -112,7 +112,7 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
         assert [finding.watch for finding in turned(block, unmeasured, bodies)] == ["turn"]
 
 
-def told(
+def reported(
     effort: Effort, t: tuple[float, ...] = (1.0, 1.5, 2.0), **more: float
 ) -> dict[str, Finding]:
     """What the effort of a run tells by its last sample, by watch."""
@@ -130,15 +130,15 @@ def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
     0.02, 0.1: a figure 8 times its bound asks for half the step."""
     worst = LocalError(5.0, 0.5, "a", 0.8, "b", 0.16, 0.7, "c")
     fixed = Effort("rk4", 0.02, None, 50, local=worst)
-    finding = told(fixed)["step"]
+    finding = reported(fixed)["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (5.0, 0.5, "a", 0.01)
-    finding = told(fixed._replace(local=worst._replace(share=0.0099)))["step"]
+    finding = reported(fixed._replace(local=worst._replace(share=0.0099)))["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (0.16, 0.7, "c", 0.02)
     assert finding.finer_step == 0.01
-    finding = told(fixed._replace(local=worst._replace(share=0.0, turn=0.019)))["step"]
+    finding = reported(fixed._replace(local=worst._replace(share=0.0, turn=0.019)))["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (0.8, 2.0, "b", 0.1)
-    assert told(fixed._replace(local=LocalError(0.0099, 0.5, "a", 0.099, "b", 0.019))) == {}
-    assert told(ADAPTIVE._replace(local=worst)) == {}
+    assert reported(fixed._replace(local=LocalError(0.0099, 0.5, "a", 0.099, "b", 0.019))) == {}
+    assert reported(ADAPTIVE._replace(local=worst)) == {}
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_steps_that_do_not_follow_their_contacts_are_told(
 ) -> None:
     """Of 50 steps of 0.02 s and 4 J; errors of first order, so that a figure four times its bound
     asks for a quarter of the step, and half of that for a margin."""
-    found = told(STEPPED._replace(**counted), exchanged=4.0)["contact steps"]
+    found = reported(STEPPED._replace(**counted), exchanged=4.0)["contact steps"]
     assert (found.figure, found.bound) == (pytest.approx(figure), bound)
     assert found.finer_step == finer and ("try step" in found.advice) == (finer is not None)
     assert found.t == (0.3 if "astray" in counted else 2.0)
@@ -167,15 +167,15 @@ def test_steps_that_do_not_follow_their_contacts_are_told(
 
 def test_steps_that_nearly_follow_their_contacts_are_not() -> None:
     near = STEPPED._replace(restruck=0.079, made=0.039, astray=(0.049, 0.3, "floor"))
-    assert told(near, exchanged=4.0) == {}
-    assert told(STEPPED._replace(restruck=0.1, made=0.1), exchanged=0.0) == {}
+    assert reported(near, exchanged=4.0) == {}
+    assert reported(STEPPED._replace(restruck=0.1, made=0.1), exchanged=0.0) == {}
 
 
 def test_of_what_contacts_tell_the_first_is_told() -> None:
     """Unsolved steps explain the rest."""
     all_of_it = STEPPED._replace(unsolved=2, solver_residual=0.3, circling=1, paradox=3)
-    assert told(all_of_it)["contact steps"].where == "2 of 50 steps"
-    assert told(STEPPED._replace(steps=0, paradox=2))["contact steps"].figure == 2.0
+    assert reported(all_of_it)["contact steps"].where == "2 of 50 steps"
+    assert reported(STEPPED._replace(steps=0, paradox=2))["contact steps"].figure == 2.0
 
 
 @pytest.mark.parametrize("effort", [STEPPED, ADAPTIVE])
@@ -183,7 +183,7 @@ def test_motions_that_laws_leave_open_are_told(effort: Effort) -> None:
     """Apart by more than what the setting takes for one: 1e-3, or the tolerance."""
     bound = 1e-3 if effort is STEPPED else 1e-6
     chosen = LeftOpen(0.9 * bound, 0.3, "floor", "what parts,")
-    assert told(effort._replace(left_open=chosen)) == {}
-    found = told(effort._replace(left_open=chosen._replace(figure=2.0 * bound)))["ambiguous"]
+    assert reported(effort._replace(left_open=chosen)) == {}
+    found = reported(effort._replace(left_open=chosen._replace(figure=2.0 * bound)))["ambiguous"]
     assert (found.t, found.where, found.bound, found.finer_step) == (0.3, "floor", bound, None)
     assert found.advice == chosen.advice

@@ -21,7 +21,7 @@ import pytest
 
 from rb_sim import AccuracyWarning, Simulation, SimulationError, load_scene
 from rb_sim.bags.tracks import tracks_of_blocks
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import CheckedSamples, CheckList
 from rb_sim.fit.recording import Recording, lost_by

@@ -20,12 +20,11 @@ from typing import Any
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.base.diagnostic import Finding
-from rb_sim.base.errors import SimulationError
+from rb_sim.base.errors import Finding, SimulationError
 from rb_sim.catalogue.constraints import rows
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
-from rb_sim.catalogue.types import wrench
+from rb_sim.catalogue.spec import wrench
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
@@ -124,7 +123,7 @@ SINKS = 1e-7
 """How much a spoilt way back lets a ball down in every step [m]."""
 
 
-def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
+def reported(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
     """By watch, of a run of the scene, whose laws are made of what is spoilt."""
     forget()
     simulation = Simulation(load_scene(mapping, **options), announce=None)
@@ -138,7 +137,7 @@ def told(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
 def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rod holds its bob by its acceleration alone: its error grows from the first steps on."""
     setting = {"method": "rk4", "step": 5e-3}
-    assert told(SCENE, **setting) == {}
+    assert reported(SCENE, **setting) == {}
 
     def astray(self: MultiBodyLaws) -> Any:
         return self.traced(lambda system, t, y: [*y, 0.0])
@@ -146,7 +145,7 @@ def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.Mon
     spoilt = cached_property(astray)
     spoilt.__set_name__(MultiBodyLaws, "back")
     monkeypatch.setattr(MultiBodyLaws, "back", spoilt)
-    found = told(SCENE, **setting)["residual"]
+    found = reported(SCENE, **setting)["residual"]
     assert found.where == "rod" and 0.0 < found.t < 0.5
 
 
@@ -172,16 +171,16 @@ def on_a_floor(**start: Any) -> dict[str, Any]:
 def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """By 1e-7 m in each of the steps: beyond 1e-6 of the scene's size after ten of them, or so."""
     scene = on_a_floor(position=[0, 0, 0.1], linear_velocity=[1, 0, 0])
-    assert told(scene) == {}
+    assert reported(scene) == {}
     monkeypatch.setattr(contact_loops, "bring_back", sinking)
-    found = told(scene)["residual"]
+    found = reported(scene)["residual"]
     assert 0.0 < found.t <= 0.15 and found.figure > 1e-6
 
 
 def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """A weight that jumps by a thousandth some hundred times on the way."""
     setting = {"duration": 1.0}
-    assert told(SCENE, **setting) == {}
+    assert reported(SCENE, **setting) == {}
     whole = wrench.kernels[GravityRow]
 
     def jumping(row: Any, t: Any, inertial: Any, B: Any, A: Any) -> Any:
@@ -189,7 +188,7 @@ def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) 
         return scale(where(sin(400.0 * t) > 0.0, 1.001, 1.0), force), torque
 
     monkeypatch.setitem(wrench.kernels, GravityRow, jumping)
-    found = told(SCENE, **setting)
+    found = reported(SCENE, **setting)
     assert found["energy"].where == "bob" and found["energy"].t < 0.1
 
 
@@ -198,7 +197,7 @@ def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.Mo
     scene = four_bar(2.0, rocker=1.5)
     for body in scene["bodies"].values():
         body |= {"angular_velocity": [0, 0, 0], "linear_velocity": [0, 0, 0]}
-    assert told(scene) == {}
+    assert reported(scene) == {}
     whole = fill.kernels[DistanceRow]
 
     def turning(row: Any, t: Any, B: Any, A: Any, G: Any, k: Any) -> None:
@@ -208,7 +207,7 @@ def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.Mo
             G[k, 6 + i] = (1.0 - 2.0 * t) * G[k, 6 + i]
 
     monkeypatch.setitem(fill.kernels, DistanceRow, turning)
-    found = told(scene)["singular configuration"]
+    found = reported(scene)["singular configuration"]
     assert found.where == "coupler" and found.t == pytest.approx(0.5, abs=0.02)
 
 
@@ -218,7 +217,7 @@ def test_contacts_that_change_without_end_are_told(height: float, chatters: bool
     scene = on_a_floor(position=[0, 0, 0.1 + height])
     scene["constraints"]["floor"]["restitution"] = 1.0
     scene["simulation"] = {"duration": 2.0, "rate": 10.0}
-    found = told(scene)
+    found = reported(scene)
     assert set(found) == ({"events"} if chatters else set())
     if chatters:
         assert found["events"].where == "floor" and found["events"].t <= 2.0

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.steps import CHATTER
@@ -77,8 +77,8 @@ def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
 
 @pytest.mark.parametrize("damped", [False, True])
 def test_a_long_run_without_fault_ends_without_a_word(damped: bool) -> None:
-    told, check_list = found(damped)
-    assert told == {}
+    reported, check_list = found(damped)
+    assert reported == {}
     block, _ = run_of(damped)
     energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] < 1e-9
@@ -92,46 +92,50 @@ def test_a_long_run_without_fault_ends_without_a_word(damped: bool) -> None:
 
 def test_energy_that_jumps_late_is_told_with_its_time() -> None:
     block, _ = run_of(False)
-    told, _ = found(False, kinetic_energy=after(block.kinetic_energy, block.kinetic_energy + 1e-3))
-    assert set(told) == {"energy"}
-    assert told["energy"].t == block.t[LATE] and told["energy"].where == "rod"
+    reported, _ = found(
+        False, kinetic_energy=after(block.kinetic_energy, block.kinetic_energy + 1e-3)
+    )
+    assert set(reported) == {"energy"}
+    assert reported["energy"].t == block.t[LATE] and reported["energy"].where == "rod"
 
 
 def test_power_that_is_too_small_from_some_time_on_is_told() -> None:
     block, _ = run_of(True)
-    told, _ = found(True, power=after(block.power, 0.5 * block.power))
-    assert set(told) == {"energy"}
-    assert 0.0 <= told["energy"].t - block.t[LATE] < 2.0 * BLOCK / 200.0
+    reported, _ = found(True, power=after(block.power, 0.5 * block.power))
+    assert set(reported) == {"energy"}
+    assert 0.0 <= reported["energy"].t - block.t[LATE] < 2.0 * BLOCK / 200.0
 
 
 def test_one_sample_off_its_constraint_is_told_with_its_time() -> None:
     block, _ = run_of(False)
     residual = block.residual.copy()
     residual[LATE] = 0.02
-    told, check_list = found(False, residual=residual)
-    assert set(told) == {"residual"}
-    assert told["residual"].t == block.t[LATE] and told["residual"].figure == 0.02
+    reported, check_list = found(False, residual=residual)
+    assert set(reported) == {"residual"}
+    assert reported["residual"].t == block.t[LATE] and reported["residual"].figure == 0.02
     assert check_list.ledger.worst_residual == 0.02
 
 
 def test_a_reaction_that_is_wrong_from_some_time_on_is_told() -> None:
     block, _ = run_of(False)
-    told, _ = found(False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force))
-    assert {"momentum"} <= set(told) <= {"momentum", "angular momentum"}
-    assert block.t[LATE] < told["momentum"].t < 2.0 * block.t[LATE]
+    reported, _ = found(
+        False, reaction_force=after(block.reaction_force, 1.01 * block.reaction_force)
+    )
+    assert {"momentum"} <= set(reported) <= {"momentum", "angular momentum"}
+    assert block.t[LATE] < reported["momentum"].t < 2.0 * block.t[LATE]
 
 
 def test_a_spin_that_a_step_leaps_over_is_told() -> None:
     block, _ = run_of(False)
     effort = Effort("rk4", 1e-2, None, 100 * BLOCKS)
-    told, _ = found(False, effort, angular_velocity=after(block.angular_velocity, 1000.0))
-    assert told["turn"].t == pytest.approx(block.t[LATE], abs=17.0 / 200.0)
+    reported, _ = found(False, effort, angular_velocity=after(block.angular_velocity, 1000.0))
+    assert reported["turn"].t == pytest.approx(block.t[LATE], abs=17.0 / 200.0)
 
 
 def test_samples_that_are_not_finite_are_told() -> None:
     block, _ = run_of(False)
-    told, _ = found(False, kinetic_energy=after(block.kinetic_energy, np.nan))
-    assert "energy" in told
+    reported, _ = found(False, kinetic_energy=after(block.kinetic_energy, np.nan))
+    assert "energy" in reported
 
 
 def test_a_singular_configuration_late_in_a_run_is_told() -> None:
@@ -148,8 +152,8 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
         check_list.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
         check_list.add(piece, TIGHT)
-    told = {finding.watch: finding for finding in check_list.findings}
-    assert told["singular configuration"].t == pytest.approx(1.6, abs=2e-3)
+    reported = {finding.watch: finding for finding in check_list.findings}
+    assert reported["singular configuration"].t == pytest.approx(1.6, abs=2e-3)
 
 
 # Where contacts do not change for long, a fault that comes late is told.
@@ -178,9 +182,9 @@ def found_of_contacts(**columns: np.ndarray) -> tuple[dict[str, Finding], CheckL
 
 
 def test_a_ball_that_rolls_on_ends_without_a_word() -> None:
-    told, check_list = found_of_contacts()
+    reported, check_list = found_of_contacts()
     block, _ = run()
-    assert told == {} and check_list.ledger.samples == len(block)
+    assert reported == {} and check_list.ledger.samples == len(block)
     energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] < 1e-9
     assert energy["work"] == pytest.approx(block.contact_work[-1], rel=1e-12)
@@ -190,16 +194,16 @@ def test_a_ball_that_rolls_on_ends_without_a_word() -> None:
 def test_energy_or_work_that_jumps_while_it_rolls_is_told_with_its_time(column: str) -> None:
     block, _ = run()
     values = getattr(block, column)
-    told, _ = found_of_contacts(**{column: after(values, values + 1e-3)})
-    assert set(told) == {"energy"} and told["energy"].t == block.t[LATE_CONTACTS]
+    reported, _ = found_of_contacts(**{column: after(values, values + 1e-3)})
+    assert set(reported) == {"energy"} and reported["energy"].t == block.t[LATE_CONTACTS]
 
 
 def test_a_sample_that_sinks_in_is_told_with_its_time() -> None:
     block, _ = run()
     residual = block.residual.copy()
     residual[LATE_CONTACTS] = 1e-4
-    told, _ = found_of_contacts(residual=residual)
-    assert set(told) == {"residual"} and told["residual"].t == block.t[LATE_CONTACTS]
+    reported, _ = found_of_contacts(residual=residual)
+    assert set(reported) == {"residual"} and reported["residual"].t == block.t[LATE_CONTACTS]
 
 
 def test_events_are_counted_however_late_they_come() -> None:

@@ -18,8 +18,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
-from rb_sim.checks.imbalance import DOUBTS
+from rb_sim.checks.check_list import DOUBTS, CheckList
 from rb_sim.checks.sample_integrals import Quadrature, Resolution
 
 RNG = np.random.default_rng(38)
@@ -359,5 +358,5 @@ def test_a_drag_on_another_body_does_not_hide_energy_that_is_lost(dragged: str) 
         check_list.add(block, effort_of(simulation))
     energy = check_list.ledger.energy()
     assert energy is not None and energy["relative"] > 0.1
-    told = "energy" in [finding.watch for finding in check_list.findings]
-    assert told == (dragged != "bob")
+    reported = "energy" in [finding.watch for finding in check_list.findings]
+    assert reported == (dragged != "bob")

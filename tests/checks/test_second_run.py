@@ -434,9 +434,9 @@ def test_the_summary_states_it_and_strict_ends_with_3(tmp_path: Path) -> None:
     ended = CliRunner().invoke(app, options)
     assert ended.exit_code == 3
     summary = json.loads((out / "summary.json").read_text())
-    told = Trajectory.from_bag  # the bag tells the same
+    shown = Trajectory.from_bag  # the bag tells the same
     with pytest.warns(match="global error"):
-        run = told(out / "bag")
+        run = shown(out / "bag")
     assert run.global_error is not None
     assert summary["global_error"]["relative"] == run.global_error.relative
     assert run.global_error.relative == pytest.approx(true_error(run), rel=0.25)

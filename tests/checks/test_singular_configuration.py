@@ -138,9 +138,9 @@ def test_what_lies_between_samples_is_seen_on_the_motion_itself(turn: float, roc
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         findings = Simulation(scene, announce=None).run(check=False).findings
-    told = [found.t for found in findings if found.watch == "singular configuration"]
+    reported = [found.t for found in findings if found.watch == "singular configuration"]
     change_point = [pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)]
-    assert told == (change_point if rocker == 1.0 else [])
+    assert reported == (change_point if rocker == 1.0 else [])
 
 
 @pytest.mark.parametrize("turn", [0.02, 0.2, 0.4])
@@ -221,9 +221,11 @@ def test_it_is_one_finding_with_time_and_constraint():
     block = simulation.run().block
     for _ in range(2):
         check_list.add(block, Effort("rk4", 1e-3, None, 1000))
-    told = [finding for finding in check_list.findings if finding.watch == "singular configuration"]
-    assert len(told) == 1
-    assert (told[0].where, told[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
+    reported = [
+        finding for finding in check_list.findings if finding.watch == "singular configuration"
+    ]
+    assert len(reported) == 1
+    assert (reported[0].where, reported[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
 
 
 def test_trees_are_not_watched():
@@ -355,9 +357,9 @@ def test_no_error_is_stated_of_what_is_beyond_one(method: str, tolerance: float)
     mapping = parallelograms()
     mapping["simulation"] |= {"method": method, "tolerance": tolerance, "duration": 3.0}
     run = Simulation(scene_from_mapping(mapping), announce=None).run()
-    (told,) = [found for found in run.findings if found.watch == "singular configuration"]
+    (reported,) = [found for found in run.findings if found.watch == "singular configuration"]
     error = run.global_error
-    assert error is not None and error.upto == told.t < 1.0
+    assert error is not None and error.upto == reported.t < 1.0
     assert "not known beyond the singular configuration" in str(error)
 
     def pendulum(_: float, y: Any) -> list[float]:
@@ -392,10 +394,10 @@ def test_a_drive_at_the_end_of_its_way(method: str, step: float | None, rate: fl
     apart."""
     scene = driven_to_the_end()
     scene["simulation"]["rate"] = rate
-    told = failure(scene, method, step)
-    assert not isinstance(told, StepTooLargeError)
-    assert "singular configuration at t = 1.6" in str(told)
-    assert "'drive'" in str(told) or "'rod'" in str(told)
+    reported = failure(scene, method, step)
+    assert not isinstance(reported, StepTooLargeError)
+    assert "singular configuration at t = 1.6" in str(reported)
+    assert "'drive'" in str(reported) or "'rod'" in str(reported)
 
 
 def test_a_change_point_within_the_step_that_fails() -> None:
@@ -413,9 +415,9 @@ def test_a_step_that_is_too_large_for_a_loop_is_blamed_all_the_same() -> None:
     spring = {"type": "spring", "body": "rocker", "point_A": [2.0, 0.0, 3.0]}
     scene["effects"] = {"spring": spring | {"stiffness": 1e9, "rest_length": 0.0}}
     scene["simulation"]["duration"] = 10.0
-    told = failure(scene, "rk4", 0.01)
-    assert isinstance(told, StepTooLargeError)
-    assert "singular configuration" not in str(told)
+    reported = failure(scene, "rk4", 0.01)
+    assert isinstance(reported, StepTooLargeError)
+    assert "singular configuration" not in str(reported)
 
 
 # Where a figure passes through zero as |x| does, of motions and figures in closed form.

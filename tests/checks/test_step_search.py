@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from rb_sim import Simulation, SimulationError, load_scene
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.checks import step_search as search
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
@@ -80,7 +80,7 @@ TWO_ARMS = {
 }
 
 
-def told(capfd: pytest.CaptureFixture[str], scene: Any, **how: Any) -> list[str]:
+def reported(capfd: pytest.CaptureFixture[str], scene: Any, **how: Any) -> list[str]:
     """The lines of warning of a run on the command line."""
     command(RunOptions(scene, quiet=True, **how))
     return [line for line in capfd.readouterr().err.splitlines() if line.startswith("warning")]
@@ -124,13 +124,13 @@ def test_the_step_named_ends_every_warning(
         file = tmp_path / "scene.yaml"
         file.write_text(load_scene(scene).text, encoding="utf-8")
         scene = str(file)
-    lines = told(capfd, scene, method=method, step=step)
+    lines = reported(capfd, scene, method=method, step=step)
     assert any(line.startswith(f"warning: {watch}: ") for line in lines), lines
     named = {float(re.findall(r"use step ([0-9.e-]+) s, which passes", line)[0]) for line in lines}
     assert len(named) == 1
     (finer,) = named
     assert finer <= 0.5 * step
-    assert told(capfd, scene, method=method, step=finer) == []
+    assert reported(capfd, scene, method=method, step=finer) == []
 
 
 def watched(scene: dict[str, Any], **how: Any) -> tuple[Simulation, tuple[Finding, ...]]:
@@ -222,7 +222,7 @@ def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(
     said = capfd.readouterr().err
     (step,) = map(float, re.findall(r"use step ([0-9.e-]+) s, which runs to the end", said))
     assert "step below" not in said and "rotation in one step" in said
-    assert told(capfd, "heavy_top", method="rk4", step=step) == []
+    assert reported(capfd, "heavy_top", method="rk4", step=step) == []
 
 
 # Which steps are tried, in which order, and what is said of them; the runs are stood for.

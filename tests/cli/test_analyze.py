@@ -17,7 +17,7 @@ from rb_sim.cli.verbs import analyze
 from tests.cli.process import invoke
 
 
-def told(count: int) -> dict:
+def reported(count: int) -> dict:
     row = {"least": -1.0, "largest": 1.0, "rms": 0.5, "peak_frequency": None}
     source = {"count": 7, "rate": 50.0, "gaps": 0, "backwards": 0, "values": {"x": row}}
     return {
@@ -33,12 +33,12 @@ def told(count: int) -> dict:
 def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     """Laying out a table takes a millisecond a line; JSON has all of them."""
     monkeypatch.setattr(analyze, "SHOWN", 3)
-    analyze._print(told(5))
+    analyze._print(reported(5))
     text = capsys.readouterr().out
     assert text.count("/robot") == 3 + 3 + 3 and "/robot3" not in text
     assert "and 2 more sources (all with --json or --out DIR)" in text
     assert "and 2 more bodies (all with --json or --out DIR)" in text
-    analyze._print(told(3))
+    analyze._print(reported(3))
     assert "more" not in capsys.readouterr().out
 
 

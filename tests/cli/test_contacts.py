@@ -118,7 +118,7 @@ def test_counts_do_not_grow_with_the_run():
         block.t[:] = k
         block.orientation[..., 3] = 1.0
         ledger.add(replace(block, events=(ContactEvent(k, "floor", "impact", (0.0, 0.0, 1.0)),)))
-    told = ledger.contacts()
-    assert told is not None
-    assert told["events"] == {"impact": 1000} and len(told["first_events"]) == 10
-    assert told["impulses"] == {"floor": [0.0, 0.0, 1000.0]}
+    reported = ledger.contacts()
+    assert reported is not None
+    assert reported["events"] == {"impact": 1000} and len(reported["first_events"]) == 10
+    assert reported["impulses"] == {"floor": [0.0, 0.0, 1000.0]}

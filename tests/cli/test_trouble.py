@@ -29,8 +29,8 @@ from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.analyze import AnalyzeOptions, analyze
 from rb_sim.cli.verbs.compare import CompareOptions, compare
 from rb_sim.cli.verbs.run import RunOptions, run
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from rb_sim.simulation.outputs import writing
 from tests.bags.analysis import foreign
 from tests.cli.process import COMMAND, PATIENCE, environment, lines, rb_sim, start, wait_until
@@ -154,8 +154,8 @@ def test_a_run_that_fails_keeps_what_was_logged(tmp_path):
     done = rb_sim("run", path, "--out", tmp_path / "out", "--no-rerun", "--quiet")
     assert (done.returncode, done.stdout) == (1, "")
     *warnings, line = lines(done.stderr)
-    told = sorted(warning.split(": ")[:2] for warning in warnings)
-    assert told == [["warning", "energy"], ["warning", "step"]]
+    reported = sorted(warning.split(": ")[:2] for warning in warnings)
+    assert reported == [["warning", "energy"], ["warning", "step"]]
     assert line.startswith("error: the state is no longer finite at t = ")
     assert line.endswith(f"the samples up to then are in {tmp_path / 'out'}")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

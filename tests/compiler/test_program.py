@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 from rb_sim.compiler import program
-from rb_sim.compiler.kinds import VECTOR
+from rb_sim.compiler.builder import VECTOR
 from rb_sim.compiler.program import Entry, ForC, on_compilation
 
 CALL = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
@@ -53,16 +53,16 @@ def called(one: ForC, *arguments: float) -> float:
 
 
 def test_what_is_kept_is_not_compiled_again(folder: Path) -> None:
-    told: list[str] = []
-    with on_compilation(lambda: told.append("begun"), lambda: told.append("done")):
+    reported: list[str] = []
+    with on_compilation(lambda: reported.append("begun"), lambda: reported.append("done")):
         first = routine()
         assert called(first, 1.25, 0.0) == math.inf  # as IEEE 754 divides
-        assert told == ["begun", "done"]
+        assert reported == ["begun", "done"]
         second = routine()
         for x in (-3.0, 0.1, 1.25):
             assert called(second, x, 3.0) == called(first, x, 3.0)
             assert called(second, x, 3.0) == pytest.approx(math.exp(x) / 3.0, rel=1e-15)
-        assert told == ["begun", "done"]
+        assert reported == ["begun", "done"]
 
 
 def test_damaged_code_is_compiled_anew(folder: Path) -> None:
@@ -80,11 +80,11 @@ def test_other_sources_with_the_same_ir_are_translated_and_not_compiled(
 ) -> None:
     """An edit elsewhere, or of a comment, costs no seconds."""
     assert routine().address
-    told: list[str] = []
+    reported: list[str] = []
     monkeypatch.setattr(program, "folder", lambda root: folder.parent)  # knows nothing yet
-    with on_compilation(lambda: told.append("begun")):
+    with on_compilation(lambda: reported.append("begun")):
         assert called(routine(), 0.0, 4.0) == 0.25
-    assert not told
+    assert not reported
 
 
 def test_without_a_folder_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,14 +114,14 @@ def doubled(x):
 def test_threads_that_need_one_function_get_one_machine_code(folder: Path) -> None:
     """The code of a second maker would take the place of that which runs, and free it."""
     one, addresses = routine(), []
-    told: list[bool] = []
-    with on_compilation(lambda: told.append(True)):
+    reported: list[bool] = []
+    with on_compilation(lambda: reported.append(True)):
         threads = [threading.Thread(target=lambda: addresses.append(one.address)) for _ in range(8)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-    assert len(set(addresses)) == 1 and told == [True]
+    assert len(set(addresses)) == 1 and reported == [True]
 
 
 PROCESS = """
@@ -144,11 +144,11 @@ def test_an_entry_runs_as_plain_python_where_nothing_is_compiled(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(program, "interpreted", lambda: True)
-    told: list[bool] = []
-    with on_compilation(lambda: told.append(True)):
+    reported: list[bool] = []
+    with on_compilation(lambda: reported.append(True)):
         assert Entry(doubled)(3.0) == 6.0
         assert ForC(quotient, (VECTOR, VECTOR), None).address is quotient
-    assert not told
+    assert not reported
 
 
 INTERRUPTED = """

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rb_sim import load_scene
-from rb_sim.catalogue.contacts.contact import Contact
+from rb_sim.catalogue.contact import Contact
 from rb_sim.scene.listing import list_scenes
 
 G = 9.81

@@ -23,7 +23,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from rb_sim.catalogue.contacts.surfaces import MAKERS
+from rb_sim.catalogue.surfaces import MAKERS
 from tests.balance import Balance, assert_balanced, balance_at, random_motion, two_bodies
 from tests.interpreted import interpreted
 from tests.moving import difference, unit

@@ -268,14 +268,14 @@ def test_which_starts_are_refused(
     law: Any = SimpleNamespace(
         compliant=given["soft"], bilateral=given["both"], static=np.inf if given["rough"] else 0.5
     )
-    told: list[str] = []
+    reported: list[str] = []
     monkeypatch.setattr(compile_contacts, "write_rows", lambda *of: None)
     monkeypatch.setattr(
-        compile_contacts, "refuse_initial", lambda scene, name, problem: told.append(problem)
+        compile_contacts, "refuse_initial", lambda scene, name, problem: reported.append(problem)
     )
     scene: Any = SimpleNamespace(
         simulation=SimpleNamespace(project_initial=False),
         constraints={"floor": SimpleNamespace(type="contact")},
     )
     compile_contacts.check_contacts(scene, system, np.zeros(13), ["floor"], [law], 0.0)
-    assert len(told) == bool(refused) and all(refused in problem for problem in told)
+    assert len(reported) == bool(refused) and all(refused in problem for problem in reported)

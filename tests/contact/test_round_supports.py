@@ -344,10 +344,10 @@ def test_the_low_point_runs_round_the_rim(missed: float, turn: Rotation, setting
     assert [event.kind for event in run.events] == ["closes"]
     assert error_of(run, missed, turn) < ALLOWED[setting]
     assert run.energy[-1] == pytest.approx(run.energy[0], rel=ALLOWED[setting])
-    told = [f for f in run.findings if f.what == TURNED_BY_ROUNDING]
+    reported = [f for f in run.findings if f.what == TURNED_BY_ROUNDING]
     bound = {"default": 1e-10, "loose": 1e-6}.get(setting)
     if bound is not None:  # rounding turns it by more than the tolerance, or does not
-        assert bool(told) == (4e-16 > bound * abs(missed))
+        assert bool(reported) == (4e-16 > bound * abs(missed))
 
 
 @pytest.mark.parametrize("turn", TURNS)

@@ -83,9 +83,9 @@ def test_when_a_side_is_seen_does_not_hang_on_the_pieces_of_a_run(seed: int) -> 
     """A run is carried in pieces that the wall's clock ends: what it says is of its motion."""
     name, samples = "sides_box_on_cylinder", np.array([0.1, 0.2, 5.0])
     pieces = np.cumsum(np.random.default_rng(seed).uniform(1e-4, 0.2 / 3**seed, 2000))
-    told = refusal(name, pieces[pieces < 0.5], samples)
-    assert told == refusal(name, np.zeros(0), samples)
-    assert "an edge of the body penetrates the support of contact c" in told
+    reported = refusal(name, pieces[pieces < 0.5], samples)
+    assert reported == refusal(name, np.zeros(0), samples)
+    assert "an edge of the body penetrates the support of contact c" in reported
 
 
 # Scenes of contact at other sizes: a micrometre and a nanogram, a kilometre and a megaton.

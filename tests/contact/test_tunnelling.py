@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.contacts.touching import Sides, edges_of_box
+from rb_sim.catalogue.contact import Sides, edges_of_box
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder
 from rb_sim.catalogue.geometry.solids import Box, Cylinder
 from rb_sim.contact.tunnelling import (

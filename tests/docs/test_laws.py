@@ -103,5 +103,5 @@ def test_scenes_md_says_which_keys_are_optional(kind):
         key = field.alias or name
         if key == "type":
             continue
-        told = default(name, field).strip("`")
-        assert (f"**{key}**" if field.is_required() else f"{key} ({told})") in row
+        reported = default(name, field).strip("`")
+        assert (f"**{key}**" if field.is_required() else f"{key} ({reported})") in row

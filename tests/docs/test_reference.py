@@ -21,12 +21,11 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import rb_sim
-from rb_sim.base.diagnostic import CHECKS
+from rb_sim.base.errors import CHECKS
 from rb_sim.cli.main import app
 from rb_sim.cli.verbs.hard_cases import shipped
-from rb_sim.hard_cases.judge import load_cases
-from rb_sim.hard_cases.report import described
 from rb_sim.ros.parameters import Settings
+from rb_sim.sweeps.hard_cases import described, load_cases
 from tests.docs.blocks import ROOT
 from tools.messages import SECTIONS, checks_that_are_named, texts
 from tools.reference import FOLDER, pages

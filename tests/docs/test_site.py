@@ -21,7 +21,7 @@ import pytest
 
 import rb_sim
 from benchmarks.heaps import __main__ as heaps
-from rb_sim.hard_cases import report
+from rb_sim.sweeps import hard_cases as report
 from tests.browser import dom_of
 from tests.docs.blocks import PAGES, ROOT
 from tools import thresholds

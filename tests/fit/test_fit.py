@@ -84,7 +84,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     from rb_sim import Simulation, load_scene
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.fit.fit import Recording, fit
-    from rb_sim.io.bag.as_run import value_at
+    from rb_sim.io.bag.reader import value_at
 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})
@@ -139,36 +139,36 @@ def _plain(value: Any) -> Any:
 @pytest.mark.parametrize("name", [n for n in SCENES if n not in ("attitude", "shares")])
 def test_truth_within_its_errors(name):
     """Four standard errors of each number; noise as it was put in."""
-    told = interpreted(refit, name, 5, None)
-    off = np.abs(told["found"] - told["truth"]) / told["errors"]
-    assert (off < 4.0).all(), dict(zip(told["names"], off, strict=True))
-    assert (told["errors"] > 0).all() and np.isfinite(told["errors"]).all()
-    assert told["noise"]["position"] == pytest.approx(NOISE[0], rel=0.4)
-    assert told["noise"]["angle"] == pytest.approx(NOISE[1], rel=0.4)
+    reported = interpreted(refit, name, 5, None)
+    off = np.abs(reported["found"] - reported["truth"]) / reported["errors"]
+    assert (off < 4.0).all(), dict(zip(reported["names"], off, strict=True))
+    assert (reported["errors"] > 0).all() and np.isfinite(reported["errors"]).all()
+    assert reported["noise"]["position"] == pytest.approx(NOISE[0], rel=0.4)
+    assert reported["noise"]["angle"] == pytest.approx(NOISE[1], rel=0.4)
 
 
 def test_an_orientation_at_the_start():
-    told = interpreted(refit, "attitude", 2, NOISE)
-    off = np.abs(told["found"] - told["truth"]) / told["errors"]
+    reported = interpreted(refit, "attitude", 2, NOISE)
+    off = np.abs(reported["found"] - reported["truth"]) / reported["errors"]
     assert (off < 4.0).all(), off
-    assert (told["errors"] < NOISE[1]).all()
+    assert (reported["errors"] < NOISE[1]).all()
 
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_what_the_motion_does_not_tell_is_named_and_stays(exact):
     """The inertia of a body that nothing turns has no size, only shares."""
-    told = interpreted(refit if exact else refit_by_differences, "shares", 3, NOISE)
+    reported = interpreted(refit if exact else refit_by_differences, "shares", 3, NOISE)
     name = "bodies.nut.inertia"
-    assert told["undetermined"] == [f"{name}[0] and {name}[1] and {name}[2]"]
-    assert np.isinf(told["errors"]).all()
-    size = told["found"] / told["truth"]
+    assert reported["undetermined"] == [f"{name}[0] and {name}[1] and {name}[2]"]
+    assert np.isinf(reported["errors"]).all()
+    size = reported["found"] / reported["truth"]
     assert size == pytest.approx(size.mean(), rel=0.03) and 0.8 < size.mean() < 1.2
 
 
 def test_errors_are_as_wide_as_they_say():
     """Over five recordings of the drag scene the fitted values scatter as the errors say."""
-    told = [interpreted(refit, "drag", seed, NOISE) for seed in range(5)]
-    off = np.array([(t["found"] - t["truth"])[0] / t["errors"][0] for t in told])
+    reported = [interpreted(refit, "drag", seed, NOISE) for seed in range(5)]
+    off = np.array([(t["found"] - t["truth"])[0] / t["errors"][0] for t in reported])
     assert 0.3 < np.sqrt(np.mean(off**2)) < 2.0
 
 
@@ -230,8 +230,8 @@ def refit_two() -> dict[str, Any]:
 def test_bodies_at_instants_of_their_own():
     """Neither body is laid beside the instants of the other; attitudes without noise do not make
     the positions' smaller; a mass that has no effect stays where it was."""
-    told = interpreted(refit_two)
-    found = told["found"]
+    reported = interpreted(refit_two)
+    found = reported["found"]
     assert abs(found.values[0] - 0.3) < 4.0 * found.errors[0]
     assert found.noise["position"] == pytest.approx(NOISE[0], rel=0.2)
     assert found.values[1] == BOX["mass"] and np.isinf(found.errors[1])
@@ -414,40 +414,42 @@ def fitted(position: np.ndarray, turn: np.ndarray, effects: dict, keys: list[str
 
 def test_a_turn_is_not_missed_by_a_whole_one():
     """It turns at 31 rad/s: what the start misses goes round three and a half times in 2 s."""
-    told = fitted(
+    reported = fitted(
         np.zeros((len(T_WHITENESS), 3)), 31.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"]
     )
-    assert told.values[2] == pytest.approx(31.0, abs=4.0 * told.errors[2])
-    assert told.errors[2] < 1e-3 and told.correlation_left == 0.0
+    assert reported.values[2] == pytest.approx(31.0, abs=4.0 * reported.errors[2])
+    assert reported.errors[2] < 1e-3 and reported.correlation_left == 0.0
 
 
 def test_another_law_is_told():
     """It is pulled by a spring, and the scene knows only a steady force: no force follows that."""
     steady = {"pull": {"type": "wrench", "body": "rotor", "force": [0.5, 0.0, 0.0]}}
     position = np.c_[0.1 * (1.0 - np.cos(5.0 * T_WHITENESS)), 0.0 * T_WHITENESS, 0.0 * T_WHITENESS]
-    told = fitted(position, 20.0 * T_WHITENESS, steady, ["effects.pull.force"])
-    assert told.correlation_left > 0.8
-    assert told.as_dict()["correlation_left"] == told.correlation_left
+    reported = fitted(position, 20.0 * T_WHITENESS, steady, ["effects.pull.force"])
+    assert reported.correlation_left > 0.8
+    assert reported.as_dict()["correlation_left"] == reported.correlation_left
 
 
 def test_a_single_number_without_effect_is_named_and_stays():
     """The mass of a free body, which is the largest effect of all there are."""
-    told = fitted(np.zeros((len(T_WHITENESS), 3)), 20.0 * T_WHITENESS, {}, ["bodies.rotor.mass"])
-    assert told.undetermined == ["bodies.rotor.mass"]
-    assert told.values[0] == 2.0 and np.isinf(told.errors[0])
+    reported = fitted(
+        np.zeros((len(T_WHITENESS), 3)), 20.0 * T_WHITENESS, {}, ["bodies.rotor.mass"]
+    )
+    assert reported.undetermined == ["bodies.rotor.mass"]
+    assert reported.values[0] == 2.0 and np.isinf(reported.errors[0])
 
 
 def test_a_pose_that_is_far_off_is_told():
     position = np.zeros((len(T_WHITENESS), 3))
-    told = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
-    assert told.outliers == ()
+    reported = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
+    assert reported.outliers == ()
     position[30, 1] = 0.2
-    told = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
-    assert told.outliers == (
+    reported = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
+    assert reported.outliers == (
         "rotor: 1 of 81 poses are off by more than 10 times the noise of the others (t = 0.75 s): "
         "they distort the fit and enlarge its errors",
     )
-    assert told.as_dict()["outliers"] == list(told.outliers)
+    assert reported.as_dict()["outliers"] == list(reported.outliers)
 
 
 def test_correlation():

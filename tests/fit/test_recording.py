@@ -67,8 +67,10 @@ def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
     scene = tmp_path / "cube.yaml"
     scene.write_text("bodies: {body: {mass: 2.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}")
     set_up(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
-    told = "its wrenches (/body/push) are not applied: the scene has no commanded_wrench that takes"
-    assert f"note: {told} them\n" in capsys.readouterr().err
+    reported = (
+        "its wrenches (/body/push) are not applied: the scene has no commanded_wrench that takes"
+    )
+    assert f"note: {reported} them\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["/a/odom=a", "a=/a/odom"])

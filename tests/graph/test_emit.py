@@ -23,8 +23,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rb_sim import RbSimError, load_scene
-from rb_sim.graph.functions import atan2, cos, divide, floor, rarely, sin, sqrt, where
-from rb_sim.graph.symbols import External, Graph
+from rb_sim.graph.symbols import (
+    External,
+    Graph,
+    atan2,
+    cos,
+    divide,
+    floor,
+    rarely,
+    sin,
+    sqrt,
+    where,
+)
 from rb_sim.graph.table_program import MOST_WORKSPACE, Field, PlainProgram, Program
 from rb_sim.graph.vector_code import LANES, NEAR, compile_lanes, sine_and_cosine
 from rb_sim.mechanics.system import rate

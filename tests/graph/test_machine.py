@@ -27,9 +27,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rb_sim.graph import emit, machine, store
-from rb_sim.graph.functions import atan2, call, cos, divide, floor, rarely, sin, sqrt, where
 from rb_sim.graph.machine import PlainLaw, compile_law
-from rb_sim.graph.symbols import External, Graph
+from rb_sim.graph.symbols import (
+    External,
+    Graph,
+    atan2,
+    call,
+    cos,
+    divide,
+    floor,
+    rarely,
+    sin,
+    sqrt,
+    where,
+)
 
 POINTER = ctypes.POINTER(ctypes.c_double)
 LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, POINTER, POINTER, POINTER)

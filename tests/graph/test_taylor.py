@@ -24,10 +24,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.graph import functions, taylor_code
-from rb_sim.graph.functions import atan2, cos, rarely, sin, sqrt, where
+from rb_sim.graph import symbols as functions
+from rb_sim.graph import taylor_code
 from rb_sim.graph.machine import evaluate
-from rb_sim.graph.symbols import External, Graph, in_order, stepwise
+from rb_sim.graph.symbols import (
+    External,
+    Graph,
+    atan2,
+    cos,
+    in_order,
+    rarely,
+    sin,
+    sqrt,
+    stepwise,
+    where,
+)
 from rb_sim.graph.taylor import NoSeriesError, Series, degrees
 from rb_sim.graph.taylor_code import SeriesLaws
 

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 from rb_sim import load_scene
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.sink import BagSink
-from rb_sim.trajectory.wrenches import accelerating
+from rb_sim.trajectory.record import accelerating
 from tests.interpreted import interpreted
 
 FALLING = """\
@@ -99,7 +99,7 @@ def test_a_run_of_the_bag_has_them_again(tmp_path: Path) -> None:
 
 def again(bag: Path, folder: Path) -> None:
     from rb_sim.bags.resim import resimulate
-    from rb_sim.io.bag.as_run import scene_as_run
+    from rb_sim.io.bag.reader import scene_as_run
 
     reader = BagReader(bag)
     resimulate(reader, scene_as_run(reader), folder)

@@ -38,8 +38,8 @@ from rb_sim.io.bag import batches as bag_batches
 from rb_sim.io.bag import file
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.file import Draft
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ARRAYS, empty_block
 

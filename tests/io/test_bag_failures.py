@@ -27,8 +27,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from rb_sim.io.bag.sink import BagSink
 
 TOPICS = 17
@@ -130,7 +130,7 @@ def test_recover_that_is_broken_off_leaves_nothing(record, tmp_path, monkeypatch
     """Half a copy would be in the way of the next try; the source is there still."""
     bag = record(tmp_path / "bag")
     with monkeypatch.context() as patched:
-        patched.setattr("rb_sim.io.bag.recover._copy_batch", Mock(side_effect=trouble))
+        patched.setattr("rb_sim.io.bag.folder._copy_batch", Mock(side_effect=trouble))
         with pytest.raises((KeyboardInterrupt, SinkError)):
             recover_bag(bag)
     assert not (tmp_path / "bag_recovered").exists()

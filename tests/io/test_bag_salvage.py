@@ -28,8 +28,8 @@ from rb_sim.base.errors import SinkError
 from rb_sim.cli.verbs.replay import recover, replay
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.checked_records import OTHER_COUNT, WRONG_TIMES, Frames
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from tests.io.conftest import START
 
 N = 60
@@ -263,7 +263,7 @@ def test_of_what_was_compressed_nothing_is_certain(tmp_path, compression):
     data = write(path, messages, compression=compression)
     places = [m.start() for m in re.finditer(rb"\x06", data) if _is_chunk(data, m.start())]
     rng = random.Random(5)
-    told, silent = 0, 0
+    reported, silent = 0, 0
     for _ in range(150):
         at = rng.choice(places)
         (length,) = struct.unpack_from("<Q", data, at + 1)
@@ -271,10 +271,10 @@ def test_of_what_was_compressed_nothing_is_certain(tmp_path, compression):
         changed[at + 9 + 44 + rng.randrange(length - 44)] ^= rng.randrange(1, 256)
         found, scan = read(path, bytes(changed))
         if scan.missing.lines():
-            told += len(found) < len(messages)
+            reported += len(found) < len(messages)
         else:
             silent += found != messages
-    assert told > 0
+    assert reported > 0
     assert silent > 0  # why such messages are counted as those that no checksum covers
     assert scan.unchecked == len(found)
 
@@ -404,9 +404,9 @@ def test_recover_and_replay_say_it(bag, tmp_path, capsys):
     chunks = chunks_of(file_of(bag))
     change(file_of(bag), chunks[1].chunk_start_offset + chunks[1].chunk_length // 2)
     recover(bag, tmp_path / "saved")
-    told = capsys.readouterr()
-    assert "the bag was complete" not in told.out
-    assert re.search(r"^warning: .*bag_0.mcap: damaged at byte \d+: .* between t = ", told.err)
+    reported = capsys.readouterr()
+    assert "the bag was complete" not in reported.out
+    assert re.search(r"^warning: .*bag_0.mcap: damaged at byte \d+: .* between t = ", reported.err)
     again = recover_bag(tmp_path / "saved", tmp_path / "again")
     assert again.complete and again.damage == ()
     assert len(times(BagReader(tmp_path / "saved"))) == len(times(BagReader(bag)))
@@ -459,7 +459,7 @@ def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
     expected = samples(300)
     path = tmp_path / "changed.mcap"
     rng = random.Random(7)
-    told = 0
+    reported = 0
     names = ("position", "orientation", "reaction_force", "command")
     for _ in range(60):
         changed = bytearray(data)
@@ -471,7 +471,7 @@ def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
             blocks = list(reader.blocks())
         except SinkError as error:
             assert len(str(error).splitlines()) == 1
-            told += 1
+            reported += 1
             continue
         t = np.concatenate([[], *(block.t for block in blocks)])
         k = np.rint(t * 100).astype(int)
@@ -479,8 +479,8 @@ def test_no_single_byte_makes_a_silent_difference(record, samples, tmp_path):
             values = np.concatenate([getattr(block, name) for block in blocks])
             np.testing.assert_allclose(values, getattr(expected, name)[k], atol=1e-13)
         assert len(k) == 300 or reader.damage, at
-        told += bool(reader.damage)
-    assert told > 30
+        reported += bool(reader.damage)
+    assert reported > 30
 
 
 def test_a_reader_that_never_ends_is_no_reader(tmp_path):

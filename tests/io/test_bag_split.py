@@ -19,8 +19,8 @@ from rosbags.highlevel import AnyReader
 
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.run import RunOptions, splitting
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from rb_sim.mechanics.samples import concatenate
 
 

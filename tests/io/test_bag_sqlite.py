@@ -25,8 +25,7 @@ from rb_sim.bags.analysis.run import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.io.bag.folder import scan_of
-from rb_sim.io.bag.recover import recover_bag
+from rb_sim.io.bag.folder import recover_bag, scan_of
 from tests.bags.analysis import foreign
 
 T, P, Q = foreign.swing()

@@ -30,25 +30,30 @@ class Sink(BytesIO):
 def story(seed: int) -> list[tuple]:
     """What is written, in order; times go back now and then, channels come late."""
     rng = np.random.default_rng(seed)
-    told: list[tuple] = [("metadata", "m", {"a": "b"}), ("attachment", 3, "f", "text/plain", b"x")]
+    reported: list[tuple] = [
+        ("metadata", "m", {"a": "b"}),
+        ("attachment", 3, "f", "text/plain", b"x"),
+    ]
     channels = 0
     for k in range(int(rng.integers(0, 300))):
         if channels < 5 and (channels == 0 or rng.random() < 0.02):
             channels += 1
-            told.append(("channel", f"/topic/{channels}", bytes(int(rng.integers(0, 9_000)))))
+            reported.append(("channel", f"/topic/{channels}", bytes(int(rng.integers(0, 9_000)))))
         if rng.random() < 0.01:
-            told.append(("metadata", "again", {"k": str(k)}))
+            reported.append(("metadata", "again", {"k": str(k)}))
         some = rng.permutation(channels)[: rng.integers(1, channels + 1)]
         data = [rng.bytes(int(rng.choice([0, 8, 56, 700, 2 * CHUNK]))) for _ in some]
         time = int(1e9 + 1e7 * k - 3e7 * (rng.random() < 0.1))
-        told.append(("messages", [int(c) + 1 for c in some], time, k, data))
-    return told
+        reported.append(("messages", [int(c) + 1 for c in some], time, k, data))
+    return reported
 
 
-def written(sink: Sink, writer: Any, told: list[tuple], messages: Any, attachment: Any) -> bytes:
+def written(
+    sink: Sink, writer: Any, reported: list[tuple], messages: Any, attachment: Any
+) -> bytes:
     """The file of a story; messages, attachment: how this writer is told of these."""
     writer.start("ros2", "test")
-    for kind, *given in told:
+    for kind, *given in reported:
         if kind == "channel":
             topic, text = given
             schema = writer.register_schema(topic, "ros2msg", text)
@@ -63,13 +68,13 @@ def written(sink: Sink, writer: Any, told: list[tuple], messages: Any, attachmen
     return sink.getvalue()
 
 
-def ours(told: list[tuple]) -> bytes:
+def ours(reported: list[tuple]) -> bytes:
     sink = Sink()
     writer = McapWriter(sink, CHUNK)
-    return written(sink, writer, told, writer.add_messages, writer.add_attachment)
+    return written(sink, writer, reported, writer.add_messages, writer.add_attachment)
 
 
-def theirs(told: list[tuple]) -> bytes:
+def theirs(reported: list[tuple]) -> bytes:
     sink = Sink()
     writer = Writer(sink, chunk_size=CHUNK, compression=CompressionType.ZSTD)
 
@@ -80,7 +85,7 @@ def theirs(told: list[tuple]) -> bytes:
     def attachment(time: int, *given: Any) -> None:
         writer.add_attachment(time, time, *given)
 
-    return written(sink, writer, told, messages, attachment)
+    return written(sink, writer, reported, messages, attachment)
 
 
 def rows_of(seed: int) -> tuple[list[int], list[tuple[np.ndarray, int, Rows]]]:
@@ -120,7 +125,7 @@ def test_many_samples_at_once_are_the_same_bytes(seed: int) -> None:
             if together:
                 ended.append(writer.add_rows(channels, times, number, rows))
             else:
-                told = [
+                reported = [
                     writer.add_messages(
                         channels,
                         int(time),
@@ -129,7 +134,7 @@ def test_many_samples_at_once_are_the_same_bytes(seed: int) -> None:
                     )
                     for k, (time, row) in enumerate(zip(times, rows.data, strict=True))
                 ]
-                ended.append(any(told))
+                ended.append(any(reported))
         waiting = writer.waiting
         writer.finish()
         files.append((sink.getvalue(), ended, waiting))
@@ -138,11 +143,11 @@ def test_many_samples_at_once_are_the_same_bytes(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_same_bytes_as_the_package(seed: int) -> None:
-    told = story(seed)
-    assert ours(told) == theirs(told)
+    reported = story(seed)
+    assert ours(reported) == theirs(reported)
 
 
 def test_a_file_without_messages() -> None:
     assert ours([]) == theirs([])
-    told = [("channel", "/a", b"text")]
-    assert ours(told) == theirs(told)
+    reported = [("channel", "/a", b"text")]
+    assert ours(reported) == theirs(reported)

@@ -26,7 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.topics import TopicTable
-from rb_sim.io.plots.plots import PlotSink
+from rb_sim.io.run_plots import PlotSink
 from rb_sim.mechanics.samples import (
     ARRAYS,
     ContactEvent,
@@ -158,8 +158,8 @@ def test_ros_takes_the_names_of_points(scene):
 
 def test_events_go_before_the_first_sample_that_is_not_earlier(scene):
     instants = list(TopicTable(scene, LAYOUT).messages(concatenate(blocks(), LAYOUT)))
-    told = {k: len(instant.events) for k, instant in enumerate(instants) if instant.events}
-    assert told == {0: 1, 13: 2, 35: 1, 99: 1}
+    reported = {k: len(instant.events) for k, instant in enumerate(instants) if instant.events}
+    assert reported == {0: 1, 13: 2, 35: 1, 99: 1}
 
 
 def test_a_bag_without_contacts_does_not_mention_them(tmp_path):
@@ -223,7 +223,7 @@ def test_plots_show_states_and_impacts(tmp_path, scene, monkeypatch):
     from matplotlib.colors import to_hex
 
     from rb_sim.base.palette import SLIPPING, STICKING
-    from rb_sim.io.plots import plots
+    from rb_sim.io import run_plots as plots
 
     drawn = {}
     original = plots.draw_contact
@@ -262,7 +262,7 @@ def _spans(ax) -> list[tuple[float, float]]:
 
 def test_the_work_of_an_impact_is_in_the_plot_of_work(scene):
     """Energy jumps by the work of the contact at an impact; no power tells it."""
-    from rb_sim.io.plots.panels import Balance
+    from rb_sim.io.panels import Balance
 
     whole = concatenate(blocks(), LAYOUT)
     jump = np.where(whole.t > 0.123, -0.75, 0.0)

@@ -179,9 +179,9 @@ def test_of_many_bodies_the_first_are_shown_and_it_is_said(tmp_path, capsys):
     data = {"bodies": balls, "constraints": {"floor": floor}, "effects": {"g": {"type": "gravity"}}}
     (tmp_path / "many.yaml").write_text(yaml.safe_dump(data))
     layout(str(tmp_path / "many.yaml"), tmp_path)
-    told = capsys.readouterr().err
-    assert f"note: bodies: the first {MOST_BODIES} of 30\n" in told
-    assert f"note: reactions: the first {MOST_REACTIONS} of 30\n" in told
+    reported = capsys.readouterr().err
+    assert f"note: bodies: the first {MOST_BODIES} of 30\n" in reported
+    assert f"note: reactions: the first {MOST_REACTIONS} of 30\n" in reported
     text = (tmp_path / "many.plotjuggler.xml").read_text()
     assert len(set(re.findall(r"/rb_sim/(ball\d+)/pose/", text))) == MOST_BODIES
 

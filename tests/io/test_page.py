@@ -23,7 +23,7 @@ from rb_sim import Simulation, Trajectory, load_scene
 from rb_sim.accuracy.closed_forms import exact_samples
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.replay import show
-from rb_sim.io.page.motion_page import RunPage, save
+from rb_sim.io.motion_page import RunPage, save
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 from tests.bags.analysis import foreign
 from tests.bags.scenes import record_run
@@ -116,9 +116,9 @@ def test_the_slider_moves_the_body_to_where_it_was(run, capsys):
 
 def test_the_page_says_what_it_shows(run):
     show(str(run))
-    told = facts(run / "show.html")
-    assert told["method"] == "rk4, step 0.002 s" and told["samples"] == "51"
-    assert told["simulated"] == "1 s" and "rb_sim" in told["versions"]
+    reported = facts(run / "show.html")
+    assert reported["method"] == "rk4, step 0.002 s" and reported["samples"] == "51"
+    assert reported["simulated"] == "1 s" and "rb_sim" in reported["versions"]
     text = ask(run / "show.html", "return document.body.innerText")
     assert "a top </script> <b>" in text  # as it is, no markup
     assert "tip: force" not in text and "an arrow of" in text
@@ -167,7 +167,7 @@ def test_a_run_that_was_pushed_has_no_closed_form(tmp_path):
     )
     simulation = Simulation(load_scene(pushed))
     simulation.apply_wrench("rod", force=[0, 0, 30.0], torque=[0, 0, 0])
-    from rb_sim.bags.pages import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     page = page_of_run(simulation.run(watched=False), [], [])
     assert page["exact"] is None
@@ -186,7 +186,7 @@ def test_closed_forms_of_contact_have_samples():
 
 def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
     """Floor at z = 0; the hinge's axis through (0.5, 0.5), with a bearing at each end."""
-    from rb_sim.io.page.supports import Supports
+    from rb_sim.io.drawn_supports import Supports
 
     block = samples(5)
     origin = np.array([0.5, 0.0, 0.0])
@@ -205,7 +205,7 @@ def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
 def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
     """Without a complaint of the page; a turntable turns its grid."""
     scene = load_scene(f"config/{name}.yaml", duration=0.1)
-    from rb_sim.bags.pages import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -271,7 +271,7 @@ def test_shapes_are_drawn_as_large_as_they_are(tmp_path):
         for i, (shape, _) in enumerate(SHAPES)
     }
     scene = load_scene({"bodies": bodies, "simulation": {"duration": 0.1}})
-    from rb_sim.bags.pages import page_of_run
+    from rb_sim.cli.verbs.replay import page_of_run
 
     save(page_of_run(Simulation(scene).run(watched=False), [], []), tmp_path / "page.html")
     drawn = ask(tmp_path / "page.html", """
@@ -325,8 +325,8 @@ def test_many_bodies_and_reactions_stay_below_3_mb(tmp_path):
     page = RunPage(scene, layout, replace(block, events=events))
     save(page.data(facts=[], warnings=[]), tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size < 3e6
-    told = facts(tmp_path / "page.html")
-    assert told["reactions"] == "the 24 with the greatest forces of 1296"
+    reported = facts(tmp_path / "page.html")
+    assert reported["reactions"] == "the 24 with the greatest forces of 1296"
     shown = ask(tmp_path / "page.html", "rb_sim.seek(3.3); return rb_sim.poseOf('ball7')")
     k = int(np.argmin(np.abs(page.kept.t - 3.3)))
     gap = np.abs(np.diff(page.kept.position[:, 7], axis=0)).max()

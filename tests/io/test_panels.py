@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation
-from rb_sim.io.plots.panels import Balance
+from rb_sim.io.panels import Balance
 from rb_sim.io.sink import Envelope, Thinned, Timeline, stretches
 from rb_sim.mechanics.samples import SampleBlock, concatenate
 

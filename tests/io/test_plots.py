@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.plots import plots
-from rb_sim.io.plots.plots import PlotSink
+from rb_sim.io import run_plots as plots
+from rb_sim.io.run_plots import PlotSink
 from rb_sim.mechanics.samples import ARRAYS, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
 

@@ -262,8 +262,8 @@ def test_a_film_has_its_pictures_and_moves(bag, tmp_path, monkeypatch, capsys):
     shown = "stream=codec_name,nb_read_frames,r_frame_rate"
     probe = ["ffprobe", "-v", "error", "-count_frames", "-show_entries", shown, "-of", "csv=p=0"]
     probe.append(str(path))
-    told = subprocess.run(probe, capture_output=True, text=True, check=True).stdout.strip()
-    assert told == "h264,25/1,6"
+    reported = subprocess.run(probe, capture_output=True, text=True, check=True).stdout.strip()
+    assert reported == "h264,25/1,6"
     command = ["ffmpeg", "-loglevel", "error", "-i", str(path), "-f", "framemd5", "-"]
     rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     pictures = {row.rpartition(",")[2] for row in rows if not row.startswith("#")}

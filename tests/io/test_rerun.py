@@ -219,7 +219,7 @@ def test_every_shape(tmp_path):
 )
 def test_what_has_no_thickness_is_drawn_with_some(shape, length, radius):
     """In a recording and on a page alike."""
-    from rb_sim.io.page.supports import solid_of
+    from rb_sim.io.drawn_supports import solid_of
     from rb_sim.io.rerun.static import shape_archetype
 
     body = load_scene({"bodies": {"b": {"mass": 1, "inertia": [1, 1, 1], "shape": shape}}}).bodies[

@@ -76,8 +76,8 @@ def test_the_description_is_that_of_the_scene(record):
     assert {link.get("name") for link in robot.iter("link")} >= {"world", "ball", "door"}
     assert robot.find("link[@name='ball']/visual/geometry/sphere").get("radius") == "0.1"
     assert robot.find("joint[@name='hinge']").get("type") == "continuous"
-    (told,) = messages(bag, "/rb_sim/description")
-    assert json.loads(told.data)["constraints"] == {"floor": "rolling", "hinge": "fixed_axis"}
+    (reported,) = messages(bag, "/rb_sim/description")
+    assert json.loads(reported.data)["constraints"] == {"floor": "rolling", "hinge": "fixed_axis"}
 
 
 def test_the_markers_are_the_shapes_in_the_frames_of_the_bodies(record):

@@ -20,7 +20,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base import palette
-from rb_sim.linear import LinearModel, picture
+from rb_sim.linear import LinearModel
+from rb_sim.linear import state_space as picture
 from tests.interpreted import interpreted
 
 G = 9.81

@@ -27,7 +27,7 @@ from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.attempt import position_error
 from rb_sim.mechanics.contact.motion_kernels import HoldingRows
 from rb_sim.mechanics.systems.multibody import residual_of, write_rows
-from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
+from rb_sim.mechanics.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_motion, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.interpreted import interpreted
@@ -112,10 +112,10 @@ def test_the_analysis_of_bags_measures_it_alike(size: float) -> None:
     figures = ConstraintFigures(laws)
     y = tilted(compile_motion(scene, "maximal").y)
     figures.add(np.zeros(1), laws.at(np.zeros(1), y[None]))
-    told = figures.as_dict()
-    assert told is not None
-    assert told["relative"] == pytest.approx(math.sin(TILT), rel=1e-9)
-    assert told["position"]["axis0"]["largest"] == pytest.approx(math.sin(TILT), rel=1e-9)
+    reported = figures.as_dict()
+    assert reported is not None
+    assert reported["relative"] == pytest.approx(math.sin(TILT), rel=1e-9)
+    assert reported["position"]["axis0"]["largest"] == pytest.approx(math.sin(TILT), rel=1e-9)
 
 
 def test_a_contact_that_just_touches_violates_nothing() -> None:
@@ -125,8 +125,8 @@ def test_a_contact_that_just_touches_violates_nothing() -> None:
     found = laws.at(zero, np.zeros((1, 13)) + np.eye(1, 13, 6))
     none = np.zeros((1, 0))
     figures.add(zero, found._replace(gap=none, slip=none, overlap=np.array([[-0.0]])))
-    told = figures.as_dict()
-    assert told is not None and f"{told['relative']:.2g}" == "0"
+    reported = figures.as_dict()
+    assert reported is not None and f"{reported['relative']:.2g}" == "0"
 
 
 def welded(size: float) -> dict[str, Any]:

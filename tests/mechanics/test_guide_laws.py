@@ -20,8 +20,8 @@ from numpy.polynomial import Polynomial
 from numpy.testing import assert_allclose
 
 from rb_sim.catalogue.curves import SHARE, Pieces
-from rb_sim.graph.functions import call
 from rb_sim.graph.machine import evaluate
+from rb_sim.graph.symbols import call
 from rb_sim.mechanics.systems.translation import share_law
 from tests.mechanics.test_guides import LOOP, VALLEY, Straight, parabola, pieces
 from tests.moving import difference

@@ -30,9 +30,8 @@ from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.curves import Pieces, share_of_step, spline_through
 from rb_sim.cli.main import app
 from rb_sim.graph.derivative import jacobian
-from rb_sim.graph.functions import call
 from rb_sim.graph.machine import PlainLaw, compile_law, evaluate
-from rb_sim.graph.symbols import Graph
+from rb_sim.graph.symbols import Graph, call
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.sensitivity import TangentSimulation
@@ -441,7 +440,7 @@ def test_a_run_that_ends_in_its_first_step_keeps_what_was_logged(monkeypatch, tm
     mapping = ring()
     mapping["simulation"] |= {"duration": 1e-5, "rate": 1e7}
     scene.write_text(yaml_reader.write(mapping))
-    told = CliRunner().invoke(app, ["run", str(scene), "--out", str(out), "--no-rerun"])
-    assert told.exit_code == 1
-    assert "8192 pieces of a guide" in " ".join(told.output.split())
+    reported = CliRunner().invoke(app, ["run", str(scene), "--out", str(out), "--no-rerun"])
+    assert reported.exit_code == 1
+    assert "8192 pieces of a guide" in " ".join(reported.output.split())
     assert (out / "summary.json").exists()

@@ -59,27 +59,27 @@ def residuals(name: str, slow: bool) -> tuple[float, list[float]]:
     """The worst gap over the scene's length or slip over its speed: by hand, and as reported."""
     from rb_sim.mechanics.multibody_laws import MultiBodyLaws
     from rb_sim.mechanics.samples import row_width
-    from rb_sim.mechanics.tables.table_laws import TableLaws
+    from rb_sim.mechanics.table_laws import TableLaws
 
     made, y = near(name)
     system = made.system._replace(length=2.0, speed=0.25 if slow else 1e3)
     of, width = dense(system, y), row_width(made.layout)
     gaps = np.abs(of.error) * of.holonomic * arms(system) / system.length
     slips = np.abs(of.rows @ velocities_of(y) - of.rate) * arms(system) / system.speed
-    told = []
+    reported = []
     for kind in (MultiBodyLaws, TableLaws):
         law = kind(system, width, made.redundant, (), made.dependent)
         p = np.array([*law.inputs.values(system, INSTANT), 0.0])
-        told.append(float(outputs(law.sample, INSTANT, y, p, width)[-1]))
+        reported.append(float(outputs(law.sample, INSTANT, y, p, width)[-1]))
     assert (slips.max() > gaps.max()) == slow
-    return float(max(gaps.max(), slips.max())), told
+    return float(max(gaps.max(), slips.max())), reported
 
 
 @pytest.mark.parametrize("slow", [False, True])
 @pytest.mark.parametrize("name", ["tree", "loop", "rod"])
 def test_the_residual_is_the_worst_violation(name: str, slow: bool) -> None:
-    expected, told = interpreted(residuals, name, slow)
-    assert told == pytest.approx([expected] * 2, rel=1e-9)
+    expected, reported = interpreted(residuals, name, slow)
+    assert reported == pytest.approx([expected] * 2, rel=1e-9)
 
 
 def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:

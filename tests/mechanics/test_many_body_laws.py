@@ -52,7 +52,7 @@ def velocities_of(y: np.ndarray) -> np.ndarray:
 
 
 def states_of(y: np.ndarray) -> list[Any]:
-    from rb_sim.catalogue.types import BodyState
+    from rb_sim.catalogue.spec import BodyState
 
     parts = ([floats(one[a:b]) for a, b in ((0, 3), (3, 7), (7, 10), (10, 13))] for one in y)
     return [BodyState(*own) for own in parts]
@@ -77,13 +77,13 @@ def lines_of(system: Any, states: list[Any]) -> np.ndarray:
 
 def pair_of(placed: Any, states: list[Any]) -> tuple[Any, Any]:
     """The states of body and parent."""
-    from rb_sim.catalogue.types import WORLD
+    from rb_sim.catalogue.spec import WORLD
 
     return states[placed.body], WORLD if placed.parent < 0 else states[placed.parent]
 
 
 def inertial(system: Any, body: int) -> Any:
-    from rb_sim.catalogue.types import Inertial
+    from rb_sim.catalogue.spec import Inertial
 
     own = system.bodies[body]
     return Inertial(float(own[0]), floats(own[1:7]), (0.0, 0.0, 0.0))
@@ -91,7 +91,7 @@ def inertial(system: Any, body: int) -> Any:
 
 def load_of(placed: Any, system: Any, states: list[Any]) -> np.ndarray:
     """The wrench of one effect on its body and the opposite on its parent, (N, 6)."""
-    from rb_sim.catalogue.types import wrench
+    from rb_sim.catalogue.spec import wrench
 
     (B, A), load = pair_of(placed, states), np.zeros((len(states), 6))
     f, k = wrench(placed.row, INSTANT, inertial(system, placed.body), B, A)
@@ -167,7 +167,7 @@ def reactions(system: Any, of: Dense, states: list[Any]) -> list[np.ndarray]:
 
 def reported(system: Any, y: np.ndarray, of: Dense) -> np.ndarray:
     """The sample by the dense equations, but for its residual."""
-    from rb_sim.catalogue.types import potential
+    from rb_sim.catalogue.spec import potential
 
     states, u = states_of(y.reshape(-1, 13)), velocities_of(y)
     energy, power = 0.0, float(solution(of, -of.bias, of.load)[1] @ of.rate)
@@ -185,12 +185,12 @@ def reported(system: Any, y: np.ndarray, of: Dense) -> np.ndarray:
     return np.concatenate([y, *reactions(system, of, states), balance])
 
 
-def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def shown(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """(what, expected, found): accelerations and samples, traced and over tables."""
     from rb_sim.mechanics.initial_projection import changing_in
     from rb_sim.mechanics.multibody_laws import MultiBodyLaws
     from rb_sim.mechanics.samples import row_width
-    from rb_sim.mechanics.tables.table_laws import TableLaws
+    from rb_sim.mechanics.table_laws import TableLaws
 
     made, y = compiled_state(name, seed)
     system, width, n = made.system, row_width(made.layout), len(y)
@@ -214,7 +214,7 @@ def told(name: str, seed: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
 @pytest.mark.parametrize("name", SCENES)
 def test_accelerations_and_samples_are_those_of_one_dense_solve(name: str) -> None:
     """Reactions, of least norm where lines depend on others; energies, power and momenta."""
-    for what, expected, found in interpreted(told, name, 1):
+    for what, expected, found in interpreted(shown, name, 1):
         size = 1.0 + float(np.abs(expected).max())
         assert_allclose(found, expected, rtol=0.0, atol=1e-10 * size, err_msg=what)
 

@@ -45,10 +45,10 @@ def compiled_both(mapping: Mapping) -> tuple[Any, Any]:
 
 def anywhere(reduced: Any, rng: np.random.Generator) -> tuple[float, ...]:
     """Coordinates in the middle of a motion: other places and speeds, as far as the joint lets."""
-    from rb_sim.mechanics.system import settle
+    from rb_sim.mechanics.system import project
 
     y = np.array(reduced.y) + 0.3 * rng.normal(size=len(reduced.y))
-    return tuple(settle(reduced.system, INSTANT, tuple(float(x) for x in y)))
+    return tuple(project(reduced.system, INSTANT, tuple(float(x) for x in y)))
 
 
 def sampled(compiled: Any, y: Any) -> np.ndarray:
@@ -83,9 +83,9 @@ def test_samples_and_rates_agree_at_any_state(name: str) -> None:
 
 
 def settled_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, ...]:
-    """(residual off the manifold, after `settle`, size of the arm that lifts are measured by,
+    """(residual off the manifold, after `project`, size of the arm that lifts are measured by,
     largest difference of a coordinate from where it was)."""
-    from rb_sim.mechanics.system import settle
+    from rb_sim.mechanics.system import project
 
     reduced, _ = compiled_both(mapping)
     start = anywhere(reduced, np.random.default_rng(5))
@@ -95,7 +95,7 @@ def settled_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, 
     if any(normal):
         y[:3] += lift * np.array(normal)
     off = sampled(reduced, tuple(y))
-    back = settle(reduced.system, INSTANT, tuple(y))
+    back = project(reduced.system, INSTANT, tuple(y))
     arm = 0.0
     if any(normal):
         arm = abs(reduced.system.offset) + float(np.linalg.norm(off[19:22] - off[:3]))
@@ -126,7 +126,7 @@ def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str, lift: f
 
 
 def maximal_from_near(mapping: Mapping) -> tuple[float, float]:
-    """(residual near the manifold, after `settle`) in maximal coordinates."""
+    """(residual near the manifold, after `project`) in maximal coordinates."""
     from tests.numbers import settled
 
     _, maximal = compiled_both(mapping)

@@ -27,7 +27,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rb_sim import Simulation
-from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
+from rb_sim.mechanics.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.mechanics.bennett import Bennett

@@ -22,9 +22,9 @@ from numpy.testing import assert_allclose
 from benchmarks.many_body_scenes import chain, lattice, rods, star
 from rb_sim.graph import machine
 from rb_sim.graph.symbols import operations
+from rb_sim.mechanics.blocks import Node, planned
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.mechanics.tables.blocks import Node, planned
-from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
+from rb_sim.mechanics.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.interpreted import interpreted
@@ -99,7 +99,7 @@ def compared(mapping: dict[str, Any]) -> list[tuple[str, np.ndarray, np.ndarray]
     y = compiled.y + 1e-3 * np.random.default_rng(1).normal(size=len(compiled.y))
     p = np.array([*whole.inputs.values(system, 0.3), 0.0])
     n = len(y)
-    counts = {"settle": n, "rate": n, "gap": 1, "position": n, "velocity": n, "sample": width}
+    counts = {"project": n, "rate": n, "gap": 1, "position": n, "velocity": n, "sample": width}
     counts["back"] = n + 1
     made = []
     for name, count in counts.items():

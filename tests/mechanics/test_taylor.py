@@ -27,13 +27,18 @@ from rb_sim import Simulation, load_scene
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.base.errors import SceneError, SimulationError
 from rb_sim.catalogue.spec import UnitVector3
-from rb_sim.graph.functions import where
 from rb_sim.graph.machine import compile_law
-from rb_sim.graph.symbols import Graph
+from rb_sim.graph.symbols import Graph, where
 from rb_sim.graph.taylor_code import SeriesLaws
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor
-from rb_sim.mechanics.laws import CompiledLaws, ReducedLaws
-from rb_sim.mechanics.taylor_variables import AS_PENDULUM, IN_ANGLES, IN_WORLD_AXES, variables_of
+from rb_sim.mechanics.laws import (
+    AS_PENDULUM,
+    IN_ANGLES,
+    IN_WORLD_AXES,
+    CompiledLaws,
+    ReducedLaws,
+    variables_of,
+)
 from rb_sim.motion.traced import TracedMotion, TracedStepper
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted, trajectory
@@ -204,7 +209,7 @@ class Laws:
     """The laws of y' = f(y) alone."""
 
     velocities: tuple[float, ...] = (0.0, 1.0)
-    settle = inside = sample = jacobian = along = share = None
+    project = inside = sample = jacobian = along = share = None
     splines, n, width, carried, system = 0, 2, 2, 0, None
     inputs: Any = SimpleNamespace(values=lambda *at: [], kept=lambda system: [])
 

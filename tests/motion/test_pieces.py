@@ -23,7 +23,7 @@ from rb_sim.contact.choose_motion import motion_of
 from rb_sim.contact.events import steps as contact_steps
 from rb_sim.integrate import loop
 from rb_sim.integrate.methods.rk4 import Rk4
-from rb_sim.motion.pieces import Limits
+from rb_sim.motion.motion import Limits
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
 

@@ -123,7 +123,7 @@ def onto_curve(row: Any, B: Any) -> Any:
 def row_defects(name: str, seed: int) -> tuple[float, float, float]:
     """(J u - dg/dt, bias - d(J u)/dt at constant u, size of the rows)."""
     from rb_sim.catalogue.constraints.rows import CurveRow
-    from rb_sim.catalogue.types import WORLD
+    from rb_sim.catalogue.spec import WORLD
 
     rng = np.random.default_rng(seed)
     row = example_rows(rng)[name]
@@ -189,7 +189,7 @@ def example_effects(rng: np.random.Generator) -> list[Any]:
 
 def potential_defect(row: Any, body: Any, B: Any, A: Any) -> float:
     """|dU/dt + power| / (1 + |power|) of one effect, at constant velocities of both bodies."""
-    from rb_sim.catalogue.types import potential, wrench
+    from rb_sim.catalogue.spec import potential, wrench
 
     f, k = (np.array(x) for x in wrench(row, 0.0, body, B, A))
     arm = np.array(B.p_WC) - np.array(A.p_WC)
@@ -202,7 +202,7 @@ def potential_defect(row: Any, body: Any, B: Any, A: Any) -> float:
 
 def potential_defects(seed: int) -> tuple[list[str], list[float]]:
     """For each conservative kind |dU/dt + power| / (1 + |power|); kinds without an example."""
-    from rb_sim.catalogue.types import WORLD, Inertial, potential
+    from rb_sim.catalogue.spec import WORLD, Inertial, potential
 
     rng = np.random.default_rng(seed)
     body = Inertial(1.7, (0.2, 0.3, 0.4, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -226,7 +226,7 @@ def test_potential_is_that_of_the_force(seed: int) -> None:
 def effect_kinds() -> set[str]:
     """Rows of effects that no example scene makes."""
     from rb_sim import load_scene
-    from rb_sim.catalogue.types import wrench
+    from rb_sim.catalogue.spec import wrench
     from rb_sim.scene.compile import compile_scene
 
     made = {"CommandRow", "SegmentRow"}  # the latter is what a table over time is when traced

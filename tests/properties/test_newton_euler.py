@@ -87,7 +87,7 @@ def wrench_of_motion(block: Any, system: Any, i: int) -> np.ndarray:
 
 def active(block: Any, system: Any, t: float) -> list[np.ndarray]:
     """[F, K about C], world axes, of the effects on each body."""
-    from rb_sim.catalogue.types import WORLD, BodyState, wrench
+    from rb_sim.catalogue.spec import WORLD, BodyState, wrench
     from rb_sim.mechanics.systems.many_bodies import inertial_of
 
     def state(i: int) -> Any:

@@ -121,9 +121,9 @@ class Client:
 
         An answer may be here before samples that were sent before it.
         """
-        told = len(clocks)
+        reported = len(clocks)
         self.until(
-            lambda: len(clocks) >= told + 2 and clocks[-1] == clocks[-2], "a clock that stands"
+            lambda: len(clocks) >= reported + 2 and clocks[-1] == clocks[-2], "a clock that stands"
         )
         return seconds(clocks[-1].clock)
 

@@ -20,7 +20,7 @@ import pytest
 from rb_sim import Simulation
 from rb_sim.base.errors import SimulationError
 from rb_sim.mechanics.samples import ContactEvent
-from rb_sim.motion.pieces import NO_LIMITS
+from rb_sim.motion.motion import NO_LIMITS
 from rb_sim.ros.stepper import Ahead, Stepper
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene

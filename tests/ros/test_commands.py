@@ -156,7 +156,7 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
     monkeypatch.setattr(inbox.PollingNode, "get_logger", lambda _: Heard(said))
     commands = command.Commands(polling_node, ["ball"])
 
-    def told(frames: list[str]) -> list[str]:
+    def reported(frames: list[str]) -> list[str]:
         said.clear()
         total = commands.received + len(frames)
         for frame in frames:
@@ -165,7 +165,7 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
             commands.collect()
         return [line.removeprefix("ball/wrench refused: ") for line in said]
 
-    first = told(["map", "map", "odom", ""])
+    first = reported(["map", "map", "odom", ""])
     assert [line[:21] for line in first] == [
         "frame_id 'map' is nei",
         "frame_id 'odom' is ne",
@@ -173,15 +173,15 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
     ]
     assert not any("so far" in line for line in first)
     time.sleep(0.3)
-    again = told(["map", "map", ""])
+    again = reported(["map", "map", ""])
     assert [line[-25:] for line in again] == [
         " (4 unknown frame so far)",
         "ball' (2 no frame so far)",
     ]
-    told([f"frame_{k}" for k in range(command.MOST_KINDS)])
-    told([f"other_{k}" for k in range(3)])
+    reported([f"frame_{k}" for k in range(command.MOST_KINDS)])
+    reported([f"other_{k}" for k in range(3)])
     time.sleep(0.3)
-    (line,) = told([f"another_{k}" for k in range(3)])
+    (line,) = reported([f"another_{k}" for k in range(3)])
     assert "'another_0' is neither" in line and line.endswith("(109 unknown frame so far)")
 
 

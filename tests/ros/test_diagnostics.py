@@ -17,7 +17,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from rb_sim.ros.diagnostics import Diagnostics, Monitored
+from rb_sim.ros.node import Diagnostics, Monitored
 from rb_sim.ros.pacing import Pacer, Priority
 from rb_sim.ros.topics.topic_sink import BATCH, CheckSink
 from rb_sim.scene.load import scene_from_mapping

@@ -52,11 +52,11 @@ def test_a_client_without_ros_reads_poses_and_commands(sphere, start):
     command += [os.environ["ROS_DOMAIN_ID"], "50"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["frame"], told["applied_frame"]) == ("world", "ball/origin")
-    assert set(np.diff(told["t"])) == {10_000_000}
-    np.testing.assert_allclose(told["z"], 0.1, atol=1e-12)
-    assert told["force"] == 1.5
+    reported = json.loads(done.stdout)
+    assert (reported["frame"], reported["applied_frame"]) == ("world", "ball/origin")
+    assert set(np.diff(reported["t"])) == {10_000_000}
+    np.testing.assert_allclose(reported["z"], 0.1, atol=1e-12)
+    assert reported["force"] == 1.5
 
 
 def test_a_subscriber_that_never_reads_holds_up_nobody(sphere, start, client: Client):
@@ -148,7 +148,7 @@ def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_
     node = start(
         sphere, out=tmp_path, start_paused=True, max_sample_steps=100_000, max_sample_time=1e9
     )
-    told = client.listen(Log, "/rosout")
+    reported = client.listen(Log, "/rosout")
     assert client.trigger("step").success
     client.send(force=(1e12, 0, 0))
     answer = client.trigger("step")
@@ -157,7 +157,7 @@ def test_a_force_that_stalls_the_motion_is_an_error_state_with_reset_as_the_way_
         assert words in answer.message, answer.message
     values = client.diagnostics(lambda v: v["state"] == "error", "error state")
     assert values["level"] == "2" and values["message"] == answer.message
-    client.until(lambda: any(answer.message in log.msg for log in told), "line on /rosout")
+    client.until(lambda: any(answer.message in log.msg for log in reported), "line on /rosout")
     assert not client.trigger("step").success
     assert client.trigger("reset").success
     assert client.trigger("step").success

@@ -185,14 +185,14 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     advance, sphere, start, client: Client, tmp_path
 ):
     node = start(sphere, out=tmp_path, start_paused=True)
-    told = client.listen(DiagnosticArray, "/diagnostics")
+    reported = client.listen(DiagnosticArray, "/diagnostics")
     client.call(advance, "advance", samples=1)
     service = client.node.create_client(advance, f"{NAME}/advance")
     client.until(service.service_is_ready, "the service")
     future: Any = service.call_async(advance.Request(samples=100_000_000))
     client.spin(1.5)
-    told.clear()
-    client.until(lambda: len(told) >= 2, "diagnostics")  # they go on
+    reported.clear()
+    client.until(lambda: len(reported) >= 2, "diagnostics")  # they go on
     assert not future.done()
     waiting = [client.ask(Trigger, "step"), client.ask(SetBool, "pause", data=False)]
     client.spin(0.3)

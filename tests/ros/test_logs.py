@@ -23,10 +23,19 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.ros.logs import process
-from rb_sim.ros.logs.folder import claim, out_folder, own_folder
-from rb_sim.ros.logs.process import LogProcess
-from rb_sim.ros.logs.protocol import Begin, Block, End, Opened, Plan, frame
+from rb_sim.ros import log_process as process
+from rb_sim.ros.log_process import LogProcess
+from rb_sim.ros.log_writer import (
+    Begin,
+    Block,
+    End,
+    Opened,
+    Plan,
+    claim,
+    frame,
+    out_folder,
+    own_folder,
+)
 from rb_sim.ros.parameters import Settings
 from tests.ros import bags
 from tests.ros.client import NAME, Client
@@ -189,7 +198,7 @@ def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> Non
     plan = Plan(tmp_path / "out", False, "", False, False, True, 0, {}, {})
     heard, answers = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-m", "rb_sim.ros.logs.writer"],
+        [sys.executable, "-m", "rb_sim.ros.log_writer"],
         stdin=subprocess.PIPE,
         stdout=answers,
         stderr=subprocess.PIPE,
@@ -203,5 +212,5 @@ def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> Non
     os.read(heard, 1)  # it has begun
     os.close(heard)
     (tmp_path / "out" / "plots.png").mkdir()  # where the picture is to be
-    _, told = process.communicate(frame(End(None)), timeout=120)
-    assert b"plots.png" in told, told
+    _, reported = process.communicate(frame(End(None)), timeout=120)
+    assert b"plots.png" in reported, reported

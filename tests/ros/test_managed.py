@@ -205,7 +205,7 @@ def test_what_a_refused_transition_offered_is_gone_before_the_answer(client: Cli
 TOLD = """
 import sys
 from rb_sim.ros import main
-from rb_sim.ros.logs.process import LogProcess
+from rb_sim.ros.log_process import LogProcess
 close = LogProcess.close
 def and_tell(logs, *given, **named):
     close(logs, *given, **named)

@@ -47,10 +47,10 @@ def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: states and descriptions and clocks, "state, description and clock")
     assert states[-1] == "paused"
-    told = json.loads(descriptions[-1])
-    assert told["scene"] == "rolling_sphere_commanded" and told["rate"] == 100.0
-    assert told["bodies"] == {"ball": {"mass": 2.0}}
-    assert told["constraints"] == {"floor": "rolling"}
+    reported = json.loads(descriptions[-1])
+    assert reported["scene"] == "rolling_sphere_commanded" and reported["rate"] == 100.0
+    assert reported["bodies"] == {"ball": {"mass": 2.0}}
+    assert reported["constraints"] == {"floor": "rolling"}
     client.pause(False)
     client.until(lambda: states[-1] == "running", "state")
 

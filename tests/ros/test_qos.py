@@ -116,10 +116,10 @@ def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):
     assert len(recorded) > 50
     client.until(lambda: len(of_the_last_step(events)) >= len(recorded), "all events")
 
-    def told(messages: list[Any]) -> list[tuple[str, str]]:
+    def reported(messages: list[Any]) -> list[tuple[str, str]]:
         return sorted((m.status[0].values[0].value, m.status[0].message) for m in messages)
 
-    assert told(of_the_last_step(events)) == told(recorded)
+    assert reported(of_the_last_step(events)) == reported(recorded)
 
 
 def test_tf_has_the_poses_and_the_frames_of_the_reactions(

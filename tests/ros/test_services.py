@@ -313,8 +313,7 @@ def test_a_state_is_set_refused_projected_and_in_the_bag(
     """A homogeneous ball under force F: a = 5 F / (7 m); projected, its momenta about the point of
     contact stay: v = (5 v_0 + 2 a w_0) / 7 (Landau & Lifshitz, section 38)."""
     from rb_sim.bags.resim import resimulate
-    from rb_sim.io.bag.as_run import scene_as_run
-    from rb_sim.io.bag.reader import BagReader
+    from rb_sim.io.bag.reader import BagReader, scene_as_run
 
     node = start(sphere, out=tmp_path / "run", start_paused=True)
     client.send(force=(1.0, 0, 0))

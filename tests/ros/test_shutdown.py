@@ -25,8 +25,8 @@ import pytest
 from rosgraph_msgs.msg import Clock
 
 from rb_sim.bags.info import info
+from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.recover import recover_bag
 from rb_sim.ros.preparing import LOG_CUT
 from tests.ros import bags
 from tests.ros.client import NAME, Client
@@ -150,7 +150,7 @@ def test_the_simulation_goes_on_where_the_writer_is_gone(sphere, start, client, 
 
 BROKEN_LOGS = """
 import sys
-from rb_sim.ros.logs import process as log_process
+from rb_sim.ros import log_process
 from rb_sim.ros import main
 whole = log_process.rows_of
 def broken(samples):
@@ -185,7 +185,7 @@ def test_a_signal_leaves_the_plots_to_a_process_of_their_own(
 
 
 WHILE_PLOTS_ARE_DRAWN = """
-from rb_sim.ros.logs.process import LogProcess
+from rb_sim.ros.log_process import LogProcess
 listen, heard = LogProcess._listen, []
 def and_signals(logs):
     listen(logs)
@@ -211,11 +211,11 @@ def test_signals_while_plots_are_drawn_leave_whole_logs(signals, sphere, tmp_pat
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
     ended = hooked(hook, sphere, *words)
     said = ended.stdout + ended.stderr
-    told = "interrupted twice: plots.png is still being drawn, by a process of its own"
+    reported = "interrupted twice: plots.png is still being drawn, by a process of its own"
     assert ended.returncode == (0 if signals == 1 else 128 + signal.SIGINT), said
     assert ("closed with bag\n" in said) == (signals == 1), "it waited for them"
     assert ("stopped at t = 1 s (SIGINT)" in said) == (signals == 1)
-    assert (told == said.splitlines()[-1]) == (signals == 2)
+    assert (reported == said.splitlines()[-1]) == (signals == 2)
     assert len(bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].raw) == 101
     until_there(tmp_path / "plots.png")
 
@@ -269,12 +269,15 @@ def test_a_second_node_of_the_same_name_is_refused(sphere, start):
     first = start(sphere)
     second = start(sphere, ready=False, discovery=3.5)
     # where discovery is slower than the start, both go on and say so
-    told = ("a node called /rb_sim runs already: rename this one", "another node is called /rb_sim")
+    reported = (
+        "a node called /rb_sim runs already: rename this one",
+        "another node is called /rb_sim",
+    )
     end = time.monotonic() + 240.0
-    while not any(words in second.text for words in told):
+    while not any(words in second.text for words in reported):
         assert time.monotonic() < end, second.text
         time.sleep(0.05)
-    if told[0] in second.text:
+    if reported[0] in second.text:
         assert second.wait() == 1
     else:
         assert second.stop() == 0

@@ -158,8 +158,8 @@ def test_states_work_and_events_of_contacts(
         for _ in range(6):
             client.trigger("step")
         client.spin(0.1)
-        told = [array for array in events if array.status[0].name == "floor"]
-        impacts = [array for array in told if array.status[0].message == "impact"]
+        reported = [array for array in events if array.status[0].name == "floor"]
+        impacts = [array for array in reported if array.status[0].message == "impact"]
         if impacts and work and states and points and reactions:
             break
     v, g = math.sqrt(2.0 * 9.81 * 0.05), 9.81

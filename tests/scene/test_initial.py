@@ -20,7 +20,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.mechanics.tables.table_laws import BODIES, TableLaws
+from rb_sim.mechanics.table_laws import BODIES, TableLaws
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.state_override import compiled_at

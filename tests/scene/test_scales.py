@@ -18,7 +18,7 @@ import pytest
 
 from rb_sim.base.errors import SceneError
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.scene.scales import scaled_tolerance, size_of
+from rb_sim.scene.place import scaled_tolerance, size_of
 
 
 def oscillator(amplitude: float, mass: float = 1.0) -> dict[str, Any]:

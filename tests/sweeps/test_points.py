@@ -18,7 +18,7 @@ import pytest
 from scipy import stats
 
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.scene.errors_text import validated
+from rb_sim.scene.yaml_reader import validated
 from rb_sim.sweeps.plan import Plan, load_plan, points
 
 A = {"path": "a", "normal": {"mean": 5.0, "std": 2.0}}
@@ -56,9 +56,9 @@ def test_correlated_normals_have_their_covariance() -> None:
 def test_correlations_that_contradict_each_other_are_refused() -> None:
     names = {"a": A, "b": A, "c": A}
     pairs = [("a", "b", 0.9), ("b", "c", 0.9), ("a", "c", -0.9)]
-    told = [{"between": [x, y], "coefficient": r} for x, y, r in pairs]
+    reported = [{"between": [x, y], "coefficient": r} for x, y, r in pairs]
     with pytest.raises(RbSimError, match="correlations"):
-        points(made(names, draws=8, correlations=told))
+        points(made(names, draws=8, correlations=reported))
 
 
 def test_grids_and_lists_give_every_combination_with_the_same_draws() -> None:

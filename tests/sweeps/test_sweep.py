@@ -29,9 +29,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.cli.main import app
-from rb_sim.contact.problem.event_workspace import KINDS
+from rb_sim.contact.event_workspace import KINDS
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.sweeps import sweep
 from rb_sim.sweeps.expressions import EVENT_KINDS

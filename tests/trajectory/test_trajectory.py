@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from rb_sim import AccuracyWarning, RbSimError, Trajectory, load_scene
-from rb_sim.base.diagnostic import Finding
+from rb_sim.base.errors import Finding
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 
@@ -177,7 +177,7 @@ def test_plot(run, tmp_path):
 def test_view(run, tmp_path, monkeypatch):
     pytest.importorskip("rerun")
     from rb_sim.io.rerun import viewer
-    from rb_sim.trajectory import views
+    from rb_sim.trajectory import trajectory as views
 
     run.view(save=tmp_path / "run.rrd")
     assert (tmp_path / "run.rrd").stat().st_size > 1000
@@ -199,9 +199,9 @@ def test_from_bag_repeats_what_the_run_had_lost(run, tmp_path):
     sink.open(run.scene, LAYOUT)
     sink.write(run.block)
     sink.close({"warnings": [found.as_dict(), older, {"watch": "step"}]})
-    with pytest.warns(AccuracyWarning) as told:
+    with pytest.warns(AccuracyWarning) as reported:
         again = Trajectory.from_bag(tmp_path / "bag")
     assert again.findings == (found, found._replace(finer_step=None))
-    assert [str(line.message) for line in told] == [str(found)] * 2
-    assert {line.filename for line in told} == {__file__}
+    assert [str(line.message) for line in reported] == [str(found)] * 2
+    assert {line.filename for line in reported} == {__file__}
     assert "accuracy lost (energy)" in repr(again)

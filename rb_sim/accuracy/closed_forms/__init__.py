@@ -13,19 +13,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.accuracy.closed_forms.exact import Exact, falling_body
-from rb_sim.accuracy.closed_forms.impacts_and_sliding import (
-    bouncing_ball,
-    sliding_block,
-    slipping_ball,
-)
 from rb_sim.accuracy.closed_forms.rolling import (
+    bouncing_ball,
     off_a_sphere,
     rolling_in_cylinder,
     rolling_sphere,
+    sliding_block,
+    slipping_ball,
     turntable,
 )
-from rb_sim.accuracy.closed_forms.rotors import free_rotor, pendulum, steady_top, symmetric_rotor
+from rb_sim.accuracy.closed_forms.rotors import (
+    Exact,
+    falling_body,
+    free_rotor,
+    pendulum,
+    steady_top,
+    symmetric_rotor,
+)
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import build
 from rb_sim.mechanics.samples import Array, SampleBlock, block_of

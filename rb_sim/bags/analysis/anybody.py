@@ -21,16 +21,15 @@ import numpy as np
 from rb_sim.bags.analysis.bodies import BodyFigures, scene_with
 from rb_sim.bags.analysis.derivatives import Body, Motion, velocity_noise
 from rb_sim.bags.analysis.whole import Whole
-from rb_sim.bags.message_rates import linear
-from rb_sim.bags.sources import POSE, TWIST, WORLD, WRENCH, Piece, words
+from rb_sim.bags.info import linear
 from rb_sim.bags.tracks import axes_of, poses_of
-from rb_sim.bags.transforms import carried_over, plain
+from rb_sim.bags.transforms import POSE, TWIST, WORLD, WRENCH, Piece, carried_over, plain, words
 from rb_sim.base.errors import RbSimError
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 if TYPE_CHECKING:
     from rb_sim.bags.analysis.figures import Figures
-    from rb_sim.bags.analysis.result import Analysis, Reading
+    from rb_sim.bags.analysis.report import Analysis, Reading
     from rb_sim.bags.readings import Readings
     from rb_sim.scene.schema import Scene
 

@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs
 
-from rb_sim.bags.message_rates import GAP, LOST
+from rb_sim.bags.info import GAP, LOST
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import conjugate, continuous, cross, product, rotate, unit
 

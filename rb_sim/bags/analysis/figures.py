@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.bags.message_rates import LONG, Rates
-from rb_sim.bags.sources import IMU, POSE, SCALAR, TWIST, WRENCH
+from rb_sim.bags.info import LONG, Rates
+from rb_sim.bags.transforms import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.sink import Envelope
 

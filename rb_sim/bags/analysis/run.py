@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A run of ours: its samples, stretch by stretch, and what follows from all that was recorded.
+"""Analysis of a bag of rb_sim: its samples, stretch by stretch, and the result as plain data.
 
 No motion leads from the sample before a reset, or a state that was set, to the one at it: nothing
 is differentiated, and no balance drawn, across it.
@@ -27,23 +27,22 @@ from rb_sim.bags.analysis.anybody import Anybody
 from rb_sim.bags.analysis.bodies import BodyFigures, Struck, bodies_of
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.figures import COLUMNS
-from rb_sim.bags.analysis.result import Aligned, Analysis
+from rb_sim.bags.analysis.report import Aligned, Analysis
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.bags.readings import Readings
-from rb_sim.bags.sources import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.bags.tracks import Impacts, length_of
+from rb_sim.bags.transforms import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.errors import SinkError
 from rb_sim.base.names import MOST_NAMED, first_few
 from rb_sim.checks.balance import Events, Ledger
-from rb_sim.io.bag.as_run import scene_as_run
-from rb_sim.io.bag.reader import BagReader, reader_of
+from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins
 from rb_sim.numerics.rotations import cross, rotate, unit
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.result import Analysis, Reading
+    from rb_sim.bags.analysis.report import Analysis, Reading
 
 
 class RecordedRun:

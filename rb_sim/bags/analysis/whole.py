@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
-from rb_sim.bags.message_rates import GAP, GrowingTime, forward, joined, linear
-from rb_sim.bags.sources import words
+from rb_sim.bags.info import GAP, GrowingTime, forward, joined, linear
+from rb_sim.bags.transforms import words
 from rb_sim.checks.sample_integrals import Quadrature
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit

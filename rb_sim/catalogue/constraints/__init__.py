@@ -11,13 +11,17 @@
 
 from __future__ import annotations
 
-from rb_sim.catalogue.constraints.fixed_axis import FixedAxis
-from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Weld
+from rb_sim.catalogue.constraints.joints import FixedPoint, Free, Translation, Weld
 from rb_sim.catalogue.constraints.rolling import Rolling
-from rb_sim.catalogue.constraints.simple import Distance, Parallel, Plane, Velocity
-from rb_sim.catalogue.constraints.translation import Translation
-from rb_sim.catalogue.contacts.contact import Contact
-from rb_sim.catalogue.contacts.string import String
+from rb_sim.catalogue.constraints.simple import (
+    Distance,
+    FixedAxis,
+    Parallel,
+    Plane,
+    String,
+    Velocity,
+)
+from rb_sim.catalogue.contact import Contact
 from rb_sim.catalogue.spec import Spec
 
 SPECS: dict[str, type[Spec]] = {

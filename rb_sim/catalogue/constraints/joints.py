@@ -7,16 +7,29 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Joints of a point or of all axes: free, fixed_point, weld."""
+"""Joints of bodies: pivots, hinges, welds, and translation along a guide."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from rb_sim.catalogue.constraints.rows import LockRow, PointRow
-from rb_sim.catalogue.spec import Name, Spec, Vector3
-from rb_sim.catalogue.types import Part, Place
-from rb_sim.numerics.vectors import ZERO, conjugate, quaternion_product
+import numpy as np
+from pydantic import Field, model_validator
+
+from rb_sim.catalogue.constraints.rows import CurveRow, LockRow, PointRow
+from rb_sim.catalogue.curves import CircleCurve, LineCurve, curve_point, spline_through
+from rb_sim.catalogue.spec import (
+    Name,
+    Part,
+    Place,
+    Points,
+    Positive,
+    Spec,
+    UnitVector3,
+    Vector3,
+    refuse,
+)
+from rb_sim.numerics.vectors import ZERO, conjugate, perpendicular, quaternion_product
 
 
 class Free(Spec):
@@ -90,3 +103,96 @@ class Weld(Spec):
 def relative_turn(place: Place, parent: str | None, body: str) -> tuple[float, float, float, float]:
     """Initial quaternion from body axes to parent axes."""
     return quaternion_product(conjugate(place.state(parent).q_WB), place.state(body).q_WB)
+
+
+class LineGuide(Spec):
+    """Straight line through `point`, or through the initial position of point_B."""
+
+    type: Literal["line"]
+    direction: UnitVector3
+    """direction of the line, world."""
+    point: Vector3 | None = None
+    """a point of the line, world [m]; default: the initial position of point_B."""
+
+
+class CircleGuide(Spec):
+    """Circle of a centre, a normal and a radius (world)."""
+
+    type: Literal["circle"]
+    center: Vector3
+    """centre of the circle, world [m]."""
+    normal: UnitVector3
+    """normal of its plane, world."""
+    radius: Positive
+    """radius [m]."""
+
+
+class CurveGuide(Spec):
+    """Smooth curve through points (world): a spline of degree 7 by chord length."""
+
+    type: Literal["curve"]
+    points: Points
+    """points that the curve passes through, world [m]."""
+    closed: bool = False
+    """whether the last point is followed by the first."""
+
+    @model_validator(mode="after")
+    def _enough(self) -> CurveGuide:
+        if len(self.points) < 4:
+            raise refuse("a curve through at least 4 points")
+        steps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
+        if not np.all(steps > 0.0):
+            raise refuse("a curve whose neighbouring points differ")
+        return self
+
+    def points_along(self, count: int) -> np.ndarray:
+        """So many points of it from its start to its end, world [m], shape (count, 3)."""
+        curve = spline_through(np.array(self.points), self.closed)
+        breaks = curve.pieces.breaks
+        ways = np.linspace(breaks[0], breaks[-1], count).tolist()
+        return np.array([curve_point(curve, s)[0] for s in ways])
+
+
+class Translation(Spec):
+    """The body keeps its attitude; with a `guide`, point_B stays on it.
+
+    m dv/dt = F . tau along the tangent; the guide gives a force normal to the path, and the lock a
+    torque that keeps the body from turning, both counted in one reaction about point_B.
+    """
+
+    type: Literal["translation"]
+    body: Name
+    point_B: Vector3 = ZERO
+    """guided point and point about which the torque is taken, from the body origin [m]."""
+    guide: Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None = (
+        None
+    )
+    """curve along which point_B moves; default: none, point_B moves freely."""
+
+    EQUATION: ClassVar[str] = """
+    w = 0,  p_B = c(s)               c: the guide; without one only the attitude is held
+    m dv/dt = F . tau                tau: its tangent, v: the speed along it
+    on the body: a force normal to the guide, and the torque that keeps it from turning
+    """
+
+    def curve(self, place: Place) -> tuple | None:
+        """The guide as a compiled curve."""
+        guide = self.guide
+        if guide is None:
+            return None
+        if isinstance(guide, LineGuide):
+            start = place.partner_point(None, guide.point, self.body, self.point_B)
+            return LineCurve(start, guide.direction)
+        if isinstance(guide, CircleGuide):
+            e1, e2 = perpendicular(guide.normal)
+            return CircleCurve(guide.center, e1, e2, guide.radius)
+        return spline_through(np.array(guide.points, dtype=float), guide.closed)
+
+    def parts(self, place: Place) -> list[Part]:
+        """A LockRow to the world, after a CurveRow if there is a guide."""
+        r_B = place.from_com(self.body, self.point_B)
+        parts = [Part(LockRow(relative_turn(place, None, self.body), r_B))]
+        curve = self.curve(place)
+        if curve is not None:
+            parts.insert(0, Part(CurveRow(r_B, curve)))
+        return parts

@@ -28,8 +28,7 @@ from rb_sim.catalogue.geometry.smooth_surfaces import (
     support,
     support_rate,
 )
-from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse
-from rb_sim.catalogue.types import Part, Place, Vec3
+from rb_sim.catalogue.spec import Name, Part, Place, Spec, UnitVector3, Vec3, Vector3, refuse
 from rb_sim.numerics.vectors import (
     ZERO,
     add,

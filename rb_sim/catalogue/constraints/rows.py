@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rb_sim.catalogue.curves import curve_nearest, curve_point
-from rb_sim.catalogue.types import Quaternion, Vec3
+from rb_sim.catalogue.spec import Quaternion, Vec3
 from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import (
     add,

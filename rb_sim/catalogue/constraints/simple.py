@@ -7,16 +7,41 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Constraints of one or two rows: distance, plane, parallel, velocity."""
+"""Constraints of a few rows: distance, string, plane, parallel, velocity, axis on two bearings."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from rb_sim.catalogue.constraints.rows import DistanceRow, ParallelRow, PlaneRow, VelocityRow
-from rb_sim.catalogue.spec import Finite, Name, Positive, Spec, UnitVector3, Vector3, refuse
-from rb_sim.catalogue.types import Part, Place, Vec3
-from rb_sim.numerics.vectors import ZERO, add, norm, perpendicular, rotate, sub
+from pydantic import Field, model_validator
+
+from rb_sim.catalogue import friction
+from rb_sim.catalogue.constraints.rows import (
+    DistanceRow,
+    ParallelRow,
+    PlaneRow,
+    PointRow,
+    SlotRow,
+    VelocityRow,
+)
+from rb_sim.catalogue.contact import Compliance, ContactLaw, ContactRow, Touching
+from rb_sim.catalogue.geometry import pairs as carriers
+from rb_sim.catalogue.geometry.pairs import BallOnSphere
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Part,
+    Place,
+    Positive,
+    Spec,
+    UnitVector3,
+    Vec3,
+    Vector3,
+    refuse,
+    refuse_at,
+)
+from rb_sim.numerics.vectors import ZERO, add, norm, perpendicular, rotate, scale, sub
 
 
 def distance_at_start(place: Place, body: str, r_B: Vec3, parent: str | None, r_A: Vec3) -> float:
@@ -140,3 +165,138 @@ class Velocity(Spec):
         r_B = place.from_com(self.body, self.point_B)
         in_body = self.frame == "body"
         return [Part(VelocityRow(r_B, self.linear, self.angular, self.rate, in_body))]
+
+
+class FixedAxis(Spec):
+    """The body turns about an axis on two bearings.
+
+    Bearing A sits at point_B of the body, bearing B at point_B + bearing_distance axis_B. Both
+    carry transverse force. The `floating` bearing carries no axial force. With `floating: none` the
+    axial load distribution is not unique; the minimum-norm one, half each, is reported.
+
+    Outputs: NAME, the total about bearing A; NAME/A and NAME/B, a force at each bearing.
+    """
+
+    type: Literal["fixed_axis"]
+    body: Name
+    parent: Name | None = None
+    point_B: Vector3 = ZERO
+    """position of bearing A, from the body origin, body axes [m]."""
+    axis_B: UnitVector3
+    """direction of the axis from bearing A to bearing B, body axes."""
+    point_A: Vector3 | None = None
+    """position of bearing A on the parent, from its origin, or in the world [m]."""
+    axis_A: UnitVector3 | None = None
+    """direction of the axis in the axes of the parent or the world."""
+    bearing_distance: Positive = 1.0
+    """distance from bearing A to bearing B [m]."""
+    floating: Literal["A", "B", "none"] = "B"
+    """the bearing that carries no axial force."""
+
+    EQUATION: ClassVar[str] = """
+    p_A = point_A,  axis_B . s = axis_B . t = 0     s, t: two directions normal to axis_A
+    on the body: a force R_A at bearing A and R_B at bearing B = A + bearing_distance axis_B
+    against the world: J phi'' = K_n,  J = n . I_O n
+    """
+
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """The total, and the force at each of the bearings A and B."""
+        return ("", "A", "B")
+
+    def parts(self, place: Place) -> list[Part]:
+        """A PointRow at each bearing; a SlotRow, free along the axis, at the floating one."""
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
+        n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
+        far_B = add(r_B, scale(self.bearing_distance, self.axis_B))
+        far_A = add(r_A, scale(self.bearing_distance, n_A))
+        t1, t2 = perpendicular(n_A)
+        first = SlotRow(r_B, r_A, t1, t2) if self.floating == "A" else PointRow(r_B, r_A)
+        second = SlotRow(far_B, far_A, t1, t2) if self.floating == "B" else PointRow(far_B, far_A)
+        return [Part(first, ("", "A")), Part(second, ("", "B"))]
+
+
+INSIDE = -1.0
+"""The side of the sphere around point_A, of radius `length`, that point_B may not leave."""
+
+
+class Reach(Spec):
+    """What a string holds, for pictures: point_B of the body on a string from point_A."""
+
+    type: Literal["string"] = "string"
+    point_B: Vector3
+    point_A: Vector3
+
+
+class String(Touching):
+    """|p_B - p_A| <= length: the tension N >= 0 pulls the body towards point_A while it is taut.
+
+    It is a smooth contact of point_B with the inside of a sphere of radius `length` around
+    point_A; its gap is the slack. It has no mass, and passes through bodies. Events: impact, taut,
+    slack. Output: NAME, the pull on the body at point_B.
+    """
+
+    type: Literal["string"]
+    point_B: Vector3 = ZERO
+    """from the body origin, body axes [m]."""
+    point_A: Vector3
+    """the other end, on the parent from its origin, or in the world [m]."""
+    length: Positive | None = None
+    """largest distance of the points [m]; default: the initial distance, just taut."""
+    restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    """e: speed at which the points approach after a jerk, over the speed at which they parted."""
+    compliance: Compliance | None = None
+    """of an elastic string: N = stiffness (distance - length) + damping (its rate), at least 0."""
+
+    EQUATION: ClassVar[str] = """
+    g = length - |p_B - p_A| >= 0,  N >= 0,  N g = 0      jerk: g'_after = -e g'_before
+    elastic:  N = max(0, -k g - c g') where g < 0, else 0
+    on the body: the force N (p_A - p_B) / |p_B - p_A| at point_B
+    """
+
+    @model_validator(mode="after")
+    def _no_jerk_of_an_elastic_one(self) -> String:
+        if self.compliance is not None and self.restitution > 0.0:
+            allowed = refuse("omitted for an elastic string (compliance)")
+            raise refuse_at((("restitution",), self.restitution, allowed))
+        return self
+
+    def law(self) -> ContactLaw:
+        """A smooth contact with the string's restitution and compliance: taut is closed."""
+        soft = self.compliance
+        return ContactLaw(
+            restitution=self.restitution,
+            bilateral=False,
+            compliant=soft is not None,
+            static=0.0,
+            kinetic=0.0,
+            rolling_arm=0.0,
+            spinning_arm=0.0,
+            spring=(0.0, 0.0) if soft is None else soft.spring,
+            closes="taut",
+            opens="slack",
+        )
+
+    def parts(self, place: Place) -> list[Part]:
+        """One ContactRow: point_B as a ball of radius 0 inside a sphere about point_A."""
+        r_B = place.from_com(self.body, self.point_B)
+        r_A = place.from_com(self.parent, self.point_A)
+        pair = BallOnSphere(r_B, 0.0, r_A, self._length(place, r_B, r_A), INSIDE)
+        spring = () if self.compliance is None else self.compliance.spring
+        row = ContactRow(
+            pair, friction.Smooth(), friction.NoResistance(), carriers.Resting(), spring
+        )
+        return [Part(row)]
+
+    def _length(self, place: Place, r_B: tuple, r_A: tuple) -> float:
+        if self.length is not None:
+            return float(self.length)
+        length = distance_at_start(place, self.body, r_B, self.parent, r_A)
+        if length == 0.0:
+            raise ValueError("its points coincide at the start; move them apart or give a length")
+        return length
+
+    @property
+    def surface(self) -> Reach:
+        """What pictures draw."""
+        return Reach(point_B=self.point_B, point_A=self.point_A)

@@ -23,12 +23,21 @@ from pydantic import AfterValidator, model_validator
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.joints import Weld
 from rb_sim.catalogue.constraints.rows import ParallelRow, PointRow
-from rb_sim.catalogue.constraints.simple import Distance
-from rb_sim.catalogue.contacts.contact import Contact, CoulombLaw, RoughLaw, SmoothLaw
-from rb_sim.catalogue.contacts.string import String
-from rb_sim.catalogue.contacts.surfaces import PlaneSurface
-from rb_sim.catalogue.spec import Name, Spec, UnitVector3, Vector3, refuse, refuse_at
-from rb_sim.catalogue.types import Part, Place, Quaternion, Vec3
+from rb_sim.catalogue.constraints.simple import Distance, String
+from rb_sim.catalogue.contact import Contact, CoulombLaw, RoughLaw, SmoothLaw
+from rb_sim.catalogue.spec import (
+    Name,
+    Part,
+    Place,
+    Quaternion,
+    Spec,
+    UnitVector3,
+    Vec3,
+    Vector3,
+    refuse,
+    refuse_at,
+)
+from rb_sim.catalogue.surfaces import PlaneSurface
 from rb_sim.numerics.vectors import ZERO, add, dot, norm, perpendicular, rotate, sub, unrotate
 
 

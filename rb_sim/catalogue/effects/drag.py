@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
-from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
-from rb_sim.catalogue.types import CENTRAL, Place, Vec3, wrench
+from rb_sim.catalogue.spec import CENTRAL, Name, NonNegative, Place, Spec, Vec3, Vector3, wrench
 from rb_sim.numerics.vectors import ZERO, norm, rotate, scale, sub, unrotate
 
 

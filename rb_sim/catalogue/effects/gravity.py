@@ -15,8 +15,17 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import AfterValidator, Strict
 
-from rb_sim.catalogue.spec import Name, Spec, Strength3, refuse
-from rb_sim.catalogue.types import CENTRAL, Place, Vec3, potential, wrench
+from rb_sim.catalogue.spec import (
+    CENTRAL,
+    Name,
+    Place,
+    Spec,
+    Strength3,
+    Vec3,
+    potential,
+    refuse,
+    wrench,
+)
 from rb_sim.numerics.vectors import ZERO, dot, scale
 
 

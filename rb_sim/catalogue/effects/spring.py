@@ -22,8 +22,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.catalogue.spec import Name, NonNegative, Spec, Vector3
-from rb_sim.catalogue.types import Place, Vec3, potential, wrench
+from rb_sim.catalogue.spec import Name, NonNegative, Place, Spec, Vec3, Vector3, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
 

@@ -21,8 +21,20 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal, NamedTuple
 
-from rb_sim.catalogue.spec import Angle, Name, NonNegative, Spec, UnitVector3
-from rb_sim.catalogue.types import CHANGING, Changing, Place, Quaternion, Vec3, potential, wrench
+from rb_sim.catalogue.spec import (
+    CHANGING,
+    Angle,
+    Changing,
+    Name,
+    NonNegative,
+    Place,
+    Quaternion,
+    Spec,
+    UnitVector3,
+    Vec3,
+    potential,
+    wrench,
+)
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,

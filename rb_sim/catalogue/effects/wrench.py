@@ -21,17 +21,21 @@ import numpy as np
 from pydantic import model_validator
 
 from rb_sim.catalogue.spec import (
+    CHANGING,
     Angle,
+    Changing,
     Finite,
     Name,
     Numbers,
+    Place,
     Spec,
     Strength3,
     Strengths,
+    Vec3,
     Vector3,
     refuse,
+    wrench,
 )
-from rb_sim.catalogue.types import CHANGING, Changing, Place, Vec3, wrench
 from rb_sim.numerics.vectors import ZERO, add, cross, rotate, scale, sin, unrotate
 
 Axes = Literal["world", "body"]

@@ -29,9 +29,8 @@ from rb_sim.catalogue.geometry.pairs import (
 )
 from rb_sim.catalogue.geometry.smooth_surfaces import FLAT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder, about_axis, direction_rate, nearest
-from rb_sim.catalogue.types import Vec3
-from rb_sim.graph.functions import call, maximum, where
-from rb_sim.graph.symbols import External
+from rb_sim.catalogue.spec import Vec3
+from rb_sim.graph.symbols import External, call, maximum, where
 from rb_sim.numerics.kernels import dispatch, inline, routine
 from rb_sim.numerics.vectors import (
     ZERO,

@@ -27,9 +27,8 @@ from rb_sim.catalogue.geometry.smooth_surfaces import (
     support,
     support_rate,
 )
-from rb_sim.catalogue.types import Vec3
-from rb_sim.graph.functions import call
-from rb_sim.graph.symbols import External, graph_of
+from rb_sim.catalogue.spec import Vec3
+from rb_sim.graph.symbols import External, call, graph_of
 from rb_sim.numerics.kernels import inline, routine
 from rb_sim.numerics.vectors import (
     ZERO,

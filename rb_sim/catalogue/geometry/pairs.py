@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
 from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest
-from rb_sim.catalogue.types import BodyState, Vec3
+from rb_sim.catalogue.spec import BodyState, Vec3
 from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import (
     add,
@@ -305,7 +305,7 @@ class SolidOnSphere(NamedTuple):
 def solid_on_sphere(pair, B, A):
     """The body's point nearest to the centre of the parent's sphere."""
     c, v = carried_point(A, pair.r_A)
-    distance, rising, n, n_dot = off_solid(pair.surface, B, c, v)
+    distance, gap_rate, n, n_dot = off_solid(pair.surface, B, c, v)
     p = sub(c, scale(distance, n))
-    p_dot = sub(v, add(scale(rising, n), scale(distance, n_dot)))
+    p_dot = sub(v, add(scale(gap_rate, n), scale(distance, n_dot)))
     return Touch(distance - pair.curved, neg(n), neg(n_dot), p, p_dot)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rb_sim.catalogue.types import Vec3
+from rb_sim.catalogue.spec import Vec3
 from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import add, dot, perpendicular, scale, sqrt, sub, where
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.catalogue.types import Vec3
+from rb_sim.catalogue.spec import Vec3
 from rb_sim.numerics.kernels import branching, dispatch, inline
 from rb_sim.numerics.vectors import (
     ZERO,

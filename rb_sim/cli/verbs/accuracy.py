@@ -56,7 +56,7 @@ def accuracy(
         )
     print_report(result, console, target)
     if out is not None:
-        from rb_sim.accuracy.picture import save_picture  # matplotlib loads when it is used
+        from rb_sim.accuracy.report import save_picture  # matplotlib loads when it is used
 
         try:
             out.mkdir(parents=True, exist_ok=True)

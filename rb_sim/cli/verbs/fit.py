@@ -95,8 +95,7 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.recording import pairs_of, recorded_by_others
-    from rb_sim.io.bag.as_run import scene_as_run
-    from rb_sim.io.bag.reader import reader_of
+    from rb_sim.io.bag.reader import reader_of, scene_as_run
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene

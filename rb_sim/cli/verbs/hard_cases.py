@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
-    from rb_sim.hard_cases.judge import Case, Row
-    from rb_sim.hard_cases.report import PeerRow
+    from rb_sim.sweeps.hard_cases import Case, PeerRow, Row
 
 FOLDER = "hard_cases"
 
@@ -46,8 +45,7 @@ def hard_cases(
 
     beside: gives rows of other engines for a case and its rows; they fail nothing.
     """
-    from rb_sim.hard_cases.judge import FAILS, load_cases, rows_of
-    from rb_sim.hard_cases.report import write
+    from rb_sim.sweeps.hard_cases import FAILS, load_cases, rows_of, write
 
     if folder is not None and not folder.is_dir():
         raise RbSimError(
@@ -83,7 +81,7 @@ def hard_cases(
 
 def row_text(row: Row) -> str:
     """The row as it is printed."""
-    from rb_sim.hard_cases.report import number
+    from rb_sim.sweeps.hard_cases import number
 
     return line(
         row.case, row.method, row.knob, row.check, number(row.figure), f"{row.bound:.2g}",

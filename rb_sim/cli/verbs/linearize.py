@@ -76,7 +76,7 @@ def linearize(
 
 def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[Path]:
     """Write linear_model.npz and poles.png, and bode.png if the model has inputs that move it."""
-    from rb_sim.linear import picture  # matplotlib loads when it is used
+    from rb_sim.linear import state_space as picture  # matplotlib loads when it is used
 
     path = folder / "linear_model.npz"
     written = [path]

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim replay`, `show` and `recover`: what was recorded, to look at again."""
+"""`rb_sim replay`, `show` and `recover`: what was recorded, to look at again, as HTML too."""
 
 from __future__ import annotations
 
@@ -16,17 +16,31 @@ import json
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from rb_sim.accuracy.closed_forms import exact_samples
+from rb_sim.bags.compare import CALENDAR
+from rb_sim.bags.comparison_views import drawn
+from rb_sim.bags.info import linear
+from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.base import __version__
 from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError, check_ending
+from rb_sim.base.palette import CYCLE
+from rb_sim.io.drawn_supports import ground
+from rb_sim.io.motion_page import COLORS, FEW_BODIES, Applied, Lawful, RunPage, packed, spread
+from rb_sim.numerics.rotations import continuous, unit
+from rb_sim.scene.schema import Scene
+from rb_sim.trajectory.record import Record, wrenches_by_body
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
+    from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
     from rb_sim.trajectory.trajectory import Trajectory
 
@@ -179,8 +193,7 @@ def recover(bag: Path, directory: Path | None = None) -> None:
 
     Raises SinkError as `recover_bag` does.
     """
-    from rb_sim.io.bag.folder import unlisted
-    from rb_sim.io.bag.recover import recover_bag
+    from rb_sim.io.bag.folder import recover_bag, unlisted
 
     result = recover_bag(bag, directory)
     what = "the bag was complete" if result.complete else "all readable messages"
@@ -205,7 +218,7 @@ def note(lines: Iterable[str]) -> None:
 
 def _drawn(reader: BagReader) -> Scene:
     """The scene, with its joints; of one that this version cannot read what the bag has of it."""
-    from rb_sim.io.bag.as_run import scene_as_run
+    from rb_sim.io.bag.reader import scene_as_run
 
     try:
         return scene_as_run(reader)
@@ -239,7 +252,7 @@ def show(source: str, save: Path | None = None, *, browse: bool = False) -> None
     save: where to; None: show.html in the output folder, else NAME.html here. browse: open it.
     A scene is simulated; a bag of somebody else has poses only. Raises RbSimError.
     """
-    from rb_sim.io.page.motion_page import save as write_page
+    from rb_sim.io.motion_page import save as write_page
 
     check_ending(save, ".html")
     path = Path(source)
@@ -262,7 +275,6 @@ def show(source: str, save: Path | None = None, *, browse: bool = False) -> None
 
 
 def _page_of_scene(source: str) -> dict[str, Any]:
-    from rb_sim.bags.pages import page_of_run
     from rb_sim.cli.verbs.run import progress_bar
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
@@ -280,7 +292,6 @@ def _page_of_scene(source: str) -> dict[str, Any]:
 
 def _page_of_bag(bag: Path) -> dict[str, Any]:
     """Of a bag that was never finished, what can be read of it."""
-    from rb_sim.bags.pages import page_of_run
     from rb_sim.io.bag.folder import is_complete
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.trajectory.trajectory import recorded
@@ -298,7 +309,6 @@ def _page_of_bag(bag: Path) -> dict[str, Any]:
 
 
 def _page_of_others(bag: Path) -> dict[str, Any]:
-    from rb_sim.bags.pages import page_of_tracks
     from rb_sim.bags.tracks import tracks_of_bag
 
     tracks = tracks_of_bag(bag)
@@ -325,3 +335,135 @@ def _facts(
     versions = json.loads((record or {}).get("versions", "{}")) or {"rb_sim": __version__}
     rows.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
     return rows
+
+
+AXES = 0.12
+"""Length of the axes of a pose, in sizes of the motion."""
+SMALLEST = 0.1
+"""Size of a motion [m], at least: of a body that only turns."""
+
+
+def page_of_tracks(
+    tracks: Tracks, title: str, facts: Sequence[tuple[str, str]], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """The data of the page, at instants that all poses have in common; between messages on straight
+    lines."""
+    names = drawn(tracks)
+    shown = [tracks.bodies[name] for name in names]
+    t, left_out = _instants(shown)
+    zero = float(t[0]) if abs(t[0]) > CALENDAR else 0.0
+    position = np.stack([linear(t, track.t, track.position) for track in shown], axis=1)
+    turns = [linear(t, track.t, continuous(track.orientation)) for track in shown]
+    orientation = unit(np.stack(turns, axis=1))
+    places = np.concatenate([track.position for track in shown])
+    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    center, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), SMALLEST)
+    rows = [*facts, ("poses", f"{sum(len(track.t) for track in shown)}{left_out}")]
+    if zero:
+        rows.append(("t = 0", f"{zero:.6f} s by the stamps"))
+    torques = [w.values[:, 3:] for w in tracks.reactions.values()]
+    forces = [w.values[:, :3] for w in tracks.reactions.values()]
+    plane = ground(center, size, float(low[2]))
+    return {
+        "title": title,
+        "description": "",
+        "facts": rows,
+        "warnings": list(warnings),
+        "legend": [f"grid {plane['step']:g} m"],
+        "view": {"center": center.tolist(), "size": size * (1.0 + 2.0 * AXES)},
+        "colors": COLORS,
+        "bodies": [
+            {"name": name, "solid": None, "color": CYCLE[i % len(CYCLE)], "reach": AXES * size}
+            for i, name in enumerate(names)
+        ],
+        "supports": {"solids": [], "planes": [plane], "lines": [], "links": [], "joints": []},
+        "t": packed(t - zero, "float64"),
+        "position": packed(position),
+        "orientation": packed(orientation),
+        "groups": {},
+        "arrows": [],
+        "curves": {
+            "t": packed(t - zero, "float64"),
+            "energy": None,
+            "scale": {"force": _largest(forces), "torque": _largest(torques)},
+        },
+        "reactions": [
+            {
+                "name": name,
+                "body": wrench.frame or "its frame",
+                "about": "its frame's origin",
+                "force": packed(linear(t, wrench.t, wrench.values[:, :3])),
+                "torque": packed(linear(t, wrench.t, wrench.values[:, 3:])),
+            }
+            for name, wrench in tracks.reactions.items()
+        ],
+        "exact": None,
+        "events": [],
+        "point": "origin of its frame",
+        "trace": True,
+        "axes": True,
+        "names": True,
+    }
+
+
+def _instants(tracks: list[Track]) -> tuple[np.ndarray, str]:
+    """Those of all poses, as many as a page has room for; what is left out, in words."""
+    every = np.unique(np.concatenate([track.t for track in tracks]))
+    rows = spread(len(every), 28.0 * len(tracks))
+    if len(rows) == len(every):
+        return every, ""
+    return every[rows], f"; the page shows {len(rows)} of {len(every)} instants"
+
+
+def _largest(vectors: list[np.ndarray]) -> float:
+    return max((float(np.nanmax(np.abs(v), initial=0.0)) for v in vectors), default=0.0)
+
+
+# A run: its samples with applied wrenches, and the closed form beside them.
+
+
+GIVEN = ("wrench", "wrench_table")
+"""Effects that are applied from outside; `commanded_wrench` is among the samples."""
+
+
+def page_of_run(
+    run: Trajectory, facts: Sequence[tuple[str, str]], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """The data of the page of a run. facts: rows of its table; warnings: lines above the view.
+
+    Raises RbSimError for a run without samples or without a scene.
+    """
+    if not len(run) or run.scene is None:
+        raise RbSimError("there is no sample to show")
+    page = RunPage(run.scene, run.layout, run.block)
+    lawful = _closed_form(run, page.kept)
+    rows = list(facts)
+    if lawful is not None:
+        rows.append(("closed form", f"dashed: {lawful.name}"))
+    applied = _applied(Record(page.kept, run.layout, run.scene))
+    return page.data(facts=rows, warnings=warnings, applied=applied, lawful=lawful)
+
+
+def _closed_form(run: Trajectory, kept: SampleBlock) -> Lawful | None:
+    """The exact motion, of a run without commands and resets whose scene has one."""
+    if run.block.inputs or not isinstance(run.scene, Scene):
+        return None
+    try:
+        found = exact_samples(run.scene, kept.t)
+    except RbSimError:  # of another version of the program, say
+        return None
+    return None if found is None else Lawful(*found)
+
+
+def _applied(record: Record) -> list[Applied]:
+    """The wrenches of effects but for the commanded ones, at the samples of the page."""
+    if not isinstance(record.scene, Scene) or len(record.layout.bodies) > FEW_BODIES:
+        return []
+    effects = {n: e for n, e in record.scene.effects.items() if e.type != "commanded_wrench"}
+    scene = record.scene.model_copy(update={"effects": effects})
+    found = []
+    for name, by_body in wrenches_by_body(Record(record.block, record.layout, scene)).items():
+        for body, wrench in by_body.items():
+            given = effects[name].type in GIVEN
+            found.append(Applied(name, body, given, wrench.force, wrench.torque))
+    return found

@@ -71,7 +71,7 @@ def resim(options: ResimOptions) -> int:
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
     from rb_sim.cli.verbs.replay import warn
-    from rb_sim.io.bag.as_run import scene_as_run, with_value
+    from rb_sim.io.bag.reader import scene_as_run, with_value
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import scene_from_mapping

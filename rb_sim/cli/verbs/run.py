@@ -100,7 +100,7 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options in place of its own values; SceneError, RbSimError."""
     from rb_sim.cli.verbs.scenes import scene_to_run
-    from rb_sim.io.bag.as_run import with_value
+    from rb_sim.io.bag.reader import with_value
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
 
@@ -333,7 +333,7 @@ class _Run:
 
     def _look(self) -> None:
         """Raise WatchEndedError where a signal has come."""
-        from rb_sim.motion.pieces import WatchEndedError
+        from rb_sim.motion.motion import WatchEndedError
 
         if self.interruption.cause is not None:
             raise WatchEndedError
@@ -341,7 +341,7 @@ class _Run:
     def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
         """The certificate of the run; None where a signal broke it off."""
         from rb_sim.accuracy.certify import certify
-        from rb_sim.motion.pieces import WatchEndedError
+        from rb_sim.motion.motion import WatchEndedError
 
         options, look = simulation.scene.simulation, self._look
         try:

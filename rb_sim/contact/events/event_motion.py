@@ -25,7 +25,14 @@ import numpy as np
 
 from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
-from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.catalogue.contact import ContactLaw
+from rb_sim.contact.assembly import velocities
+from rb_sim.contact.event_workspace import (
+    AMBIGUOUS,
+    LEAPS,
+    Journal,
+)
+from rb_sim.contact.event_workspace import JAMS as JAMMED_NOTE
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import (
     ACCELERATE,
@@ -82,14 +89,7 @@ from rb_sim.contact.events.steps import (
     stepping_of,
 )
 from rb_sim.contact.grid_motion import GridMotion, LeftOpen
-from rb_sim.contact.problem.assembly import velocities
-from rb_sim.contact.problem.event_workspace import (
-    AMBIGUOUS,
-    LEAPS,
-    Journal,
-)
-from rb_sim.contact.problem.event_workspace import JAMS as JAMMED_NOTE
-from rb_sim.contact.problem.impacts import (
+from rb_sim.contact.impacts import (
     AT_ONCE,
     ENDLESS,
     GOES_ON,
@@ -99,7 +99,7 @@ from rb_sim.contact.problem.impacts import (
     Chatter,
     forget_bounces,
 )
-from rb_sim.contact.problem.modes import find_held
+from rb_sim.contact.modes import find_held
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
@@ -225,7 +225,7 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
     turned = np.linalg.norm(np.einsum("bij,bj->bi", arms, change[:, 3:]), axis=1)
     most = float(max(np.linalg.norm(change[:, :3], axis=1).max(), turned.max()))
     at.refresh()
-    stops = most <= max(MOVED * left, at.system.still)
+    stops = most <= max(MOVED * left, at.system.velocity_tolerance)
     if not stops or (creep.any() and nearly_depend(at)):
         at.y[:] = y
         touch[:] = table
@@ -385,10 +385,14 @@ class ContactMotion(GridMotion):
     def _explain(self, status: int) -> str:
         """As Motion; also which slips an implicit method may not follow."""
         touch, text = self.system.touch, super()._explain(status)
-        rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
-        if status != NOT_FINITE or not self._stepping.setting[4] or not rubs.any():
+        slides_with_friction = (
+            (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+        )
+        if status != NOT_FINITE or not self._stepping.setting[4] or not slides_with_friction.any():
             return text
-        names = ", ".join(name for name, rub in zip(self.names, rubs, strict=True) if rub)
+        names = ", ".join(
+            name for name, rub in zip(self.names, slides_with_friction, strict=True) if rub
+        )
         return f"{text}: its iteration may fail at slow slips with friction ({names})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
@@ -630,7 +634,7 @@ class ContactMotion(GridMotion):
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:
             refuse_rough(instant, rough[0], self.names)
-        hardly = c is not None and instant.slip_speed(c) <= self.system.still
+        hardly = c is not None and instant.slip_speed(c) <= self.system.velocity_tolerance
         # compliant contacts that stick may find no forces either, and touch nothing rigidly
         near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
         if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
@@ -677,8 +681,10 @@ class ContactMotion(GridMotion):
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
             touch = self.system.touch
-            rubs = bool(((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any())
-            taken = stepping_of(self.compiled, self.method, rubs)
+            slides_with_friction = bool(
+                ((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any()
+            )
+            taken = stepping_of(self.compiled, self.method, slides_with_friction)
             self._taken = self.method, taken
         return self._taken[1]
 

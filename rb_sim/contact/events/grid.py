@@ -54,7 +54,7 @@ from rb_sim.mechanics.contact.event_functions import (
     rolling,
     step_of_swings,
 )
-from rb_sim.mechanics.system import settle
+from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
 from rb_sim.numerics.kernels import call_step, inline, part, pointer
 from rb_sim.numerics.vectors import dot, norm, sub
@@ -172,11 +172,15 @@ def before_noise(method, system, grid, implicit):
     last = grid.t1
     if method.setting[4] != 0.0 or implicit:
         return last
-    touch, still = system.touch, SHARP * system.still / system.speed
+    touch, velocity_tolerance = system.touch, SHARP * system.velocity_tolerance / system.speed
     for c in range(touch.shape[0]):
         level = touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
         slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
-        if slides and still < level <= FAST * still and was_turned(system, c, AT_SLIP, ASIDE):
+        if (
+            slides
+            and velocity_tolerance < level <= FAST * velocity_tolerance
+            and was_turned(system, c, AT_SLIP, ASIDE)
+        ):
             own = own_rate(system, grid.y0, c, AT_SLIP)
             if -touch[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
                 last = min(last, grid.t0 + CALM * level / own)
@@ -420,7 +424,7 @@ def advance_grid(method, system, grid, stop, work):
         h_next = min(h_next, tried)
     y1, c1 = grid.y1, grid.c1
     add_increment(y1, c1, work)
-    settle(system, t, y1)
+    project(system, t, y1)
     after = Grid(
         grid.origin, grid.steps + 1, rejected, t0, y0, c0, t, y1, c1, h_next, grid.y, grid.c
     )
@@ -436,7 +440,7 @@ def branch(method, system, grid, t, work, y, c):
     copy(c, grid.c0)
     increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
     add_increment(y, c, work)
-    settle(system, t, y)
+    project(system, t, y)
 
 
 @inline
@@ -452,7 +456,7 @@ def reach(method, system, grid, t, work, y, c):
         for i in range(parts):
             increment(method, system, grid.t0 + i * h, y, h, work)
             add_increment(y, c, work)
-            settle(system, grid.t0 + (i + 1) * h, y)
+            project(system, grid.t0 + (i + 1) * h, y)
         parts *= 2
 
 

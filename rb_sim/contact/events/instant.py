@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
-from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.compiler.program import address_of
-from rb_sim.contact.events.search import begin_step
-from rb_sim.contact.problem.assembly import (
+from rb_sim.contact.assembly import (
     CANDIDATE,
     PRESSED,
     SOLVED,
@@ -34,7 +33,7 @@ from rb_sim.contact.problem.assembly import (
     velocities,
     write_all_rows,
 )
-from rb_sim.contact.problem.event_workspace import (
+from rb_sim.contact.event_workspace import (
     CHANGES,
     IMPACT,
     WORKSPACE_LAYOUT,
@@ -42,15 +41,16 @@ from rb_sim.contact.problem.event_workspace import (
     note_changes,
     note_impulses,
     slip_speed,
-    speed_that_is_none,
+    spin_tolerance_of,
     take_before,
     touches,
-    turn_that_is_none,
     turning,
+    velocity_tolerance_of,
     workspace_for,
     workspace_left,
 )
-from rb_sim.contact.problem.impacts import (
+from rb_sim.contact.events.search import begin_step
+from rb_sim.contact.impacts import (
     AT_ONCE,
     NOTHING,
     STRUCK,
@@ -59,7 +59,7 @@ from rb_sim.contact.problem.impacts import (
     strike_in_rounds,
     time_of_flights,
 )
-from rb_sim.contact.problem.modes import WHOLE, choose, may_share
+from rb_sim.contact.modes import WHOLE, choose, may_share
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import held_at
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, power_of_contacts
@@ -77,7 +77,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
-from rb_sim.mechanics.system import settle
+from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, WIDTH
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
@@ -152,7 +152,7 @@ def do_task(places):
         contact_accelerations(system, t, y)
     elif task == SETTLE:
         write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
-        settle(system, t, y)
+        project(system, t, y)
     elif task == BEGIN:
         begin_step(system, t, y, view(pointer_to(places, DIGITS), 0, places[LENGTH]))
     elif task == ARRIVE:
@@ -316,7 +316,7 @@ class Instant:
         """task: that writes the rows."""
         self.system, self.laws, self.t, self.y = call.system, laws, t, y
         self.call, self.workspace = call, call.workspace
-        self.still = speed_that_is_none(self.system)
+        self.velocity_tolerance = velocity_tolerance_of(self.system)
         """Speed that is none [m/s]."""
         self.first: list[int] = self.system.first_row[self.system.joints :].tolist()
         """First row of each contact; all before that of contact 0 are the joints'."""
@@ -362,7 +362,7 @@ class Instant:
     def effective_pivot(self, c: int) -> float:
         """n . M^-1 (n + T/N) over n . M^-1 n, joints holding, for the slip that contact c has."""
         speed, law = self.slip_speed(c), self.laws[c]
-        if speed <= self.still or not 0.0 < law.kinetic < np.inf:
+        if speed <= self.velocity_tolerance or not 0.0 < law.kinetic < np.inf:
             return 1.0
         k = self.first[c]
         J = self.workspace.J
@@ -469,8 +469,8 @@ def leap(at: Instant, duration: float) -> Array | None:
 def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
     """Whether contact c moves over its support, in each of its three ways."""
     across, about = turning(at.system, c)
-    slow = turn_that_is_none(at.system)
-    return at.slip_speed(c) > at.still, norm(across) > slow, abs(about) > slow
+    slow = spin_tolerance_of(at.system)
+    return at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
 
 
 def rest_if_it_may(at: Instant, c: int) -> None:

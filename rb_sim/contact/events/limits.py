@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
-from rb_sim.catalogue.contacts.touching import ContactLaw
+from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import FLAT, RimOnPlane
 from rb_sim.catalogue.geometry.pairs import BallOnSolid
 from rb_sim.contact.events.instant import ACCELERATE, Instant
-from rb_sim.contact.problem.impacts import HELD_DOWN
+from rb_sim.contact.impacts import HELD_DOWN
 from rb_sim.mechanics.contact.contact_bodies import (
     AXIS,
     CLOSED,
@@ -243,7 +243,7 @@ def aim_under_the_load(at: Instant, rims: Rims) -> bool:
 def aim_where_it_turns(at: Instant, rims: Rims) -> bool:
     """The same where it turns to; False if it has a point there, or rests."""
     turns = {c: falling(at, c) for c in lying(at, rims)}
-    return aim(at, turns, at.still / at.system.length)
+    return aim(at, turns, at.velocity_tolerance / at.system.length)
 
 
 def falling(at: Instant, c: int) -> Array:

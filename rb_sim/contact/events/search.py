@@ -28,7 +28,7 @@ from rb_sim.mechanics.contact.accelerations import (
     contact_accelerations,
     fastest_creep,
     note_creep,
-    rubs,
+    slides_with_friction,
 )
 from rb_sim.mechanics.contact.contact_bodies import (
     AROUND,
@@ -560,15 +560,15 @@ def note_directions(system, c):
     slip, roll = vec(touch, c, SLIP), rolling(touch, c)
     note_direction(touch, c, SLIP_DIRECTION, slip, least_slip(system, c))
     about = dot(vec(touch, c, RELATIVE_SPIN), vec(touch, c, NORMAL))
-    still = system.still / system.length
-    note_direction(touch, c, ROLL_DIRECTION, roll, still)
-    if rubs(touch, c):
+    velocity_tolerance = system.velocity_tolerance / system.length
+    note_direction(touch, c, ROLL_DIRECTION, roll, velocity_tolerance)
+    if slides_with_friction(touch, c):
         touch[c, before + AT_SLIP] = slip_level(system, c, slip)
         touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
     if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
         touch[c, before + AT_ROLL] = roll_level(system, c, roll)
         touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
-    if abs(about) > still:
+    if abs(about) > velocity_tolerance:
         ahead = 1.0 if about > 0.0 else -1.0
         if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_SIGN]:
             touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
@@ -577,11 +577,11 @@ def note_directions(system, c):
 
 
 @inline
-def note_direction(touch, c, at, a, still):
-    """Keep the unit vector of `a` in the table from column `at` on; below `still` the one before
-    stays."""
+def note_direction(touch, c, at, a, velocity_tolerance):
+    """Keep the unit vector of `a` in the table from column `at` on; below `velocity_tolerance` the
+    one before stays."""
     size = norm(a)
-    if size > still:
+    if size > velocity_tolerance:
         keep(touch, c, at, scale(1.0 / size, a))
 
 
@@ -640,8 +640,8 @@ def note_slow_slips(system, kept, arms, grid):
     for c in range(touch.shape[0]):
         slip = vec(touch, c, SLIP)
         size = norm(slip)
-        followed = size > system.still or may_creep(system, c)
-        if not rubs(touch, c) or followed or size <= STILL * system.speed:
+        followed = size > system.velocity_tolerance or may_creep(system, c)
+        if not slides_with_friction(touch, c) or followed or size <= STILL * system.speed:
             kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
@@ -651,10 +651,10 @@ def note_slow_slips(system, kept, arms, grid):
         turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, SLIP_DIRECTION)))
         kept[c, PUSHED] += push * (grid.t1 - grid.t0)
         kept[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
-        if kept[c, PUSHED] > LASTING * mass * system.still:
+        if kept[c, PUSHED] > LASTING * mass * system.velocity_tolerance:
             speed = (2.0 * kept[c, NOT_TAKEN] / mass) ** 0.5
             share = speed / kept[c, BEGAN] if kept[c, BEGAN] > speed else 1.0
-            if speed > ERRORS * system.still and share > max(kept[c, LAG], LAGS):
+            if speed > ERRORS * system.velocity_tolerance and share > max(kept[c, LAG], LAGS):
                 kept[c, LAG], kept[c, LAG_TIME] = share, grid.t0
 
 

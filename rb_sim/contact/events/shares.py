@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
+from rb_sim.contact.assembly import inverse_mass, spread
+from rb_sim.contact.event_workspace import OPEN
 from rb_sim.contact.events.instant import (
     CHOOSE,
     WRITE,
@@ -29,9 +31,7 @@ from rb_sim.contact.events.instant import (
 )
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
-from rb_sim.contact.problem.assembly import inverse_mass, spread
-from rb_sim.contact.problem.event_workspace import OPEN
-from rb_sim.contact.problem.modes import JAMMED_ONES, TOO_LARGE, find_held
+from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, find_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
@@ -52,7 +52,7 @@ from rb_sim.scene.compiled import Compiled
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rb_sim.contact.problem.event_workspace import Workspace
+    from rb_sim.contact.event_workspace import Workspace
     from rb_sim.numerics.cone_program import Cones
 
 
@@ -112,11 +112,13 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
 def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
     """Keep how much the shares y of the load leave open, if it is the most of a run."""
     touch = at.system.touch
-    rubs = (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
-    if rubs.any():
+    slides_with_friction = (
+        (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+    )
+    if slides_with_friction.any():
         figure = open_in(at, reactions, cones, y)
         if figure > at.workspace.undetermined[4]:
-            at.workspace.undetermined[4:7] = figure, at.t, int(np.argmax(rubs))
+            at.workspace.undetermined[4:7] = figure, at.t, int(np.argmax(slides_with_friction))
 
 
 def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
@@ -314,7 +316,7 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     except SimulationError:  # jams at once: nothing is known of its forces
         return compiled.indeterminate
     call(WRITE, 0.0, y)
-    pushes = spread(system, system.pushes)
+    pushes = spread(system, system.force_rows)
     holding = np.flatnonzero(np.abs(pushes).any(axis=1))
     if not len(holding):
         return compiled.indeterminate

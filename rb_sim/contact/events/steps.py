@@ -19,10 +19,9 @@ import numpy as np
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.effects.wrench import BodyHarmonicRow, WorldHarmonicRow
 from rb_sim.catalogue.geometry.pairs import Shaken, Turntable, carrier, touching
-from rb_sim.catalogue.types import WORLD
-from rb_sim.compiler.builder import Value
+from rb_sim.catalogue.spec import WORLD
+from rb_sim.compiler.builder import PackedSystem, Value
 from rb_sim.compiler.calls import means
-from rb_sim.compiler.kinds import PackedSystem
 from rb_sim.contact.events.grid import (
     Grid,
     Stepping,
@@ -53,7 +52,11 @@ from rb_sim.integrate.layout import (
 )
 from rb_sim.integrate.methods.radau5 import radau5_of_slips
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
-from rb_sim.mechanics.contact.accelerations import contact_accelerations, moving, rubs
+from rb_sim.mechanics.contact.accelerations import (
+    contact_accelerations,
+    moving,
+    slides_with_friction,
+)
 from rb_sim.mechanics.contact.constraint_tables import carry_inputs, write_joints
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_POSITIONS,
@@ -81,7 +84,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_laws import rate_of_change
 from rb_sim.mechanics.contact.event_functions import before_swing
 from rb_sim.mechanics.contact.motion_kernels import contact_rate, fill_symmetric
-from rb_sim.mechanics.system import sample, settle
+from rb_sim.mechanics.system import project, sample
 from rb_sim.mechanics.systems.elimination import largest_pivots
 from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of, vec
 from rb_sim.mechanics.systems.multibody import put_rates
@@ -116,7 +119,7 @@ def slowest_slip(system):
     """The least speed of a slip whose friction has a corner, over the scene's."""
     touch, least = system.touch, FASTEST * system.speed
     for c in range(touch.shape[0]):
-        if rubs(touch, c):
+        if slides_with_friction(touch, c):
             least = min(least, max(norm(vec(touch, c, SLIP)), least_slip(system, c)))
     return least / system.speed
 
@@ -224,14 +227,14 @@ def slow_slips(system: Any, method: Any) -> dict[str, float]:
     """The slips [m/s] that are lost in errors, and that creep."""
     tolerance = getattr(method, "tolerance", 0.0)
     creep = CREEP * system.speed if tolerance > 0.0 else 0.0
-    return {"still": max(system.still, NOISE * tolerance), "creep": creep}
+    return {"velocity_tolerance": max(system.velocity_tolerance, NOISE * tolerance), "creep": creep}
 
 
-def stepping_of(compiled: Compiled, method: Any, rubs: bool) -> Stepping:
+def stepping_of(compiled: Compiled, method: Any, slides_with_friction: bool) -> Stepping:
     """rubs: whether slips may be slow and stiff."""
     step, setting = settings_of(paced(compiled, method))
     implicit: tuple[Any, Any] = 0, 0
-    if rubs and getattr(method, "tolerance", 0.0) > 0.0:
+    if slides_with_friction and getattr(method, "tolerance", 0.0) > 0.0:
         implicit = radau5_of_slips.reference, jacobian_by_differences.address
     setting = (*setting, float(step.implicit > 0))
     return Stepping(step.reference, rate_of_change.address, setting, *implicit)
@@ -307,7 +310,7 @@ def choose_rank(system, t, y):
         put_rates(system, y, later)
         for i in range(y.shape[0]):
             later[i] = y[i] + nudge * later[i]
-        settle(system, t + nudge, later)
+        project(system, t + nudge, later)
         soon, _ = moving(system, t + nudge, later, False)
         if soon == rank:
             system.row_table[0, MOST_RANK] = int(rank)

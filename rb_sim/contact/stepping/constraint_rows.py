@@ -15,7 +15,7 @@ import math
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.solvers.graph import (
+from rb_sim.contact.contact_graph import (
     BOUND,
     CONTACT_ROWS,
     GIVE,

@@ -18,7 +18,7 @@ import numpy as np
 
 from rb_sim.base.errors import SceneError
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.catalogue.contacts import friction
+from rb_sim.catalogue import friction
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.pairs import (
     BallOnCylinder,
@@ -30,11 +30,10 @@ from rb_sim.catalogue.geometry.pairs import (
     touching,
 )
 from rb_sim.catalogue.geometry.solids import MOST_POINTS, box_points
-from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
-from rb_sim.graph.functions import explored, leaves
 from rb_sim.graph.machine import compile_law, interpreted
-from rb_sim.graph.symbols import Graph
+from rb_sim.graph.symbols import Graph, explored, leaves
 from rb_sim.integrate.layout import RATE, VELOCITY
 from rb_sim.mechanics.contact.contact_bodies import AMONG_ROWS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import state_from, traction_law, with_packed_hulls
@@ -148,18 +147,18 @@ class PointLaws:
         of = row.pair, row.carrier
         return self._placed(spot_law(of, in_world), [value for _, value in numbers(of)])
 
-    def of_traction(self, rubs: Any, name: str) -> tuple[int, int]:
+    def of_traction(self, friction_law: Any, name: str) -> tuple[int, int]:
         """The same of a friction; zeros of one whose bound does not depend on the slip.
 
         Raises SceneError if a step cannot take such a friction; name: of the contact.
         """
-        if isinstance(rubs, friction.BOUNDED):
+        if isinstance(friction_law, friction.BOUNDED):
             return 0, 0
-        if rubs not in self._tractions:
-            refuse_traction(rubs, name)
-            constants = [value for _, value in numbers(rubs)]
-            self._tractions[rubs] = self._placed(traction_law(rubs), constants)
-        return self._tractions[rubs]
+        if friction_law not in self._tractions:
+            refuse_traction(friction_law, name)
+            constants = [value for _, value in numbers(friction_law)]
+            self._tractions[friction_law] = self._placed(traction_law(friction_law), constants)
+        return self._tractions[friction_law]
 
     def written(self, tables: Tables) -> Tables:
         """The tables with the laws that are known so far."""
@@ -220,31 +219,31 @@ SLIPS = (0.01, 1.0, 30.0)
 ALONG = ((1.0, 0.0, 0.0), (0.0, 0.6, -0.8), (-0.36, 0.48, 0.8))
 
 
-def refuse_traction(rubs: Any, name: str) -> None:
+def refuse_traction(friction_law: Any, name: str) -> None:
     """Raise SceneError unless the traction points against the slip, is as large in each direction,
     and, if the contact sticks, is proportional to N."""
     for speed in SLIPS:
         sizes = []
         for along in ALONG:
             s = tuple(speed * x for x in along)
-            found = np.array(friction.traction(rubs, s, along, 0.0, False))
+            found = np.array(friction.traction(friction_law, s, along, 0.0, False))
             sizes.append(found @ along)
             askew = np.abs(found - np.outer(sizes[-1], along)).max()
             if askew > WRITTEN_ROUNDING * np.abs(found).max() or sizes[-1].max() > 0.0:
                 what = "a traction against the slip"
-                raise refused(rubs, name, what)
+                raise refused(friction_law, name, what)
         if np.ptp(np.array(sizes), axis=0).max() > WRITTEN_ROUNDING * np.abs(sizes).max():
-            raise refused(rubs, name, "the same traction in each direction")
-        if rubs.static > 0.0 and np.abs(np.array(sizes)[:, 1]).max() > 0.0:
-            raise refused(rubs, name, "a traction proportional to N if it can stick")
+            raise refused(friction_law, name, "the same traction in each direction")
+        if friction_law.static > 0.0 and np.abs(np.array(sizes)[:, 1]).max() > 0.0:
+            raise refused(friction_law, name, "a traction proportional to N if it can stick")
 
 
-def refused(rubs: Any, name: str, allowed: str) -> SceneError:
+def refused(friction_law: Any, name: str, allowed: str) -> SceneError:
     """The error for a friction law that time stepping cannot take; allowed: what it would have to
     be."""
     return SceneError(
-        f"got the law of friction {type(rubs).__name__}; must be one with {allowed} for method "
-        "time_stepping; event-driven methods take it",
+        f"got the law of friction {type(friction_law).__name__}; must be one with {allowed} for "
+        "method time_stepping; event-driven methods take it",
         key=f"constraints.{name.split('/')[0]}.friction",
     )
 

@@ -29,16 +29,7 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.solvers.gauss_seidel import (
-    ROUGH,
-    eliminates,
-    factor_joints,
-    fill_block,
-    gauss_seidel,
-    is_plain,
-    sweep_against_joints,
-)
-from rb_sim.contact.solvers.graph import (
+from rb_sim.contact.contact_graph import (
     BOUND,
     CONTACT_ROWS,
     ENOUGH,
@@ -49,8 +40,17 @@ from rb_sim.contact.solvers.graph import (
     push,
     rate_of,
 )
-from rb_sim.contact.solvers.least_shares import take_least_shares
-from rb_sim.contact.solvers.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
+from rb_sim.contact.gauss_seidel import (
+    ROUGH,
+    eliminates,
+    factor_joints,
+    fill_block,
+    gauss_seidel,
+    is_plain,
+    sweep_against_joints,
+)
+from rb_sim.contact.least_shares import take_least_shares
+from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
 from rb_sim.contact.stepping.geometry import has_turned, note_middle, put, triple
 from rb_sim.contact.stepping.scene_tables import (

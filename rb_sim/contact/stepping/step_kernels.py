@@ -16,8 +16,8 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
-from rb_sim.catalogue.types import BodyState
-from rb_sim.contact.solvers.graph import CONTACT_ROWS, coupled, push, rate_of
+from rb_sim.catalogue.spec import BodyState
+from rb_sim.contact.contact_graph import CONTACT_ROWS, coupled, push, rate_of
 from rb_sim.contact.stepping.constraint_rows import six, write_row
 from rb_sim.contact.stepping.geometry import (
     FAR,

@@ -129,7 +129,7 @@ class Joints:
     def into(self, tables: Tables) -> Tables:
         """The tables with the laws of the joints."""
         laws = self.laws
-        found = self._written, laws.settle, laws.gap, laws.position, self._hastened
+        found = self._written, laws.project, laws.gap, laws.position, self._hastened
         return tables._replace(
             joint_laws=addresses([reference(law) for law in found]), joint_inputs=self._inputs
         )

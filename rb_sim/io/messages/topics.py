@@ -262,7 +262,7 @@ Accelerating = Callable[["SampleBlock"], Any]
 """Linear accelerations of C, world axes, and dw/dt, body axes, of shape (n, bodies, 3)."""
 
 Asked = Callable[["Scene", "SampleLayout"], Accelerating]
-"""Gives them for the blocks of a run; rb_sim.trajectory.wrenches.accelerating is one."""
+"""Gives them for the blocks of a run; rb_sim.trajectory.record.accelerating is one."""
 
 
 class AccelTable:

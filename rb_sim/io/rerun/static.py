@@ -24,7 +24,7 @@ from rb_sim.io.rerun.arrow_scales import drawn_reactions
 from rb_sim.numerics.rotations import from_z, rotate
 
 if TYPE_CHECKING:
-    from rb_sim.io.plots.panels import Panel
+    from rb_sim.io.panels import Panel
     from rb_sim.io.rerun.arrow_scales import Scales
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene

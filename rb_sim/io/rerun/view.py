@@ -42,7 +42,7 @@ import rerun.blueprint as rrb
 from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.contact_power import contacts_of
 from rb_sim.io.extent import half_box
-from rb_sim.io.plots.panels import Panel, panels_of
+from rb_sim.io.panels import Panel, panels_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,

@@ -96,7 +96,7 @@ then come to rest [m/s]."""
 
 
 @inline
-def rubs(touch, c):
+def slides_with_friction(touch, c):
     """True of a contact that slips against Coulomb's friction."""
     return touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0
 
@@ -104,7 +104,7 @@ def rubs(touch, c):
 @inline
 def slides_on_what_gives(touch, c):
     """True of one that rubs and gives way."""
-    return rubs(touch, c) and touch[c, COMPLIANT] == 1.0
+    return slides_with_friction(touch, c) and touch[c, COMPLIANT] == 1.0
 
 
 @inline
@@ -159,9 +159,9 @@ def add_direct(system, y):
 @inline
 def push_of(system, i, j, column):
     """M_i^-1 of the push of row j on body i, whose columns start at `column`."""
-    force = scale(1.0 / system.bodies[i, 0], vec(system.pushes, j, column))
+    force = scale(1.0 / system.bodies[i, 0], vec(system.force_rows, j, column))
     s = system.bodies
-    k = vec(system.pushes, j, column + 3)
+    k = vec(system.force_rows, j, column + 3)
     turn = (
         s[i, 7] * k[0] + s[i, 10] * k[1] + s[i, 11] * k[2],
         s[i, 10] * k[0] + s[i, 8] * k[1] + s[i, 12] * k[2],
@@ -440,9 +440,9 @@ def power_of_contacts(system, y):
         B, A = state_of(y, b), state_of(y, a)
         for i in range(k, last):
             x = system.vectors[MULTIPLIERS, i]
-            s = coupling(system.pushes, i, 0, B.v_WC, B.w_WB_B)
+            s = coupling(system.force_rows, i, 0, B.v_WC, B.w_WB_B)
             if a >= 0:
-                s += coupling(system.pushes, i, 6, A.v_WC, A.w_WB_B)
+                s += coupling(system.force_rows, i, 6, A.v_WC, A.w_WB_B)
             power += x * s
         f, m, p = (
             vec(system.touch, c, DIRECT),

@@ -15,9 +15,9 @@ Traced laws give them in loops; interpreted, the same Python is called as it is.
 from __future__ import annotations
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
-from rb_sim.catalogue.contacts.friction import BOUNDED, traction
+from rb_sim.catalogue.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
-from rb_sim.graph.functions import leaves
+from rb_sim.graph.symbols import leaves
 from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
 from rb_sim.mechanics.contact.contact_bodies import (
     AROUND,
@@ -101,9 +101,9 @@ LAYOUT = Layout(
         "length": REAL,
         "speed": REAL,
         "touch": (REAL, 2),
-        "pushes": (REAL, 2),
+        "force_rows": (REAL, 2),
         "mass": REAL,
-        "still": REAL,
+        "velocity_tolerance": REAL,
         "creep": REAL,
         "joints": INTEGER,
         "contacts": (INTEGER, 2),
@@ -155,12 +155,12 @@ def put_forces(system, c, out):
     first, last = first_row_of(system, c), first_row_of(system, c + 1)
     for j in range(FORCES_WIDTH):
         system.touch[c, DIRECT + j] = out[GEOMETRY + j]
-    pushes = FORCES + ROW_WIDTH * (last - first)
+    force_rows = FORCES + ROW_WIDTH * (last - first)
     for i in range(last - first):
         for j in range(ROW_WIDTH):
             system.rows[first + i, j] = out[FORCES + ROW_WIDTH * i + j]
         for j in range(12):
-            system.pushes[first + i, j] = out[pushes + 12 * i + j]
+            system.force_rows[first + i, j] = out[force_rows + 12 * i + j]
 
 
 def write_contact(placed, t, system, y, c):
@@ -173,7 +173,7 @@ def write_contact(placed, t, system, y, c):
     if touch[c, CLOSED] == 0.0:
         clear_contact(
             system.rows,
-            system.pushes,
+            system.force_rows,
             first_row_of(system, c),
             first_row_of(system, c + 1),
             touch,
@@ -190,7 +190,7 @@ def write_contact(placed, t, system, y, c):
         vec(touch, c, ROLL_DIRECTION),
         touch[c, SPIN_SIGN],
         least_slip(system, c),
-        system.still / system.length,
+        system.velocity_tolerance / system.length,
     )
     done = forces(placed.row, found, moving, kept)
     put_forces(system, c, list(leaves((found, done))))
@@ -211,7 +211,10 @@ def put_arguments(system, y, c, out):
         out[KEPT + 7 + j] = touch[c, SLIDE + j]
     for j in range(8):
         out[KEPT + 10 + j] = touch[c, NORMAL_SIGN + j]
-    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = least_slip(system, c), system.still / system.length
+    out[ARGUMENTS - 2], out[ARGUMENTS - 1] = (
+        least_slip(system, c),
+        system.velocity_tolerance / system.length,
+    )
 
 
 @inline
@@ -225,7 +228,7 @@ def write_contact_by_law(system, t, y, c):
         call_law(system.contacts[c, OPEN_LAW], t, arguments, constants, out)
         put_geometry(system.touch, c, out)
         first, last = first_row_of(system, c), first_row_of(system, c + 1)
-        clear_contact(system.rows, system.pushes, first, last, system.touch, c)
+        clear_contact(system.rows, system.force_rows, first, last, system.touch, c)
     else:
         call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
         put_geometry(system.touch, c, out)
@@ -333,7 +336,7 @@ def push_joints_along(system):
     """A joint pushes along the row that it enforces."""
     for k in range(first_row_of(system, 0)):
         for j in range(12):
-            system.pushes[k, j] = system.rows[k, j]
+            system.force_rows[k, j] = system.rows[k, j]
 
 
 @dispatch

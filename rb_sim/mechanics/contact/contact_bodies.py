@@ -211,11 +211,11 @@ class ContactBodies(NamedTuple):
     """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
     touch: np.ndarray
     """the table of contacts, see above, shape (contacts, TOUCH_WIDTH)."""
-    pushes: np.ndarray
+    force_rows: np.ndarray
     """direction of push of each row: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float
     """of all bodies [kg]."""
-    still: float
+    velocity_tolerance: float
     """slip whose direction is lost in the method's errors, and taken to be that of before [m/s]."""
     creep: float
     """slip of a contact that gives way below which it creeps, and above which it is followed; 0:
@@ -260,7 +260,7 @@ def may_creep(system, c):
 @inline
 def least_slip(system, c):
     """Slip of contact c below which its direction is not followed [m/s]."""
-    return system.creep if may_creep(system, c) else system.still
+    return system.creep if may_creep(system, c) else system.velocity_tolerance
 
 
 @inline

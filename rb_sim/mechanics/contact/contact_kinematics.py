@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.catalogue.contacts.friction import NoResistance, resisting, traction
+from rb_sim.catalogue.friction import NoResistance, resisting, traction
 from rb_sim.catalogue.geometry.corners_and_rims import (
     Lean,
     PointOnSolid,
@@ -29,7 +29,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     rim_touching,
 )
 from rb_sim.catalogue.geometry.pairs import Touch, carrier, touching
-from rb_sim.catalogue.types import BodyState, Vec3
+from rb_sim.catalogue.spec import BodyState, Vec3
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -65,7 +65,7 @@ class Kept(NamedTuple):
     """direction of turning across the normal."""
     spin_sign: float
     """sign of turning about the normal."""
-    still: float
+    velocity_tolerance: float
     """slip that is but rounding [m/s]."""
     still_turn: float
     """turning that is but rounding [rad/s]."""
@@ -75,7 +75,7 @@ class Geometry(NamedTuple):
     """Where the surfaces are and how they move past each other, world axes."""
 
     gap: float
-    rising: float
+    gap_rate: float
     normal: Vec3
     point: Vec3
     slip: Vec3
@@ -100,7 +100,7 @@ class Forces(NamedTuple):
     """N of a compliant support."""
     rows: tuple
     """16 numbers of each row (see catalogue.constraints.rows), zero where it does not hold."""
-    pushes: tuple
+    force_rows: tuple
     """12 numbers of each row."""
 
 
@@ -140,12 +140,14 @@ def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tupl
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     moved = add(A.v_WC, cross(spin_A, sigma))
     speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
-    rising = dot(at.normal, speed)
-    slip = sub(speed, scale(rising, at.normal))
-    spring = -row.spring[0] * at.gap - row.spring[1] * rising if row.spring else 0.0
+    gap_rate = dot(at.normal, speed)
+    slip = sub(speed, scale(gap_rate, at.normal))
+    spring = -row.spring[0] * at.gap - row.spring[1] * gap_rate if row.spring else 0.0
     fastest = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * norm(r) + norm(A.w_WB_B) * norm(sigma)
     turn = sub(spin_B, spin_A)
-    found = Geometry(at.gap, rising, at.normal, at.point, slip, turn, spring, fastest, lean, around)
+    found = Geometry(
+        at.gap, gap_rate, at.normal, at.point, slip, turn, spring, fastest, lean, around
+    )
     return found, _Moving(B, A, a_A, alpha_A, driven, at, r, sigma, moved)
 
 
@@ -172,7 +174,9 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     for i, d in enumerate((n, t1, t2)):
         holds, first = (rigid, 1.0) if i == 0 else (kept.slide > 0.5 * (SLIDING + STUCK), 0.0)
         # what gives way may approach while it sticks, and the tangents turn with the normal
-        turning = dot(m.at.normal_rate, g.slip) if i == 0 else -g.rising * dot(d, m.at.normal_rate)
+        turning = (
+            dot(m.at.normal_rate, g.slip) if i == 0 else -g.gap_rate * dot(d, m.at.normal_rate)
+        )
         bias = dot(d, drift) + turning
         turn_B, turn_A = unrotate(B.q_WB, cross(r, d)), unrotate(A.q_WB, cross(d, sigma))
         rate = m.driven * dot(d, m.moved)
@@ -180,24 +184,26 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     if not isinstance(row.resistance, NoResistance):
         rows += turn_rows(m, (t1, t2, n), spin_A, g.turn, kept)
     sliding = (kept.slide > 0.5 * SLIDING) & (kept.slide < 0.5 * (SLIDING + STUCK))
-    per_normal, direct = traction(row.friction, g.slip, kept.ahead, kept.still, not rigid)
+    per_normal, direct = traction(
+        row.friction, g.slip, kept.ahead, kept.velocity_tolerance, not rigid
+    )
     per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
     modes = (kept.roll, kept.spin)
     torque = resisting(
         row.resistance, g.turn, n, modes, kept.roll_direction, kept.spin_sign, kept.still_turn
     )
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
-    pushes = [values[:12] for values in rows]
+    force_rows = [values[:12] for values in rows]
     if rigid:
         turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
         turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
         rubbing = (*per_normal, *turn_B, *neg(per_normal), *neg(turn_A))
-        pushes[0] = tuple(a + b for a, b in zip(pushes[0], rubbing, strict=True))
+        force_rows[0] = tuple(a + b for a, b in zip(force_rows[0], rubbing, strict=True))
         torque = ZERO
     else:
         direct = add(direct, scale(g.spring, add(n, per_normal)))
         torque = scale(g.spring, torque)
-    return Forces(direct, torque, g.spring, tuple(rows), tuple(pushes))
+    return Forces(direct, torque, g.spring, tuple(rows), tuple(force_rows))
 
 
 def turn_rows(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:

@@ -21,13 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.catalogue.contacts.friction import BOUNDED, traction
+from rb_sim.catalogue.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
-from rb_sim.catalogue.types import WORLD, BodyState
-from rb_sim.graph.functions import explored, leaves
+from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.graph.machine import Law, compile_law
-from rb_sim.graph.symbols import Graph
+from rb_sim.graph.symbols import Graph, explored, leaves
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact.accelerations import accelerations_in, unconstrained_here
 from rb_sim.mechanics.contact.constraint_tables import (
@@ -109,18 +108,18 @@ _TRACTIONS: dict[Any, Any] = {}
 """Laws of traction by what their kind is."""
 
 
-def traction_law(rubs: Any) -> Any:
+def traction_law(friction_law: Any) -> Any:
     """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
 
     slip: along x, 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers
     each.
     """
-    key = skeleton(rubs)
+    key = skeleton(friction_law)
     if key not in _TRACTIONS:
         graph = Graph()
-        places = [place for place, _ in numbers(rubs)]
+        places = [place for place, _ in numbers(friction_law)]
         constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
-        symbolic = with_numbers(rubs, constants) if places else rubs
+        symbolic = with_numbers(friction_law, constants) if places else friction_law
         slip = graph.vector("y", 3)
 
         def found(s: Any) -> Any:
@@ -254,15 +253,15 @@ class ContactLaws:
         for c, contact in enumerate(placed):
             row = with_packed_hulls(contact.row, self._kept)
             opened, closed = laws_of_kind(row, contact.parent < 0)
-            rubs = contact.row.friction
+            friction_law = contact.row.friction
             table[c, [OPEN_LAW, CLOSED_LAW]] = opened.address, closed.address
             table[c, [CONTACT_BODY, CONTACT_PARENT]] = contact.body, contact.parent
             table[c, FIRST_PARAMETER] = len(constants)
             constants += [value for _, value in numbers(row)]
-            if not isinstance(rubs, BOUNDED):
-                table[c, TRACTION_LAW] = traction_law(rubs).address
+            if not isinstance(friction_law, BOUNDED):
+                table[c, TRACTION_LAW] = traction_law(friction_law).address
                 table[c, FIRST_OF_TRACTION] = len(constants)
-                constants += [value for _, value in numbers(rubs)]
+                constants += [value for _, value in numbers(friction_law)]
         return table, np.array(constants)
 
     def packed(self, system: ContactBodies, inputs: np.ndarray) -> tuple[np.ndarray, Any]:

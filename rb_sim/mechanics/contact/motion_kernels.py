@@ -40,7 +40,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK
-from rb_sim.mechanics.system import sample, settle
+from rb_sim.mechanics.system import project, sample
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     MULTIPLIERS,
@@ -183,13 +183,13 @@ def contact_rate(system, t, y, dy):
     dy[WIDTH * system.bodies.shape[0]] = power_of_contacts(system, y)
 
 
-@settle.register(ContactBodies)
+@project.register(ContactBodies)
 def contact_settle(system, t, y):
     """Interpreted: see `bring_to_manifold`."""
     return bring_to_manifold(system, t, y)
 
 
-@settle.register(PackedSystem)
+@project.register(PackedSystem)
 def settle_by_address(system, t, y):
     """Compiled: the function whose address the system holds."""
     call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.workspace))
@@ -228,8 +228,8 @@ def put_contact_reactions(system, y, out, first):
                 torque_B = (0.0, 0.0, 0.0)
                 for k in range(system.first_row[part], system.first_row[part + 1]):
                     x = system.vectors[MULTIPLIERS, k]
-                    force = add(force, scale(x, vec(system.pushes, k, 0)))
-                    torque_B = add(torque_B, scale(x, vec(system.pushes, k, 3)))
+                    force = add(force, scale(x, vec(system.force_rows, k, 0)))
+                    torque_B = add(torque_B, scale(x, vec(system.force_rows, k, 3)))
                 torque = add(torque, rotate(B.q_WB, torque_B))
                 if part >= joints:
                     f, p = (

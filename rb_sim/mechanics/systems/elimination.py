@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.functions import call, divide, rarely, where
-from rb_sim.graph.symbols import External
+from rb_sim.graph.symbols import External, call, divide, rarely, where
 from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
 from rb_sim.numerics.kernels import inline, part, pointer, routine

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Symmetric, Vec3
-from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Symmetric, Vec3
+from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.one_body import (
     put_balance,
@@ -93,7 +93,7 @@ def pivot_rate(system, t, y):
     return quaternion_rate(B.q_WB, B.w_WB_B) + pivot_spin_rate(system, t, B)
 
 
-@settle.register(FixedPointBody)
+@project.register(FixedPointBody)
 def pivot_settle(system, t, y):
     """The quaternion brought back to length 1."""
     return unit_if_needed(y[0:4]) + y[4:7]
@@ -163,7 +163,7 @@ def hinge_rate(system, t, y):
     return (y[1], hinge_angular_acceleration(system, t, hinge_state(system, y)))
 
 
-@settle.register(FixedAxisBody)
+@project.register(FixedAxisBody)
 def hinge_settle(system, t, y):
     """y itself: the two coordinates are independent."""
     return y

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rb_sim.catalogue.types import (
+from rb_sim.catalogue.spec import (
     CENTRAL,
     CHANGING,
     BodyState,
@@ -23,7 +23,7 @@ from rb_sim.catalogue.types import (
     Symmetric,
     Vec3,
 )
-from rb_sim.mechanics.system import CONFIGURATION, STARTS, inside, rate, sample, settle
+from rb_sim.mechanics.system import CONFIGURATION, STARTS, inside, project, rate, sample
 from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.mechanics.systems.one_body import (
     put_balance,
@@ -90,7 +90,7 @@ def unit_if_needed(q):
     return (s * q[0], s * q[1], s * q[2], s * q[3])
 
 
-@settle.register(FreeBody)
+@project.register(FreeBody)
 def free_settle(system, t, y):
     """The quaternion brought back to length 1."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
@@ -230,7 +230,7 @@ def rotor_rate(system, t, y):
     return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
 
 
-@settle.register(FreeRotor)
+@project.register(FreeRotor)
 def rotor_settle(system, t, y):
     """The quaternion brought back to length 1, and the spin to its polhode."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])

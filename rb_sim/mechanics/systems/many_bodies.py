@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ANGLES, COUNT, anchor, fill
-from rb_sim.catalogue.types import WORLD, BodyState, Inertial, potential, wrench
+from rb_sim.catalogue.spec import WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.mechanics.inputs import CLEARED
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import add, cross, dot, rotate, scale, sub, unrotate

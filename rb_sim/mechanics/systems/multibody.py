@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH
-from rb_sim.catalogue.types import Inertial
+from rb_sim.catalogue.spec import Inertial
 from rb_sim.mechanics.systems.many_bodies import (
     ANGLE,
     BODY,

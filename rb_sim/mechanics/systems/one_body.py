@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from rb_sim.catalogue.types import WORLD, potential, wrench
+from rb_sim.catalogue.spec import WORLD, potential, wrench
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,

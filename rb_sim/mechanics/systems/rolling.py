@@ -20,8 +20,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
-from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
-from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Vec3
+from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.one_body import (
     put_balance,
@@ -122,7 +122,7 @@ def rolling_rate(system, t, y):
     return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + alpha
 
 
-@settle.register(RollingBody)
+@project.register(RollingBody)
 def rolling_settle(system, t, y):
     """Unit quaternion, and the height at which the surface touches the plane."""
     q = unit_if_needed(y[3:7])
@@ -184,7 +184,7 @@ def line_rate(system, t, y):
     return (y[1], dot(system.surface.axis_B, alpha))
 
 
-@settle.register(LineRollingBody)
+@project.register(LineRollingBody)
 def line_settle(system, t, y):
     """y itself: the two coordinates are independent."""
     return y

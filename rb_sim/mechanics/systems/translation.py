@@ -28,11 +28,10 @@ from rb_sim.catalogue.curves import (
     curve_nearest,
     curve_point,
 )
-from rb_sim.catalogue.types import BodyState, Inertial, Quaternion, Vec3
-from rb_sim.graph.functions import call, minimum
+from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Vec3
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
-from rb_sim.graph.symbols import Graph
-from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, settle
+from rb_sim.graph.symbols import Graph, call, minimum
+from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.systems.one_body import (
     put_balance,
@@ -181,7 +180,7 @@ def guided_rate(system, t, y):
     return (y[1], s_dd)
 
 
-@settle.register(TranslatingBody, GuidedBody)
+@project.register(TranslatingBody, GuidedBody)
 def translation_settle(system, t, y):
     """y itself: the coordinates are independent."""
     return y

@@ -14,6 +14,9 @@ the world frame, or the frame named like the body (then the wrench turns with th
 taken at a sample instant t_k, acts from t_k on, and is held until the next one or until
 wrench_timeout simulated seconds have passed. The stamp is not used: what arrives late acts late,
 and the bag says when (BODY/wrench_applied).
+
+The loop polls the subscriptions itself and takes messages as bytes, in a ninth of the time that an
+object of rclpy takes (2 us of 18): a controller may send far more commands than there are samples.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.ros.serving import message_class, offer
 from rb_sim.ros.topics.topic_sink import Latest
+from rb_sim.trajectory.record import accelerating, accelerations
 from rb_sim.trajectory.trajectory import Trajectory
-from rb_sim.trajectory.wrenches import accelerating, accelerations
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -163,7 +163,7 @@ def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
 #
 # f is the specific force in body axes (at rest it points up, by 9.81 m/s^2), g the sum of the
 # scene's uniform gravity on the body. Accelerations are those of Newton's and Euler's equations
-# with the reactions of the sample (rb_sim.trajectory.wrenches); an impact shows in none.
+# with the reactions of the sample (rb_sim.trajectory.record); an impact shows in none.
 
 
 COVARIANCE_3X3 = 9

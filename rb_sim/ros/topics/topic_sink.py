@@ -36,7 +36,7 @@ from rb_sim.ros.serving import message_class, offer, unusable
 from rb_sim.ros.topics.presence import CLOCK_PERIOD
 
 if TYPE_CHECKING:
-    from rb_sim.base.diagnostic import Finding
+    from rb_sim.base.errors import Finding
     from rb_sim.mechanics.samples import SampleBlock, SampleLayout, SampleRow
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation.simulation import Simulation

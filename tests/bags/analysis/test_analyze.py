@@ -42,28 +42,28 @@ def test_poses_of_anybody(tmp_path, make):
     name = "/tf" if make is foreign.tf else "/body"
     source = "/body:drone" if make is foreign.tf else "/body"
     assert name and source in found.bodies
-    told = found.as_dict()
-    rates = told["sources"][source]
+    reported = found.as_dict()
+    rates = reported["sources"][source]
     assert rates["count"] == 400 and rates["rate"] == pytest.approx(100.0, rel=1e-6)
-    body = told["bodies"][source]
+    body = reported["bodies"][source]
     assert body["motion"]["wz"]["mean"] == pytest.approx(0.8, rel=1e-6)
     assert body["motion"]["vz"]["mean"] == pytest.approx(0.2, rel=1e-6)
     assert body["wrench"]["Fx"]["largest"] == pytest.approx(2.0 * 0.5 * 9.0, rel=1e-3)
     assert abs(body["wrench"]["Kx"]["largest"]) < 1e-6
     assert body["state"]["Lz"]["rms"] > 0
     if make is foreign.odometry:
-        assert told["sources"]["/body:twist"]["values"]["wz"]["mean"] == pytest.approx(0.8)
+        assert reported["sources"]["/body:twist"]["values"]["wz"]["mean"] == pytest.approx(0.8)
 
 
 def test_a_recorded_run_agrees_with_its_wrenches(tmp_path):
     """Gravity is all that acts on the thrown box; total momentum and energy balance."""
     bag = interpreted(_long_run, tmp_path / "bag")
-    told = analyze(bag).as_dict()
-    box = told["bodies"]["box"]
+    reported = analyze(bag).as_dict()
+    box = reported["bodies"]["box"]
     assert box["wrench"]["Fz"]["mean"] == pytest.approx(-2.0 * 9.81, rel=1e-6)
     assert box["recorded"]["Fz"]["mean"] == pytest.approx(-2.0 * 9.81, rel=1e-12)
     assert box["apart"]["force"] < 1e-6 and box["apart"]["torque"] < 1e-5
-    assert abs(told["balance"]["energy"]["error"]) < 1e-6
+    assert abs(reported["balance"]["energy"]["error"]) < 1e-6
 
 
 def _long_run(folder: Path) -> Path:
@@ -106,15 +106,15 @@ def spoilt(kind: str, folder: Path) -> Path:
 )
 def test_what_is_wrong_is_told(tmp_path, kind, note):
     found = analyze(spoilt(kind, tmp_path / "bag"))
-    told = found.as_dict()
+    reported = found.as_dict()
     assert any(note in line for line in found.notes) or not note
-    source = told["sources"]["/body"]
+    source = reported["sources"]["/body"]
     if kind == "gaps":
         assert source["gaps"] == 1
         assert source["first_gaps"][0]["seconds"] == pytest.approx(0.81)
     assert source["values"]["z"]["largest"] == pytest.approx(0.2 * 3.99, rel=1e-6)
-    assert abs(told["bodies"]["/body"]["motion"]["vz"]["mean"] - 0.2) < 1e-6
-    json.dumps(told, allow_nan=False)
+    assert abs(reported["bodies"]["/body"]["motion"]["vz"]["mean"] - 0.2) < 1e-6
+    json.dumps(reported, allow_nan=False)
 
 
 @pytest.mark.parametrize("kind", ["empty", "no file", "not a bag"])
@@ -150,8 +150,8 @@ def test_a_spin_that_is_too_fast_for_the_samples_is_told():
     assert not nothing
     torque, note = coning(4e-2, 101)
     assert note.startswith("turns by up to 1.7 rad between samples")
-    told = float(note.split("error of ")[1].split(" %")[0]) / 100.0
-    assert 0.05 < told < abs(torque / exact - 1.0) < 3.0 * told
+    reported = float(note.split("error of ")[1].split(" %")[0]) / 100.0
+    assert 0.05 < reported < abs(torque / exact - 1.0) < 3.0 * reported
 
 
 def test_a_wrong_schema_is_told(tmp_path):
@@ -270,9 +270,9 @@ def test_a_short_recording_has_a_spectrum(count):
     assert found is not None
     frequency, density = found
     assert np.trapezoid(density[:, 0], frequency) == pytest.approx(1.0, rel=0.35)
-    told = figures.as_dict()["values"]
-    assert told["sine"]["peak_frequency"] == pytest.approx(5.0, abs=rate / min(count, 2048))
-    assert told["constant"]["peak_frequency"] is None
+    reported = figures.as_dict()["values"]
+    assert reported["sine"]["peak_frequency"] == pytest.approx(5.0, abs=rate / min(count, 2048))
+    assert reported["constant"]["peak_frequency"] is None
 
 
 @pytest.mark.parametrize("count", [500, 3000])
@@ -325,12 +325,12 @@ def test_noise_of_the_poses_is_told():
     figures.finish()
     (note,) = figures.notes
     assert note.startswith("acceleration from poses is mostly noise")
-    told = float(note.split("mostly noise: ")[1].split()[0])
+    reported = float(note.split("mostly noise: ")[1].split()[0])
     wrench = figures.wrench.as_dict()["values"]
     exact = 4.5 * np.sin(3.0 * t[4:-4])
     true = np.hypot(*(wrench[k]["rms"] / CUBE.mass for k in ("Fy", "Fz")))  # these are all noise
-    assert told == pytest.approx(true * np.sqrt(1.5), rel=0.1)
-    assert np.sqrt(np.mean(exact**2)) < told
+    assert reported == pytest.approx(true * np.sqrt(1.5), rel=0.1)
+    assert np.sqrt(np.mean(exact**2)) < reported
     quiet = BodyFigures(CUBE)
     quiet.add(t, np.c_[p, q])
     quiet.finish()

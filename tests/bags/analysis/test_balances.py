@@ -22,7 +22,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.report import write_report
 from rb_sim.bags.analysis.run import analyze
-from rb_sim.bags.message_rates import APART, GrowingTime
+from rb_sim.bags.info import APART, GrowingTime
 from rb_sim.io.bag.sink import BagSink
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign
@@ -173,8 +173,8 @@ def test_a_clock_that_was_set_back_is_not_bridged(tmp_path, back):
     assert balance["stretches"] == 2
     assert abs(balance["energy"]["error"]) < 1e-7
     assert balance["momentum"]["linear"]["error"] < 1e-8
-    (told,) = (note for note in found.notes if "starts again" in note)
-    assert f"from 1.99 s to {1.99 - back:g} s" in told
+    (reported,) = (note for note in found.notes if "starts again" in note)
+    assert f"from 1.99 s to {1.99 - back:g} s" in reported
 
 
 def test_wrenches_jump_with_the_poses_and_late_ones_do_not(tmp_path):
@@ -198,12 +198,12 @@ def test_errors_of_constraints_from_poses(tmp_path):
         {"bodies": {"body": BODY | {"position": [0, 0.1, 0]}}, "constraints": {"wall": plane}},
         name="made",
     )
-    told = analyze(bag, scene=made).constraints
-    assert told is not None
-    wall = told["position"]["wall"]
+    reported = analyze(bag, scene=made).constraints
+    assert reported is not None
+    wall = reported["position"]["wall"]
     assert wall["largest"] == pytest.approx(5e-4, rel=1e-9)
     assert wall["at"] == pytest.approx(t[100], abs=1e-5)
-    assert told["velocity"]["wall"]["largest"] > 0.01  # the filter makes a speed of it
+    assert reported["velocity"]["wall"]["largest"] > 0.01  # the filter makes a speed of it
     write_report(analyze(bag, scene=made), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "<td>wall</td><td>position [m or rad]</td><td>0.0005</td><td>1</td>" in text
@@ -240,10 +240,10 @@ def test_a_contact_tells_how_deep_it_is(tmp_path):
         {"bodies": {"body": ball}, "constraints": {"floor": {"type": "contact", "body": "body"}}},
         name="made",
     )
-    told = analyze(bag, scene=made).constraints
-    assert told is not None
-    assert told["overlap"]["floor"]["largest"] == pytest.approx(0.02, rel=1e-3)
-    assert told["overlap"]["floor"]["at"] == pytest.approx(np.pi / 2, abs=0.02)
+    reported = analyze(bag, scene=made).constraints
+    assert reported is not None
+    assert reported["overlap"]["floor"]["largest"] == pytest.approx(0.02, rel=1e-3)
+    assert reported["overlap"]["floor"]["at"] == pytest.approx(np.pi / 2, abs=0.02)
 
 
 # Balances of runs of ours with commands, a reset and a state that was set.

@@ -16,10 +16,10 @@ import tracemalloc
 
 import numpy as np
 
-from rb_sim.bags.analysis import result as table
+from rb_sim.bags.analysis import report as table
 from rb_sim.bags.analysis.figures import COLUMNS, Figures
-from rb_sim.bags.analysis.result import Analysis
-from rb_sim.bags.sources import POSE
+from rb_sim.bags.analysis.report import Analysis
+from rb_sim.bags.transforms import POSE
 
 T = np.arange(400) / 100.0
 

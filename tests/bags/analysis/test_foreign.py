@@ -112,9 +112,9 @@ def test_one_topic_in_two_frames_is_not_one_motion(tmp_path):
             late = k >= len(T) // 2
             bag.add("/body", POSE, pose(t, p + 50.0 * late, q, "odom" if late else "map"), t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
-    told = found.as_dict()
-    assert peak(told, "/body") == pytest.approx(PEAK, rel=1e-3)
-    assert told["sources"]["/body (in odom)"]["count"] == len(T) // 2
+    reported = found.as_dict()
+    assert peak(reported, "/body") == pytest.approx(PEAK, rel=1e-3)
+    assert reported["sources"]["/body (in odom)"]["count"] == len(T) // 2
     assert any("/body (in odom) for itself" in note for note in found.notes)
 
 
@@ -124,11 +124,11 @@ def test_two_parents_of_one_child(tmp_path):
             both = transforms(t, ("map", "body", p, q), ("odom", "body", p + 5.0, q))
             bag.add("/tf", TF, both, t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
-    told = found.as_dict()
-    assert told["sources"]["/tf:body"]["count"] == len(T)
-    assert told["sources"]["/tf:body"]["backwards"] == 0
-    assert told["sources"]["/tf:body (in odom)"]["values"]["y"]["least"] == pytest.approx(5.1)
-    assert peak(told, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
+    reported = found.as_dict()
+    assert reported["sources"]["/tf:body"]["count"] == len(T)
+    assert reported["sources"]["/tf:body"]["backwards"] == 0
+    assert reported["sources"]["/tf:body (in odom)"]["values"]["y"]["least"] == pytest.approx(5.1)
+    assert peak(reported, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
 
 
 def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
@@ -136,9 +136,9 @@ def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
             more = [("map", "post", np.zeros(3), Q[0])] * (k % 2)
             bag.add("/tf", TF, transforms(t, *more, ("map", "body", p, q)), t)
-    told = analyze(tmp_path / "x.mcap", masses=UNIT).as_dict()
-    assert told["sources"]["/tf:body"]["backwards"] == 0
-    assert peak(told, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
+    reported = analyze(tmp_path / "x.mcap", masses=UNIT).as_dict()
+    assert reported["sources"]["/tf:body"]["backwards"] == 0
+    assert peak(reported, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
 
 
 def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
@@ -187,12 +187,12 @@ def test_bodies_of_one_scene_in_frames_that_nothing_connects(tmp_path, joined):
             bag.add("/a/pose", POSE, pose(t, p + [1.0, 0.0, 0.0], q), t)
             bag.add("/b/pose", POSE, pose(t, p - offset, q, "odom"), t)
     found = analyze(tmp_path / "x.mcap", masses=masses, scene=scene)
-    told = [note for note in found.notes if "no transform connects" in note]
+    reported = [note for note in found.notes if "no transform connects" in note]
     error = found.as_dict()["constraints"]["position"]["rod"]["largest"]
     if joined:
-        assert not told and error < 1e-12
+        assert not reported and error < 1e-12
     else:
-        assert len(told) == 1 and "(a in map, b in odom)" in told[0]
+        assert len(reported) == 1 and "(a in map, b in odom)" in reported[0]
         assert error == pytest.approx(5.0)
 
 
@@ -265,8 +265,8 @@ def test_poses_too_few_in_a_row_are_counted_and_told(tmp_path, n, cut, found):
     shift = 1.0 * (np.searchsorted(cut, np.arange(n), side="right"))
     bag = foreign.write(tmp_path / "b", t=T[:n] + shift, position=P[:n], q=Q[:n])
     result = analyze(bag, masses=UNIT)
-    told = result.bodies["/body"].as_dict()
-    assert told == {"note": f"{found}: not differentiated, which needs 11 in a row"}
+    reported = result.bodies["/body"].as_dict()
+    assert reported == {"note": f"{found}: not differentiated, which needs 11 in a row"}
     assert "too few poses in a row of body: no balance, no constraints" in result.notes
 
 
@@ -351,8 +351,8 @@ def test_a_wrench_is_carried_over_to_its_body(tmp_path, frame):
     assert balance["wrenches"] == ["/push"]
     assert abs(balance["energy"]["error"]) < 1e-4 * balance["energy"]["scale"]
     for part in ("linear", "angular"):
-        told = balance["momentum"][part]
-        assert told["error"] < 1e-4 * told["scale"]
+        reported = balance["momentum"][part]
+        assert reported["error"] < 1e-4 * reported["scale"]
     line = "/push: carried over to the frame base_link by static transforms"
     assert line in found.notes
 
@@ -371,8 +371,8 @@ def test_the_nearest_body_above_takes_it(tmp_path):
     """The flange is a body of its own: what acts on it does not act on the base."""
     bag = write(tmp_path / "x.mcap", "ft_sensor")
     found = analyze(bag, masses={"base_link": BODY, "flange": BODY})
-    told = {name: balance["wrenches"] for name, balance in found.balances.items()}
-    assert told == {"base_link": [], "flange": ["/push"]}
+    reported = {name: balance["wrenches"] for name, balance in found.balances.items()}
+    assert reported == {"base_link": [], "flange": ["/push"]}
 
 
 @pytest.mark.parametrize("clock", [3.0, -1.0, -float(foreign.EPOCH)])

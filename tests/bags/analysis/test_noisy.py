@@ -108,8 +108,8 @@ def test_the_noise_of_a_balance_bounds_it(tmp_path, factor, capsys):
         ratios.append([abs(row["error"]) / row["noise"] for row in rows])
     assert np.mean(np.array(ratios) < 1.0) > 0.85
     assert (np.max(ratios, axis=0) > 0.2).all()
-    told = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
-    _print_balance(told)
+    reported = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
+    _print_balance(reported)
     assert capsys.readouterr().out.count("noise of the recording up to") == 3
 
 
@@ -144,8 +144,8 @@ def test_without_the_reactions_there_is_no_balance_of_momentum(tmp_path, capsys)
     (balance,) = analyze(bag, scene=made).balances.values()
     assert balance["momentum"] is None and balance["momentum_lacks_reactions_of"] == ["wall"]
     assert abs(balance["energy"]["error"]) < 1e-7
-    told = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
-    _print_balance(told)
+    reported = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
+    _print_balance(reported)
     assert "momentum error not available: no reactions of wall" in capsys.readouterr().out
 
 

@@ -18,8 +18,7 @@ import pytest
 
 from rb_sim.bags.analysis import report
 from rb_sim.bags.analysis.figures import COLUMNS, Figures, unit_of
-from rb_sim.bags.analysis.report import _Page
-from rb_sim.bags.analysis.result import Analysis
+from rb_sim.bags.analysis.report import Analysis, _Page
 from rb_sim.bags.analysis.run import analyze
 from rb_sim.base.palette import BAD
 from tests.bags.scenes import PUSHED, record_run

@@ -81,8 +81,8 @@ simulation: {duration: 0.2, method: rk4, step: 1.0e-2, rate: 100}
 
 def test_weight_acts_on_the_bodies_that_it_names(tmp_path) -> None:
     """The recorded total of the balloon is without the stone's weight, as its motion is."""
-    told = analyze(interpreted(record_run, TWO, tmp_path / "bag")).as_dict()["bodies"]
+    reported = analyze(interpreted(record_run, TWO, tmp_path / "bag")).as_dict()["bodies"]
     for name, mass, weight in (("stone", 2.0, -9.81), ("balloon", 3.0, 0.0)):
-        recorded = {key: told[name]["recorded"][key]["mean"] for key in ("Fx", "Fz")}
+        recorded = {key: reported[name]["recorded"][key]["mean"] for key in ("Fx", "Fz")}
         assert recorded == pytest.approx({"Fx": 0.5 * mass, "Fz": mass * weight}, rel=1e-12)
-        assert told[name]["apart"]["force"] < 1e-8
+        assert reported[name]["apart"]["force"] < 1e-8

@@ -40,7 +40,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     slope_of,
 )
 from rb_sim.catalogue.geometry.pairs import Touch
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 from rb_sim.numerics.vectors import ZERO
 from tests.catalogue.geometry.test_curved import AT, AXIS, body_and_support
 from tests.moving import assert_rates, at, brought, difference, floats, flown, random_state, unit

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.catalogue.geometry.curved import SurfaceOnCylinder, SurfaceOnSphere
 from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSphere, touching
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 from tests.interpreted import interpreted
 from tests.moving import assert_rates, at, brought, random_state
 

@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.catalogue.geometry import pairs
 from rb_sim.catalogue.geometry import pairs as carriers
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
-from rb_sim.catalogue.types import BodyState
+from rb_sim.catalogue.spec import BodyState
 from tests.moving import (
     assert_rates,
     at,

@@ -203,7 +203,7 @@ def landed(thing: dict[str, Any], mu: float = MU) -> Simulation:
     return simulation
 
 
-def told(simulation: Simulation) -> int:
+def reported(simulation: Simulation) -> int:
     return sum(event.kind == "ambiguous" for event in simulation.events)
 
 
@@ -219,7 +219,7 @@ def test_a_face_whose_corners_slip_apart_is_told_and_no_rounding_decides() -> No
     ends = []
     for tilt in (0.0, 1e-15, -1e-15, 1e-13):
         simulation = landed(brick([1.0, 0.0], 5.0, tilt))
-        assert told(simulation) == 1
+        assert reported(simulation) == 1
         ends.append(simulation.sample().block.linear_velocity)
     for end in ends[1:]:
         np.testing.assert_allclose(end, ends[0], atol=1e-9)
@@ -237,7 +237,7 @@ def test_a_face_whose_shares_change_nothing_is_not_told(
     slip: list[float], spin: float, mu: float
 ) -> None:
     """All corners slip one way, or stick, or none rubs: the motion is unique."""
-    assert told(landed(brick(slip, spin), mu)) == 0
+    assert reported(landed(brick(slip, spin), mu)) == 0
 
 
 def test_three_points_share_a_push_in_one_way() -> None:
@@ -245,7 +245,7 @@ def test_three_points_share_a_push_in_one_way() -> None:
     mapping = scene(brick([1.0, 0.0], 5.0), touch(mu=MU, points=feet)) | {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
     simulation.run()
-    assert told(simulation) == 0
+    assert reported(simulation) == 0
     assert sum(event.kind == "impact" for event in simulation.events) == 3
 
 
@@ -258,7 +258,7 @@ def test_a_box_that_tips_over_an_edge_ends_alike_at_every_tolerance() -> None:
         times = {"duration": 0.5, "rate": 20.0, "method": "dopri853", "tolerance": tolerance}
         simulation = Simulation(load_scene(mapping | {"simulation": times}), announce=None)
         ends.append(simulation.run().position["b"][-1])
-        assert told(simulation) == 1
+        assert reported(simulation) == 1
     for end in ends[1:]:
         np.testing.assert_allclose(end, ends[0], atol=1e-8)
 

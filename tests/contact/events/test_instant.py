@@ -73,7 +73,7 @@ def run(mapping: Any, in_one_call: bool) -> tuple[Any, list[Any]]:
 @pytest.mark.parametrize("mapping", [FALLING, JOINED], ids=["alone", "joined"])
 def test_one_call_does_what_the_parts_do(mapping: Any) -> None:
     y, events = run(mapping, True)
-    parts, told = run(mapping, False)
+    parts, reported = run(mapping, False)
     assert len(events) > 20
     assert np.array_equal(y, parts)
-    assert events == told
+    assert events == reported

@@ -23,7 +23,7 @@ from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.contact.events import event_motion, limits
 from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
 from rb_sim.contact.events.instant import pseudo_inverse, require_finite
-from rb_sim.contact.problem.impacts import ENDLESS
+from rb_sim.contact.impacts import ENDLESS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 

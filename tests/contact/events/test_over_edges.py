@@ -157,6 +157,6 @@ def test_a_bilateral_contact_ends_at_the_edge(shape: dict, method: dict) -> None
     mapping = scene(shape, False, duration=1.0, rate=200, **method)
     mapping["constraints"]["slide"]["mode"] = "bilateral"
     simulation = Simulation(load_scene(mapping), announce=None)
-    with pytest.raises(SimulationError, match="contact slide reaches the edge") as told:
+    with pytest.raises(SimulationError, match="contact slide reaches the edge") as reported:
         simulation.run()
-    assert f"t = {when:.6f}" in str(told.value)
+    assert f"t = {when:.6f}" in str(reported.value)

@@ -68,8 +68,8 @@ def sent_off(
     simulation = Simulation(load_scene(scene), announce=None)
     run = simulation.run(watched=False)
     found = found_in(run.block, effort_of(simulation), 1.0)
-    told = [finding.where for finding in found if finding.watch == "contact steps"]
-    return simulation, run.linear_velocity["ball"][-1], told
+    reported = [finding.where for finding in found if finding.watch == "contact steps"]
+    return simulation, run.linear_velocity["ball"][-1], reported
 
 
 def exact(
@@ -98,10 +98,10 @@ def test_a_ball_goes_its_way_whatever_the_step(speed: float, step: float, parent
     any angle, and where it would have passed the post was in its way from afar."""
     split = speed * step > 2e-3  # else normals are those of the middle of a whole step
     for beside in BESIDE:
-        _, velocity, told = sent_off(beside, step, parent, speed)
+        _, velocity, reported = sent_off(beside, step, parent, speed)
         error = np.linalg.norm(velocity - exact(beside, parent, speed)) / speed
         assert error < (1e-9 if split else 0.02), beside
-        assert told == []
+        assert reported == []
 
 
 @pytest.mark.parametrize("parent", [False, True], ids=["fixed", "free"])
@@ -168,18 +168,18 @@ def test_no_ball_is_sent_off_a_wrong_way_without_a_word(step: float) -> None:
     """Of a pair that is not followed; also where it would have passed."""
     wrong = 0
     for beside in (0.02, 0.03, 0.04, 0.05, 0.06, 0.065, 0.069, 0.075, 0.1, 0.2):
-        _, velocity, told = sent_off(beside, step, False, **SHAKEN)
+        _, velocity, reported = sent_off(beside, step, False, **SHAKEN)
         error = float(np.linalg.norm(velocity - exact(beside, False))) / SPEED
         if error > 0.2:
             wrong += 1
-            assert told == ["strikes"]
+            assert reported == ["strikes"]
     assert (wrong > 0) == (step >= 1e-3)
 
 
 def test_a_step_that_follows_the_surface_is_not_told() -> None:
     for beside in (0.0, 0.02, 0.05, 0.06, 0.1):
-        simulation, velocity, told = sent_off(beside, 2e-4, False, **SHAKEN)
-        assert told == []
+        simulation, velocity, reported = sent_off(beside, 2e-4, False, **SHAKEN)
+        assert reported == []
         assert simulation.astray[0] < ASTRAY
         assert np.linalg.norm(velocity - exact(beside, False)) < 0.03 * SPEED
 

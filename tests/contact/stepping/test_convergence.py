@@ -71,7 +71,7 @@ def watched(mapping: dict[str, Any]) -> tuple[Simulation, Any, str]:
     return simulation, run, " ".join(str(finding) for finding in check_list.findings)
 
 
-def told(start: Any, step: float, mu: float) -> tuple[int, str]:
+def reported(start: Any, step: float, mu: float) -> tuple[int, str]:
     """(steps told as too long for a point that runs around its body, what the checks say)."""
     mapping = scene(start, touch(mu=mu))
     mapping["simulation"] = stepping(0.2, 40.0, step)
@@ -83,7 +83,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     """Where the disk is nearly flat its lowest point runs around the rim within a step, and is
     struck here and there; a wheel that rolls upright, however fast, and a ball are none of that."""
     low = START | {"position": [0.0, 0.0, 0.1], "angular_velocity": [0.3, 0.1, 0.2]}
-    steps, text = interpreted(told, low, 1e-3, 0.0)
+    steps, text = interpreted(reported, low, 1e-3, 0.0)
     assert steps > 0 and "contact steps" in text and "try step" in text
     upright = {"axis": [1.0, 0.0, 0.0], "angle": np.pi / 2.0}
     wheel = body(SHAPE, [0.0, 0.0, 0.1], orientation=upright, linear_velocity=[3.0, 0.0, 0.0],
@@ -91,7 +91,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     round_ = {"type": "sphere", "radius": 0.1}
     ball = body(round_, [0.0, 0.0, 0.15], angular_velocity=[9.0, 2.0, 5.0])
     for start in (wheel, ball):
-        steps, text = interpreted(told, start, 5e-3, 0.5)
+        steps, text = interpreted(reported, start, 5e-3, 0.5)
         assert steps == 0 and "contact steps" not in text
 
 

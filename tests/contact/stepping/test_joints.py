@@ -16,7 +16,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation
-from rb_sim.contact.solvers.gauss_seidel import MOST_TOGETHER
+from rb_sim.contact.gauss_seidel import MOST_TOGETHER
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import ball, body, scene, touch
 from tests.mechanics.test_redundant import error, linkages, with_ball

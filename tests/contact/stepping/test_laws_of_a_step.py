@@ -135,8 +135,8 @@ def stepped(seed: int) -> Step:
             memory[k, IMPULSE : IMPULSE + 3].copy(),
             memory[k, TWIST : TWIST + 3].copy(),
         )
-        told = last.reaction_force[-1, k], last.reaction_torque[-1, k]
-        for found, impulse in zip(told, impulses[name], strict=True):
+        reported = last.reaction_force[-1, k], last.reaction_torque[-1, k]
+        for found, impulse in zip(reported, impulses[name], strict=True):
             assert_allclose(found, impulse / STEP, rtol=1e-12)
         body = PLACES[TOUCHES[name].body]
         assert_allclose(last.anchor[-1, k], body - RADIUS * normal, atol=NEAR * RADIUS)

@@ -150,17 +150,19 @@ def test_a_plate_slips_out_of_three_fingers_without_a_turn() -> None:
 
 def test_a_block_that_is_held_loads_both_pads_alike() -> None:
     """Also where the first solution that sweeps find has corners at the bound of friction."""
-    found, told = run(clamped(3.2, COULOMB, False))
+    found, reported = run(clamped(3.2, COULOMB, False))
     for finger in FINGERS:
         assert_allclose(found.reaction[f"on_{finger}"].force[1:, 2], BLOCK * G / 2.0, rtol=1e-6)
         assert_allclose(found.reaction[f"on_{finger}"].force[1:, 1], 0.0, atol=1e-6)
-    assert not [text for text in told if "ambiguous" in text]
+    assert not [text for text in reported if "ambiguous" in text]
 
 
 def test_a_motion_that_shares_leave_open_is_reported_once() -> None:
     squeeze = 0.985 * BLOCK * G / (2.0 * MU)
-    _, told = run(clamped(squeeze, COULOMB, False))
-    assert len([text for text in told if "accelerations that the contact laws allow" in text]) == 1
+    _, reported = run(clamped(squeeze, COULOMB, False))
+    assert (
+        len([text for text in reported if "accelerations that the contact laws allow" in text]) == 1
+    )
 
 
 # A table on four legs, its centre of mass beside their middle: three loads are determined.
@@ -187,22 +189,22 @@ def pulled(size: float, velocity: float, spin: float, how: dict[str, Any]) -> tu
     scene = table(size, velocity, spin) | {
         "simulation": how | {"duration": time, "rate": 10 / time}
     }
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         found = Simulation(load_scene(scene)).run(check=False)
-    return found, [str(warning.message) for warning in told]
+    return found, [str(warning.message) for warning in reported]
 
 
 @pytest.mark.parametrize("velocity", [0.0, 2.0])
 def test_a_table_loads_its_legs_least(velocity: float) -> None:
     """Minimum norm of what balances weight and, as it slides, the moment of friction."""
-    found, told = pulled(1.0, velocity, 0.0, {"method": "time_stepping", "step": STEP})
+    found, reported = pulled(1.0, velocity, 0.0, {"method": "time_stepping", "step": STEP})
     sliding = MU if velocity else 0.0
     balance = np.vstack([np.ones(4), LEGS.T - [[0.5 * sliding], [0.0]]])
     loads = np.linalg.pinv(balance) @ [TABLE * G, 0.0, 0.0]
     given = [found.reaction[f"floor/{i}"].force[1:, 2] for i in range(1, 5)]
     assert_allclose(given, np.tile(loads[:, None], 10), rtol=1e-3)
-    assert not told
+    assert not reported
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
@@ -210,9 +212,9 @@ def test_a_table_that_turns_moves_as_by_events_and_says_what_is_open(size: float
     """Four legs that slip in several directions: the motion depends on the shares."""
     exact, _ = pulled(size, 1.0, 3.0, {"method": "dopri853", "tolerance": 1e-9})
     step = {"method": "time_stepping", "step": STEP * size**0.5}
-    found, told = pulled(size, 1.0, 3.0, step)
+    found, reported = pulled(size, 1.0, 3.0, step)
     assert_allclose(found.position["table"], exact.position["table"], atol=2e-4 * size)
-    assert [text for text in told if "accelerations that the contact laws allow" in text]
+    assert [text for text in reported if "accelerations that the contact laws allow" in text]
 
 
 def test_a_block_that_comes_to_rest_leaves_nothing_open() -> None:

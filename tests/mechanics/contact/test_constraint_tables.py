@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.catalogue.contacts import friction
-from rb_sim.catalogue.contacts.touching import ContactRow
+from rb_sim.catalogue import friction
+from rb_sim.catalogue.contact import ContactRow
 from rb_sim.catalogue.geometry import corners_and_rims, curved, hull, pairs, smooth_surfaces, solids
 from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder
-from rb_sim.catalogue.types import WORLD, BodyState
+from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.graph.functions import leaves
 from rb_sim.graph.machine import interpreted
+from rb_sim.graph.symbols import leaves
 from rb_sim.mechanics.contact import contact_bodies
 from rb_sim.mechanics.contact.constraint_tables import GEOMETRY, OUTPUTS
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry

@@ -1,0 +1,472 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Contact: what a scene says of it, and the equations of one point that touches and may part.
+
+A support in the world may turn or shake as prescribed.
+
+Contacts and light strings push one way along a normal while they are closed, and they open where
+that push would have to pull (LL 38).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, PlainValidator, model_validator
+
+from rb_sim.catalogue import friction
+from rb_sim.catalogue.geometry import pairs as carriers
+from rb_sim.catalogue.geometry.corners_and_rims import held_by_faces
+from rb_sim.catalogue.geometry.pairs import BallOnCylinder, BallOnSolid
+from rb_sim.catalogue.geometry.solids import Box, Cylinder
+from rb_sim.catalogue.spec import (
+    Finite,
+    Name,
+    NonNegative,
+    Part,
+    Place,
+    Points,
+    Positive,
+    Spec,
+    UnitVector3,
+    Vector3,
+    refuse,
+    refuse_at,
+    spec_of_type,
+)
+from rb_sim.catalogue.surfaces import (
+    SOLIDS,
+    SURFACES,
+    BodySurface,
+    CylinderSurface,
+    PlaneSurface,
+    SphereSurface,
+    pairs_of,
+)
+from rb_sim.numerics.vectors import ZERO, scale
+
+# Bodies whose sides may sink into a support that they touch with corners or ends alone.
+
+
+class Sides(NamedTuple):
+    """Edges of one body that may cross a support without a corner in it, and the reverse."""
+
+    name: str
+    """of the constraint."""
+    body: int
+    parent: int
+    """-1: the world."""
+    edges: np.ndarray
+    """ends in body coordinates from C, shape (k, 2, 3)."""
+    support: NamedTuple
+    """Box, Cylinder or BallOnCylinder, in the parent's coordinates from C."""
+    motion: NamedTuple
+    """of a support in the world."""
+    own: NamedTuple | None
+    """the body's box, which corners and rims of the support may enter; None of a rod."""
+
+
+def edges_of_box(box: Box) -> np.ndarray:
+    """Shape (12, 2, 3)."""
+    signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
+    corners = np.array(box.centre) + signs * np.array(box.half)
+    pairs = [
+        (i, j) for i in range(8) for j in range(i) if np.sum(signs[i] != signs[j]) == 1
+    ]  # neighbours differ in one sign
+    return np.array([[corners[i], corners[j]] for i, j in pairs])
+
+
+def support_of_pair(pair: Any) -> NamedTuple | None:
+    """The support of a corner or an end where sides may sink in; None of others."""
+    if isinstance(pair, BallOnSolid) and isinstance(pair.surface, Box | Cylinder):
+        return pair.surface
+    return pair if isinstance(pair, BallOnCylinder) and pair.side > 0.0 else None
+
+
+def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: Place) -> Any:
+    """The Sides of a contact of a box or a rod, None of others; part: its first point."""
+    support = support_of_pair(part.row.pair)
+    if support is None or spec.points is not None:
+        return None
+    shape: Any = place.shape(spec.body)
+    if shape.type not in ("box", "rod"):
+        return None
+    solid: Any = SOLIDS[shape.type](place.from_com(spec.body, shape.center_B), shape)
+    own, end = None, solid.end if shape.type == "rod" else None
+    if end is None:
+        own, edges = solid, edges_of_box(solid)
+    else:
+        edges = np.array([[end, np.array(end) + solid.length * np.array(solid.axis)]])
+    parent = -1 if spec.parent is None else index[spec.parent]
+    return Sides(name, index[spec.body], parent, edges, support, part.row.carrier, own)
+
+
+class Compliance(Spec):
+    """Compliant support: N = stiffness depth + damping (rate of depth), never negative."""
+
+    stiffness: Positive
+    """stiffness [N/m]."""
+    damping: NonNegative = 0.0
+    """damping [N s/m]."""
+
+    @property
+    def spring(self) -> tuple[float, float]:
+        """(stiffness [N/m], damping [N s/m])."""
+        return float(self.stiffness), float(self.damping)
+
+
+class ContactRow(NamedTuple):
+    """One point of contact: the types of its fields choose its equations."""
+
+    pair: tuple
+    friction: tuple
+    resistance: tuple
+    carrier: tuple
+    spring: tuple
+    """(stiffness, damping) of a compliant support, or () for a rigid one."""
+
+
+def contact_rows(row: ContactRow) -> int:
+    """Rows of one point of contact: normal and two tangents; three more if it resists turning."""
+    return 3 if isinstance(row.resistance, friction.NoResistance) else 6
+
+
+class ContactLaw(NamedTuple):
+    """What impacts and changes of mode need to know; kernels do not see it."""
+
+    restitution: float
+    bilateral: bool
+    compliant: bool
+    static: float
+    """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
+    kinetic: float
+    """traction over N as a slip begins, of a law that can stick; inf where it never slips."""
+    rolling_arm: float
+    spinning_arm: float
+    spring: tuple[float, float] = (0.0, 0.0)
+    """stiffness [N/m] and damping [N s/m] of a compliant support."""
+    closes: str = "closes"
+    """what the event is called when it begins to push."""
+    opens: str = "opens"
+    """what it is called when it ceases to."""
+    drags: bool = False
+    """whether its traction does not vanish as the push does."""
+
+
+class Touching(Spec):
+    """A constraint whose points may be open or closed."""
+
+    body: Name
+    parent: Name | None = None
+
+    @abstractmethod
+    def law(self) -> ContactLaw:
+        """What impacts and changes of mode need to know of each of its points."""
+
+    @abstractmethod
+    def parts(self, place: Place) -> list[Part]:
+        """One ContactRow for each point."""
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """ "1", "2" ... of its points, or "" where it has one."""
+        n = len(self.parts(place))
+        return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
+
+    def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
+        """The total, and the reaction at each point where there are several."""
+        points = self.contact_suffixes(place)
+        return points if len(points) == 1 else ("", *points)
+
+
+MOST_POINTS = 64
+"""Of one contact: the equations of all of them are solved together."""
+
+
+class SmoothLaw(Spec):
+    """No friction."""
+
+    type: Literal["smooth"] = "smooth"
+
+    def law(self) -> friction.Friction:
+        """The law of no friction."""
+        return friction.Smooth()
+
+
+class CoulombLaw(Spec):
+    """|T| <= static N while it sticks, |T| = kinetic N against the slip while it slips."""
+
+    type: Literal["coulomb"] = "coulomb"
+    static: NonNegative
+    """coefficient of a contact that sticks or rolls."""
+    kinetic: NonNegative | None = None
+    """coefficient of a contact that slips; default: static."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> CoulombLaw:
+        if self.kinetic is not None and self.kinetic > self.static:
+            allowed = refuse(f"at most static ({self.static:g})")
+            raise refuse_at((("kinetic",), self.kinetic, allowed))
+        return self
+
+    def law(self) -> friction.Friction:
+        """Coulomb's law; `kinetic` defaults to `static`, and static 0 is no friction at all."""
+        kinetic = self.static if self.kinetic is None else self.kinetic
+        return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
+
+
+class ViscousLaw(Spec):
+    """T = -c s, or with `per_normal` T = -c N s; s is the slip velocity."""
+
+    type: Literal["viscous"] = "viscous"
+    coefficient: NonNegative
+    """c [N s/m], or [s/m] with per_normal."""
+    per_normal: bool = False
+    """whether the friction force is proportional to the normal force N."""
+
+    def law(self) -> friction.Friction:
+        """The viscous law, per unit of normal force or not."""
+        kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
+        return kind(self.coefficient)
+
+
+class RegularisedLaw(Spec):
+    """T = -mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+
+    type: Literal["regularised"] = "regularised"
+    coefficient: NonNegative
+    """mu, coefficient of friction at large slip."""
+    speed: Positive
+    """v, slip speed at which friction reaches 0.7 mu N [m/s]."""
+
+    def law(self) -> friction.Friction:
+        """The regularised law."""
+        return friction.Regularised(self.coefficient, self.speed)
+
+
+class RoughLaw(Spec):
+    """Perfectly rough: rolls, never slips."""
+
+    type: Literal["rough"] = "rough"
+
+    def law(self) -> friction.Friction:
+        """The law of a perfectly rough contact."""
+        return friction.Rough()
+
+
+LAWS: dict[str, type[Spec]] = {
+    "smooth": SmoothLaw,
+    "coulomb": CoulombLaw,
+    "viscous": ViscousLaw,
+    "regularised": RegularisedLaw,
+    "rough": RoughLaw,
+}
+
+
+class TurntableMotion(Spec):
+    """The support turns at a constant `rate` [rad/s] about `axis` through `point`."""
+
+    type: Literal["turntable"] = "turntable"
+    rate: Finite
+    """angular velocity about the axis [rad/s]."""
+    axis: UnitVector3 = (0.0, 0.0, 1.0)
+    """direction of the axis, world."""
+    point: Vector3 = ZERO
+    """a point of the axis, world [m]."""
+
+    def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it."""
+        return carriers.Turntable(self.point, scale(self.rate, self.axis))
+
+
+class ShakenMotion(Spec):
+    """The support is shifted by amplitude direction sin(2 pi frequency t + phase)."""
+
+    type: Literal["shaken"] = "shaken"
+    direction: UnitVector3
+    """direction of the motion, world."""
+    amplitude: Positive
+    """amplitude [m]."""
+    frequency: Positive
+    """frequency [Hz]."""
+    phase: Finite = 0.0
+    """phase at t = 0 [rad]."""
+
+    def carrier(self) -> NamedTuple:
+        """The motion of the support, as the loops take it: with the angular frequency [rad/s]."""
+        amplitude = scale(self.amplitude, self.direction)
+        return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
+
+
+MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": ShakenMotion}
+
+
+def _group(value: Any) -> Any:
+    """Names of bodies, or all."""
+    if value in (None, "all"):
+        return value
+    names = tuple(value) if isinstance(value, (list, tuple)) else ()
+    if len(names) < 2 or len(set(map(str, names))) < len(names):
+        raise refuse("all, or a list of at least two different bodies")
+    if not all(isinstance(name, str) for name in names):
+        raise refuse("all, or a list of names of bodies")
+    return names
+
+
+class Contact(Touching):
+    """The body's shape (or its `points`) against a support.
+
+    Outputs: NAME, the total, about the contact point (about C if there are several points); with
+    several points also NAME/1, NAME/2 ..., each about its own point. A contact `between` bodies
+    has NAME_BODY for each, about C: the total wrench of the others on it.
+    """
+
+    type: Literal["contact"]
+    body: Name
+    """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
+    Omitted if `between` is given."""
+    parent: Name | None = None
+    between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
+    """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
+    shape; pairs that another constraint joins do not. With method time_stepping."""
+    surface: Annotated[
+        PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
+        PlainValidator(lambda value: spec_of_type(SURFACES, value)),
+    ] = PlaneSurface()
+    """the support, in the parent's coordinates (from its origin), or in the world."""
+    points: Points | None = None
+    """points that touch instead of the shape, from the body origin [m]."""
+    lies_flat: bool | None = None
+    """whether the end of a disk or a cylinder may lie on a plane, held by six points of its rim;
+    default: true for a cylinder, false for a disk."""
+    friction: Annotated[
+        SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
+        PlainValidator(lambda value: spec_of_type(LAWS, value)),
+    ] = SmoothLaw()
+    """friction law: the force along the support."""
+    restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
+    """e: speed of rebound over speed of approach in an impact."""
+    rolling_resistance: NonNegative = 0.0
+    """arm [m]: torque of at most arm N against rolling."""
+    spinning_resistance: NonNegative = 0.0
+    """arm [m]: the same about the normal."""
+    mode: Literal["unilateral", "bilateral"] = "unilateral"
+    """unilateral: only pushes and may open; bilateral: also pulls and stays closed."""
+    motion: (
+        Annotated[
+            TurntableMotion | ShakenMotion,
+            PlainValidator(lambda value: spec_of_type(MOTIONS, value)),
+        ]
+        | None
+    ) = None
+    """prescribed motion of a support in the world; default: it rests."""
+    compliance: Compliance | None = None
+    """stiffness and damping of the support; default: rigid."""
+
+    EQUATION: ClassVar[str] = """
+    g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign
+    impact:  g'_after = -e g'_before
+    compliant:  N = max(0, k depth + c depth')
+    friction T along the support, s the slip:  as its law says, below
+    |torque against rolling| <= rolling_resistance N,  about the normal <= spinning_resistance N
+    on the body: the force N n + T and these torques, at the point of contact
+    """
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Contact:
+        if self.between is not None:
+            self._check_between()
+        if self.motion is not None and self.parent is not None:
+            allowed = refuse("omitted if the support belongs to a parent body")
+            raise refuse_at((("motion",), self.motion.type, allowed))
+        if isinstance(self.surface, BodySurface) and self.parent is None:
+            allowed = refuse("plane, sphere or cylinder without a parent")
+            raise refuse_at((("surface", "type"), "shape", allowed))
+        if self.points is not None and len(self.points) > MOST_POINTS:
+            allowed = refuse(f"at most {MOST_POINTS} points")
+            raise refuse_at((("points",), len(self.points), allowed))
+        if not friction.is_whole(law := self.friction.law()):
+            allowed = refuse(
+                "a law whose class has `static` and a function under traction.register"
+            )
+            raise refuse_at((("friction",), type(law).__name__, allowed))
+        if self.compliance is not None and self.mode == "bilateral":
+            allowed = refuse("unilateral for a compliant support")
+            raise refuse_at((("mode",), self.mode, allowed))
+        if self.lies_flat and not self.opens_rigidly:
+            allowed = refuse("false for a bilateral or compliant contact")
+            raise refuse_at((("lies_flat",), True, allowed))
+        return self
+
+    def _check_between(self) -> None:
+        """Refuse what says something of one pair alone."""
+        own = Contact.model_fields
+        for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
+            if (value := getattr(self, key)) != own[key].default:
+                value = getattr(value, "type", value)
+                raise refuse_at(((key,), value, refuse("omitted if between is given")))
+
+    def of_pair(self, body: str, parent: str) -> Contact:
+        """The contact of one pair of the bodies that this one is between."""
+        pair = {"body": body, "parent": parent, "between": None, "surface": BodySurface()}
+        return self.model_copy(update=pair)
+
+    def contact_suffixes(self, place: Place) -> tuple[str, ...]:
+        """As of every constraint that touches; of a contact `between` bodies its total alone."""
+        return ("",) if self.between is not None else super().contact_suffixes(place)
+
+    @property
+    def opens_rigidly(self) -> bool:
+        """True if it can open and its support is rigid: it strikes in impacts."""
+        return self.mode == "unilateral" and self.compliance is None
+
+    def law(self) -> ContactLaw:
+        """Restitution, friction, resistance and compliance, the same at each of its points."""
+        law, soft = self.friction.law(), self.compliance
+        return ContactLaw(
+            self.restitution,
+            self.mode == "bilateral",
+            self.compliance is not None,
+            law.static,
+            friction.at_begin_of_slip(law),
+            self.rolling_resistance,
+            self.spinning_resistance,
+            (0.0, 0.0) if soft is None else soft.spring,
+            drags=friction.drags(law),
+        )
+
+    def parts(self, place: Place) -> list[Part]:
+        """One ContactRow for each point that may touch; none if `between` is given."""
+        if self.between is not None:
+            return []  # its pairs are found as they come near, see contact.between
+        touching = pairs_of(
+            place,
+            self.body,
+            self.parent,
+            self.surface,
+            self.points,
+            self.lies_flat,
+            self.opens_rigidly,
+            self.mode == "bilateral",
+        )
+        if self.compliance is None:
+            touching = held_by_faces(touching)
+        law = self.friction.law()
+        resistance = friction.NoResistance()
+        if self.rolling_resistance > 0.0 or self.spinning_resistance > 0.0:
+            resistance = friction.Resistance(self.rolling_resistance, self.spinning_resistance)
+        carrier = carriers.Resting() if self.motion is None else self.motion.carrier()
+        spring = () if self.compliance is None else self.compliance.spring
+        rows = [ContactRow(pair, law, resistance, carrier, spring) for pair in touching]
+        return [
+            Part(row, ("", str(i + 1)) if len(rows) > 1 else ("",)) for i, row in enumerate(rows)
+        ]

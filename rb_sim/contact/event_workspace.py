@@ -1,0 +1,354 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""The workspace of an event: contacts that touch, dense rows, notes of what happened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rb_sim.base.rounding import SOLVED
+from rb_sim.catalogue.contact import ContactLaw
+from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.integrate.layout import INTEGER, REAL, Layout
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    CLOSED,
+    COMPLIANT,
+    GAP,
+    GAP_RATE,
+    LEAN_SIGN,
+    NORMAL,
+    RELATIVE_SPIN,
+    ROLL,
+    ROLLING_ARM,
+    SLIDE,
+    SLIP,
+    SLIP_DIRECTION,
+    SPIN,
+    SPINNING_ARM,
+    STATIC,
+    STILL,
+    ContactBodies,
+    first_row_of,
+)
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.samples import ContactEvent
+from rb_sim.mechanics.systems.many_bodies import BODY, vec
+from rb_sim.numerics.complementarity import BOUND_WIDTH
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.vectors import dot, norm, scale, sub
+
+# Which contacts touch at an instant, and how fast they move over their support.
+
+
+TOUCHING = 1e-10
+"""Gap, relative to the scene's length, at which surfaces touch."""
+OPEN = 1e-8
+"""Change of a velocity, of accelerations or of a reaction, relative to the largest, by which two
+that the laws allow differ; below is rounding."""
+
+
+@inline
+def velocity_tolerance_of(system):
+    """[m/s]."""
+    return STILL * system.speed
+
+
+@inline
+def spin_tolerance_of(system):
+    """[rad/s]."""
+    return STILL * system.speed / system.length
+
+
+@inline
+def touches(system, c):
+    """True if contact c is rigid and its surfaces touch."""
+    touch = system.touch
+    if touch[c, COMPLIANT] == 1.0 or touch[c, LEAN_SIGN] == ABSENT:
+        return False
+    return touch[c, GAP] <= TOUCHING * system.length or touch[c, BILATERAL] == 1.0
+
+
+@inline
+def find_touching(system, workspace):
+    """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
+    touch, fastest = system.touch, -1
+    for c in range(touch.shape[0]):
+        here = touches(system, c)
+        workspace.taking_part[c] = 1 if here else 0
+        if here and (fastest < 0 or touch[c, GAP_RATE] < touch[fastest, GAP_RATE]):
+            fastest = c
+    return fastest
+
+
+@inline
+def slip_speed(system, c):
+    """[m/s]."""
+    return norm(vec(system.touch, c, SLIP))
+
+
+@inline
+def turning(system, c):
+    """Relative angular velocity of contact c: (across the normal, along it) [rad/s]."""
+    turn, n = vec(system.touch, c, RELATIVE_SPIN), vec(system.touch, c, NORMAL)
+    about = dot(turn, n)
+    return sub(turn, scale(about, n)), about
+
+
+# Workspace between the calls of the loop, as compiled functions see it: the rows as
+# dense matrices, one problem between rows and laws, and what is reported to whoever runs a scene.
+
+
+MODES_WIDTH = SLIP_DIRECTION + 3
+"""Columns of the table of contacts that hold the modes, and the directions of slip."""
+NOTE_WIDTH = 6
+"""Of a note: time [s], contact, kind (see KINDS of `notes`), impulse [N s]."""
+WAYS = 3
+"""In which a contact may move: slip, roll, spin."""
+
+
+class Workspace(NamedTuple):
+    """Tables of n rows, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
+
+    J: np.ndarray
+    """rows of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
+    W: np.ndarray
+    """pushes: J, but for the normals of slipping contacts, (n, 6 N)."""
+    row_bias: np.ndarray
+    row_rate: np.ndarray
+    """b of J u = b, (n,)."""
+    free_accelerations: np.ndarray
+    """from the loads alone, (6 N,)."""
+    impulses: np.ndarray
+    """of every row, (n,)."""
+    used: np.ndarray
+    """rows of the problem, (n + C,)."""
+    place_of: np.ndarray
+    """of each row among those, (n,)."""
+    rules: np.ndarray
+    """(n + C,)."""
+    least: np.ndarray
+    """(n + C,)."""
+    bounds: np.ndarray
+    """(3 C, BOUND_WIDTH)."""
+    limits: np.ndarray
+    """(3 C,)."""
+    moves: np.ndarray
+    """contact and way of each bound, (3 C, 2)."""
+    taking_part: np.ndarray
+    """contacts that touch rigidly, and those that a compliant support presses (2), (C,)."""
+    plastic: np.ndarray
+    """contacts that strike without rebound, (C,)."""
+    together: np.ndarray
+    """contacts that do not part in an impact, (C,)."""
+    rebounding: np.ndarray
+    """contacts that part after an impact, (C,)."""
+    opened: np.ndarray
+    """contacts that are not to close, (C,)."""
+    parted: np.ndarray
+    """contacts that opened while they slipped, (C,)."""
+    moved: np.ndarray
+    """contacts that have left their rest, in each way, (C, 3)."""
+    bounces: np.ndarray
+    """in a row, of each contact, and then of all that are too low to tell, (C + 1,)."""
+    rests: np.ndarray
+    """when the series of bounces of each contact will be over, see `bounces`, (C, 3)."""
+    before: np.ndarray
+    """modes before an event, (C, MODES_WIDTH)."""
+    undetermined: np.ndarray
+    """how far apart two motions after an impact are that the laws leave open, relative to the
+    largest velocity before it; the most of a run, its time and contact; the same three of what
+    shares of a load leave open, (7,)."""
+    notes: np.ndarray
+    """what has happened, (capacity, NOTE_WIDTH)."""
+    written: np.ndarray
+    """how many notes there are, (1,)."""
+
+
+_FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
+    "J": (REAL, ("rows", "velocities")),
+    "W": (REAL, ("rows", "velocities")),
+    "row_bias": (REAL, ("rows",)),
+    "row_rate": (REAL, ("rows",)),
+    "free_accelerations": (REAL, ("velocities",)),
+    "impulses": (REAL, ("rows",)),
+    "used": (INTEGER, ("places",)),
+    "place_of": (INTEGER, ("rows",)),
+    "rules": (INTEGER, ("places",)),
+    "least": (REAL, ("places",)),
+    "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
+    "limits": (REAL, ("bounds",)),
+    "moves": (INTEGER, ("bounds", 2)),
+    "taking_part": (INTEGER, ("contacts",)),
+    "plastic": (INTEGER, ("contacts",)),
+    "together": (INTEGER, ("contacts",)),
+    "rebounding": (INTEGER, ("contacts",)),
+    "opened": (INTEGER, ("contacts",)),
+    "parted": (INTEGER, ("contacts",)),
+    "moved": (INTEGER, ("contacts", WAYS)),
+    "bounces": (INTEGER, ("counts",)),
+    "rests": (REAL, ("contacts", 3)),
+    "before": (REAL, ("contacts", MODES_WIDTH)),
+    "undetermined": (REAL, (7,)),
+    "notes": (REAL, ("notes", NOTE_WIDTH)),
+    "written": (INTEGER, (1,)),
+}
+"""Kind and lengths of each table."""
+WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _FIELDS.items()})
+
+
+def workspace_for(system: ContactBodies) -> Workspace:
+    """Tables for the system, not filled yet."""
+    rows, contacts = len(system.row_table), len(system.touch)
+    lengths = {
+        "rows": rows, "velocities": 6 * len(system.bodies), "contacts": contacts,
+        "bodies": len(system.bodies), "places": rows + contacts, "bounds": WAYS * contacts,
+        "counts": contacts + 1, "notes": 64 + 8 * contacts,
+    }  # fmt: skip
+    tables = {}
+    for name, (kind, shape) in _FIELDS.items():
+        sizes = [length if isinstance(length, int) else lengths[length] for length in shape]
+        tables[name] = np.zeros(sizes, np.int64 if kind == INTEGER else np.float64)
+    return Workspace(**tables)
+
+
+# What happens to the contacts, noted where it happens: rows that `Journal` reads.
+
+
+KINDS = (
+    "impact", "rests", "closes", "opens", "slips", "sticks", "rolls", "stops rolling", "spins",
+    "stops spinning", "reverses", "jams", "leaps", "ambiguous",
+)  # fmt: skip
+"""Of events, by the number in a note; what closes and opens is called as its law has it."""
+(
+    IMPACT, RESTS, CLOSES, OPENS, SLIPS, STICKS, ROLLS, STOPS_ROLLING, SPINS, STOPS_SPINNING,
+    REVERSES, JAMS, LEAPS, AMBIGUOUS,
+) = range(14)  # fmt: skip
+OF_ROUND, CHANGES = 3, 5
+"""Most notes of one contact in a round of impacts, and of its changes at one instant."""
+
+
+@inline
+def workspace_left(workspace):
+    """For how many notes there is room."""
+    return workspace.notes.shape[0] - workspace.written[0]
+
+
+@inline
+def note(workspace, t, c, kind, impulse):
+    """Note one event of contact c; impulse: BY it ON its body, world axes [N s]."""
+    k = workspace.written[0]
+    workspace.notes[k, 0], workspace.notes[k, 1], workspace.notes[k, 2] = t, c, kind
+    for j in range(3):
+        workspace.notes[k, 3 + j] = impulse[j]
+    workspace.written[0] = k + 1
+
+
+@inline
+def note_impulses(system, workspace, t, kind):
+    """One event for each contact that takes part in the impulses of the workspace."""
+    x, J, most = workspace.impulses, workspace.J, 0.0
+    for k in range(x.shape[0]):
+        most = max(most, abs(x[k]))
+    for c in range(system.touch.shape[0]):
+        k = first_row_of(system, c)
+        if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > SOLVED * most:
+            b = 6 * system.row_table[k, BODY]
+            note(
+                workspace, t, c, kind,
+                (
+                    J[k, b] * x[k] + J[k + 1, b] * x[k + 1] + J[k + 2, b] * x[k + 2],
+                    J[k, b + 1] * x[k] + J[k + 1, b + 1] * x[k + 1] + J[k + 2, b + 1] * x[k + 2],
+                    J[k, b + 2] * x[k] + J[k + 1, b + 2] * x[k + 1] + J[k + 2, b + 2] * x[k + 2],
+                ),
+            )  # fmt: skip
+
+
+@inline
+def take_before(system, workspace):
+    """Keep the modes that the contacts have before an event."""
+    for c in range(workspace.before.shape[0]):
+        for j in range(workspace.before.shape[1]):
+            workspace.before[c, j] = system.touch[c, j]
+
+
+@inline
+def note_way(system, workspace, t, c, way, kinds):
+    """Note a change of one kind of friction; way: columns of its mode and its bound, kinds: those
+    of its beginning and its end."""
+    mode, bound = way
+    was, now = workspace.before[c, mode], system.touch[c, mode]
+    if system.touch[c, bound] > 0.0 and was != now:
+        note(workspace, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
+
+
+@inline
+def note_changes(system, workspace, t):
+    """Note what opened, closed, slipped and stuck."""
+    touch, before = system.touch, workspace.before
+    for c in range(touch.shape[0]):
+        if before[c, CLOSED] != touch[c, CLOSED]:
+            note(workspace, t, c, CLOSES if touch[c, CLOSED] != 0.0 else OPENS, (0.0, 0.0, 0.0))
+        if touch[c, CLOSED] == 0.0:
+            continue
+        note_way(system, workspace, t, c, (SLIDE, STATIC), (SLIPS, STICKS))
+        note_way(system, workspace, t, c, (ROLL, ROLLING_ARM), (ROLLS, STOPS_ROLLING))
+        note_way(system, workspace, t, c, (SPIN, SPINNING_ARM), (SPINS, STOPS_SPINNING))
+        along = 0.0
+        for j in range(3):
+            along += before[c, SLIP_DIRECTION + j] * touch[c, SLIP_DIRECTION + j]
+        slides = before[c, SLIDE] == SLIDING and touch[c, SLIDE] == SLIDING
+        if touch[c, STATIC] > 0.0 and slides and along < 0.0:
+            note(workspace, t, c, REVERSES, (0.0, 0.0, 0.0))
+
+
+# What happened to the contacts, as the events of a run.
+
+
+MOST_EVENTS = 100_000
+"""That are kept at least."""
+
+
+class Journal:
+    """The events of a run, the earliest of very many forgotten."""
+
+    def __init__(self, names: Sequence[str], laws: Sequence[ContactLaw]) -> None:
+        self.names = names
+        self.events: list[ContactEvent] = []
+        self.forgotten = 0
+        self._kinds = [
+            tuple(
+                law.closes if k == CLOSES else law.opens if k == OPENS else kind
+                for k, kind in enumerate(KINDS)
+            )
+            for law in laws
+        ]
+
+    def note(self, t: float, c: int, kind: int) -> None:
+        """One event of contact c without an impulse; kind: among KINDS."""
+        kind_name = self._kinds[c][kind]
+        self._add(ContactEvent(float(t), self.names[c], kind_name, (0.0, 0.0, 0.0)))
+
+    def take(self, workspace: Workspace) -> None:
+        """The events noted in the workspace, which is empty then."""
+        for t, contact, kind, *impulse in workspace.notes[: int(workspace.written[0])].tolist():
+            c = int(contact)
+            name = self._kinds[c][int(kind)]
+            self._add(ContactEvent(t, self.names[c], name, tuple(impulse)))
+        workspace.written[0] = 0
+
+    def _add(self, event: ContactEvent) -> None:
+        self.events.append(event)
+        if len(self.events) >= 2 * MOST_EVENTS:  # a node may run for ever
+            del self.events[:MOST_EVENTS]
+            self.forgotten += MOST_EVENTS

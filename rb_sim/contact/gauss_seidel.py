@@ -1,0 +1,491 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Projected Gauss-Seidel on the graph of contacts: each contact exactly, one after the other.
+
+The velocities u of the bodies carry the coupling (Catto 2005), so that a sweep costs a fixed number
+of operations a contact and no Delassus matrix is formed.  Every contact solves its own problem with
+friction exactly (Jourdan, Alart, Jean 1998), and so do all joints together.  Sweeps go forwards and
+backwards in turns, from the impulses of the step before.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.contact.contact_graph import (
+    BOUND,
+    CONTACT_ROWS,
+    FORCE_A,
+    GIVE,
+    LIGHT_A,
+    LIGHT_B,
+    PULLS,
+    ROLLS,
+    SPINS,
+    TURN_A,
+    TURN_B,
+    VISCOUS,
+    VISCOUS_PER_PUSH,
+    coupled,
+    push,
+    rate_of,
+)
+from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.rank import RANK_TOLERANCE
+
+# One contact alone, exactly: the reaction that Signorini's and Coulomb's laws leave it.
+#
+# With the contact's own block W of the Delassus matrix (components normal, first and second
+# tangent) and the velocity q that it would have without its reaction, u = W r + q, one of three
+# holds (Bonnefon and Daviet 2011):
+#
+#     it opens    r = 0,  u_n >= 0
+#     it sticks   u = 0,  |r_T| <= mu r_n
+#     it slips    u_n = 0,  r_T = -u_T / lambda with lambda > 0,  |r_T| = mu r_n
+#
+# The slip leaves one equation for lambda, which is solved by Newton's method inside a bracket.
+
+
+ROUNDS = 100
+"""Of Newton's method or bisection for lambda; bisection alone would end within them."""
+EXACT = 1e-15
+"""Of the reaction: distance to the bound at which it is on it."""
+ROUGH = 1e8
+"""Coefficient of friction beyond which none slips."""
+
+
+@inline
+def held_back(a, b, c, p, q, stiff):
+    """-(S + stiff)^-1 (p, q) of the symmetric S = (a b; b c)."""
+    a, c = a + stiff, c + stiff
+    area = a * c - b * b
+    return (b * q - c * p) / area, (b * p - a * q) / area
+
+
+@inline
+def on_bound(a, b, c, p, q, m0, m1, m2):
+    """(x, y) = -(S + lambda)^-1 (p, q) with lambda >= 0 and |(x, y)| = m0 + m1 x + m2 y.
+
+    To be called where lambda = 0 gives a longer vector than its bound, and m0 > 0.
+    """
+    size = math.sqrt(p * p + q * q)
+    if m1 == 0.0 and m2 == 0.0 and b == 0.0 and a == c:
+        return -m0 * p / size, -m0 * q / size
+    low, high = 0.0, size / m0
+    for _ in range(ROUNDS):
+        x, y = held_back(a, b, c, p, q, high)
+        if math.sqrt(x * x + y * y) <= m0 + m1 * x + m2 * y:
+            break
+        low, high = high, 4.0 * high
+    stiff = 0.5 * (low + high)
+    x, y = held_back(a, b, c, p, q, stiff)
+    for _ in range(ROUNDS):
+        length = math.sqrt(x * x + y * y)
+        over = length - (m0 + m1 * x + m2 * y)
+        if abs(over) <= EXACT * length:
+            break
+        if over > 0.0:
+            low = stiff
+        else:
+            high = stiff
+        dx, dy = held_back(a, b, c, x, y, stiff)
+        slope = (x * dx + y * dy) / length - (m1 * dx + m2 * dy) if length > 0.0 else 0.0
+        stiff = stiff - over / slope if slope < 0.0 else high
+        if not low < stiff < high:
+            stiff = 0.5 * (low + high)
+        if high - low <= EXACT * high:
+            break
+        x, y = held_back(a, b, c, p, q, stiff)
+    return x, y
+
+
+@inline
+def within_circle(a, b, c, p, q, most):
+    """(x, y) with S (x, y) + (p, q) = 0, or of size `most` against what is left of it."""
+    if not most > 0.0:
+        return 0.0, 0.0
+    x, y = held_back(a, b, c, p, q, 0.0)
+    if x * x + y * y <= most * most:
+        return x, y
+    return on_bound(a, b, c, p, q, most, 0.0, 0.0)
+
+
+@inline
+def one_contact(w, q, mu):
+    """The reaction (r_n, r_1, r_2) of a contact.
+
+    w: its block (nn, n1, n2, 11, 12, 22), positive definite; q: velocity without the reaction.
+    """
+    if q[0] >= 0.0:
+        return 0.0, 0.0, 0.0
+    m1, m2 = w[1] / w[0], w[2] / w[0]
+    a, b, c = w[3] - w[1] * m1, w[4] - w[1] * m2, w[5] - w[2] * m2
+    p1, p2 = q[1] - m1 * q[0], q[2] - m2 * q[0]
+    if mu == 0.0:
+        return -q[0] / w[0], 0.0, 0.0
+    x, y = held_back(a, b, c, p1, p2, 0.0)
+    push = -q[0] / w[0] - m1 * x - m2 * y
+    mu = min(mu, ROUGH)
+    if push >= 0.0 and x * x + y * y <= mu * mu * push * push:
+        return push, x, y
+    x, y = on_bound(a, b, c, p1, p2, -mu * q[0] / w[0], -mu * m1, -mu * m2)
+    return math.sqrt(x * x + y * y) / mu, x, y
+
+
+# The joints of a friction problem, all together: their impulses for the contacts as they are.
+#
+# One after the other, as contacts are taken, joints need hundreds of sweeps along a chain.  Their
+# own block of the Delassus matrix is factorised once a step, L D L^T in the order of the rows; a
+# row that depends on others gets no impulse.  Where sweeps in turn with the contacts do not get
+# there, few joints follow each contact at once.
+
+
+MOST_TOGETHER = 240
+"""Rows of joints up to which their block is factorised: it costs their cube."""
+MOST_ELIMINATED = 60
+"""Rows of joints up to which they follow each contact at once: a sweep costs their square a
+contact, but contacts that push against joints, as of what a guide leads, need few of them."""
+PROXIMAL = 0.001
+"""Of the diagonal of a contact's own block, which is added to that with joints that follow."""
+BODY, PARENT, LEFT_OUT = 0, 1, 2
+"""Columns of Graph.joint_ends."""
+
+
+@inline
+def factor_joints(graph, bodies):
+    """Fill graph.joint_factor: L below its diagonal, 1 / D on it, 0 there for no impulse."""
+    rows, ends, F, diagonal = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[0]
+    w = np.zeros((bodies, 6))
+    for k in range(F.shape[0]):
+        push(rows, k, w, ends[k, BODY], ends[k, PARENT], 1.0)
+        for i in range(k, F.shape[0]):
+            F[i, k] = rate_of(rows, i, w, ends[i, BODY], ends[i, PARENT])
+        for j in range(6):
+            w[ends[k, BODY], j] = 0.0
+            if ends[k, PARENT] >= 0:
+                w[ends[k, PARENT], j] = 0.0
+        diagonal[k] = F[k, k]
+    for k in range(F.shape[0]):
+        lost = ends[k, LEFT_OUT] != 0 or not F[k, k] > RANK_TOLERANCE * diagonal[k]
+        inverse = 0.0 if lost else 1.0 / F[k, k]
+        for i in range(k + 1, F.shape[0]):
+            factor = F[i, k] * inverse
+            if factor != 0.0:
+                for j in range(k + 1, i + 1):
+                    F[i, j] -= factor * F[j, k]
+        for i in range(k + 1, F.shape[0]):
+            F[i, k] *= inverse
+        F[k, k] = inverse
+
+
+@inline
+def eliminates(graph):
+    """Whether joints may follow each contact at once, instead of in turn with all contacts."""
+    m = graph.joint_rows.shape[0]
+    return 0 < m <= MOST_ELIMINATED and graph.joint_factor.shape[0] == m
+
+
+@inline
+def ease_blocks(graph, bodies):
+    """Let the own block of each contact be that with joints which follow,
+    W_cc - W_cj W_jj^-1 W_jc, and PROXIMAL of its diagonal, which leaves no direction that is held
+    without an entry; after `factor_joints`."""
+    rows, ends, d, w = graph.rows, graph.ends, graph.spare[1], np.zeros((bodies, 6))
+    for c in range(ends.shape[0]):
+        k, b, a, at = CONTACT_ROWS * c, ends[c, 0], ends[c, 1], 0
+        for p in range(3):
+            own = coupled(rows, k + p, k + p, a)
+            push(rows, k + p, w, b, a, 1.0)
+            for j in range(graph.joint_rows.shape[0]):
+                e = graph.joint_ends
+                d[j] = -rate_of(graph.joint_rows, j, w, e[j, BODY], e[j, PARENT])
+            give_joints(graph, w, d)
+            for q in range(p, 3):
+                less = rate_of(rows, k + q, w, b, a) - coupled(rows, k + p, k + q, a)
+                graph.blocks[c, at] += less + (PROXIMAL * own if p == q else 0.0)
+                at += 1
+            for i in range(bodies):
+                for j in range(6):
+                    w[i, j] = 0.0
+
+
+@inline
+def give_joints(graph, u, d):
+    """Give the joints the impulses by which their rates become d higher, into d and u."""
+    rows, ends, F = graph.joint_rows, graph.joint_ends, graph.joint_factor
+    m = F.shape[0]
+    for k in range(m):
+        for i in range(k + 1, m):
+            d[i] -= F[i, k] * d[k]
+    for k in range(m - 1, -1, -1):
+        d[k] *= F[k, k]
+        for i in range(k + 1, m):
+            d[k] -= F[i, k] * d[i]
+    for k in range(m):
+        push(rows, k, u, ends[k, BODY], ends[k, PARENT], d[k])
+
+
+@inline
+def relax_joints(graph, u, x):
+    """Let all joints hold at once, with the contacts as they are; the largest change [N s]."""
+    rows, ends, d, most = graph.joint_rows, graph.joint_ends, graph.spare[1], 0.0
+    m = graph.joint_factor.shape[0]
+    if m < rows.shape[0]:
+        return sweep_joints(graph, u, x)
+    for k in range(m):
+        d[k] = graph.joint_targets[k] - rate_of(rows, k, u, ends[k, BODY], ends[k, PARENT])
+    give_joints(graph, u, d)
+    for k in range(m):
+        x[k] += d[k]
+        most = max(most, abs(d[k]))
+    return most
+
+
+@inline
+def sweep_joints(graph, u, x):
+    """Let each row of the joints hold in turn; the largest change [N s]."""
+    rows, ends, most = graph.joint_rows, graph.joint_ends, 0.0
+    for k in range(rows.shape[0]):
+        b, a = ends[k, BODY], ends[k, PARENT]
+        own = coupled(rows, k, k, a)
+        if own > 0.0:
+            change = (graph.joint_targets[k] - rate_of(rows, k, u, b, a)) / own
+            x[k] += change
+            push(rows, k, u, b, a, change)
+            most = max(most, abs(change))
+    return most
+
+
+@inline
+def fill_block(graph, c):
+    """The own block of contact c, with what its support gives."""
+    k, a, block = CONTACT_ROWS * c, graph.ends[c, 1], graph.blocks
+    block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, GIVE]
+    block[c, 1] = coupled(graph.rows, k, k + 1, a)
+    block[c, 2] = coupled(graph.rows, k, k + 2, a)
+    block[c, 3] = coupled(graph.rows, k + 1, k + 1, a)
+    block[c, 4] = coupled(graph.rows, k + 1, k + 2, a)
+    block[c, 5] = coupled(graph.rows, k + 2, k + 2, a)
+
+
+@inline
+def changed_to(graph, u, x, k, b, a, value):
+    """Set the impulse of row k; the size of the change."""
+    change = value - x[k]
+    if change != 0.0:
+        x[k] = value
+        push(graph.rows, k, u, b, a, change)
+    return abs(change)
+
+
+@inline
+def pair_of_rows(graph, u, x, k, b, a, most, give):
+    """Two rows whose impulses together are at most of size `most`; the size of the change."""
+    rows = graph.rows
+    A, B = coupled(rows, k, k, a) + give, coupled(rows, k, k + 1, a)
+    C = coupled(rows, k + 1, k + 1, a) + give
+    p = rate_of(rows, k, u, b, a) - graph.targets[k] + give * x[k] - A * x[k] - B * x[k + 1]
+    q = rate_of(rows, k + 1, u, b, a) - graph.targets[k + 1] + give * x[k + 1]
+    q -= B * x[k] + C * x[k + 1]
+    if A * C - B * B <= 1e-14 * A * C or A + C == 0.0:  # one of them turns nothing
+        return 0.0
+    v, w = within_circle(A, B, C, p, q, most)
+    change = changed_to(graph, u, x, k, b, a, v)
+    return max(change, changed_to(graph, u, x, k + 1, b, a, w))
+
+
+@inline
+def push_three(rows, k, u, b, a, d0, d1, d2):
+    """u += M^-1 J^T d of the rows k, k + 1 and k + 2, which share their bodies."""
+    light = rows[k, LIGHT_B]
+    for j in range(3):
+        u[b, j] += light * (d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j])
+        m = TURN_B + j
+        u[b, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
+    if a >= 0:
+        light = rows[k, LIGHT_A]
+        for j in range(3):
+            m = FORCE_A + j
+            u[a, j] += light * (d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m])
+            m = TURN_A + j
+            u[a, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
+
+
+@inline
+def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
+    """Normal and friction of contact c by Coulomb's law, together; the size of the change.
+
+    Takes the arrays one by one: handed over as a tuple they cost more than the arithmetic.
+    """
+    k, b, a = CONTACT_ROWS * c, ends[c, 0], ends[c, 1]
+    r0, r1, r2 = x[k], x[k + 1], x[k + 2]
+    q0, q1, q2 = rules[c, GIVE] * r0 - targets[k], -targets[k + 1], -targets[k + 2]
+    for j in range(6):
+        v = u[b, j]
+        q0, q1, q2 = q0 + rows[k, j] * v, q1 + rows[k + 1, j] * v, q2 + rows[k + 2, j] * v
+    if a >= 0:
+        for j in range(6):
+            v, m = u[a, j], 6 + j
+            q0, q1, q2 = q0 + rows[k, m] * v, q1 + rows[k + 1, m] * v, q2 + rows[k + 2, m] * v
+    w = (blocks[c, 0], blocks[c, 1], blocks[c, 2], blocks[c, 3], blocks[c, 4], blocks[c, 5])
+    q0 -= w[0] * r0 + w[1] * r1 + w[2] * r2
+    if rules[c, BOUND] == 0.0:
+        n, y, z = max(0.0, -q0 / w[0]), r1, r2
+    else:
+        q1 -= w[1] * r0 + w[3] * r1 + w[4] * r2
+        q2 -= w[2] * r0 + w[4] * r1 + w[5] * r2
+        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND])
+    d0, d1, d2 = n - r0, y - r1, z - r2
+    change = max(abs(d0), max(abs(d1), abs(d2)))
+    if change > 0.0:
+        x[k], x[k + 1], x[k + 2] = n, y, z
+        push_three(rows, k, u, b, a, d0, d1, d2)
+    return change
+
+
+@inline
+def relax_in_turn(graph, u, x, c, k, b, a):
+    """Normal first, then friction, where N may pull or friction has no corner."""
+    rules = graph.rules
+    missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, GIVE] * x[k]
+    value = x[k] + missing / graph.blocks[c, 0]
+    if rules[c, PULLS] == 0.0:
+        value = max(0.0, value)
+    change = changed_to(graph, u, x, k, b, a, value)
+    if rules[c, BOUND] > 0.0:
+        most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
+        return max(change, pair_of_rows(graph, u, x, k + 1, b, a, most, 0.0))
+    viscous = rules[c, VISCOUS_PER_PUSH] * abs(x[k]) + rules[c, VISCOUS]
+    if rules[c, BOUND] < 0.0 and viscous > 0.0:
+        change = max(change, pair_of_rows(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
+    elif rules[c, BOUND] < 0.0:
+        change = max(change, changed_to(graph, u, x, k + 1, b, a, 0.0))
+        change = max(change, changed_to(graph, u, x, k + 2, b, a, 0.0))
+    return change
+
+
+@inline
+def relax(graph, u, x, c, size):
+    """Solve contact c with the others as they are; the size of the change [N s]."""
+    rules = graph.rules
+    if rules[c, PULLS] == 1.0 or rules[c, BOUND] < 0.0:
+        change = relax_in_turn(graph, u, x, c, CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1])
+    else:
+        change = relax_cone(graph.ends, graph.rows, graph.targets, rules, graph.blocks, u, x, c)
+    if rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0:
+        change = max(change, relax_turning(graph, u, x, c, size))
+    return change
+
+
+@inline
+def relax_turning(graph, u, x, c, size):
+    """Moments against rolling and spinning of contact c; the size of the change [N s]."""
+    k, b, a = CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1]
+    rules, change = graph.rules, 0.0
+    if rules[c, ROLLS] > 0.0:
+        most = rules[c, ROLLS] * abs(x[k])
+        change = max(change, pair_of_rows(graph, u, x, k + 3, b, a, most, 0.0) / size)
+    if rules[c, SPINS] > 0.0:
+        own, most = coupled(graph.rows, k + 5, k + 5, a), rules[c, SPINS] * abs(x[k])
+        if own > 0.0:
+            value = x[k + 5] - (rate_of(graph.rows, k + 5, u, b, a) - graph.targets[k + 5]) / own
+            value = min(most, max(-most, value))
+            change = max(change, changed_to(graph, u, x, k + 5, b, a, value) / size)
+    return change
+
+
+@inline
+def is_plain(graph):
+    """Whether the graph is a friction problem with nothing besides."""
+    plain = graph.joint_rows.shape[0] == 0
+    for c in range(graph.ends.shape[0]):
+        rules = graph.rules
+        more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
+        plain = plain and not more and rules[c, BOUND] >= 0.0
+    return plain
+
+
+@inline
+def largest_of(x, joints):
+    """The largest |impulse| of contacts and joints."""
+    most = 0.0
+    for k in range(x.shape[0]):
+        most = max(most, abs(x[k]))
+    for k in range(joints.shape[0]):
+        most = max(most, abs(joints[k]))
+    return most
+
+
+@inline
+def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
+    """Sweep until no impulse changes by more than `settled` of the largest, at most `sweeps` times.
+
+    u (velocities that x and `joints` have already been pushed into), x and joints change in place.
+    size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
+    last sweep over the largest impulse, sweeps made).
+    """
+    return sweep(graph, u, x, joints, size, settled, sweeps, False)
+
+
+@inline
+def sweep(graph, u, x, joints, size, settled, sweeps, follow):
+    """As `gauss_seidel`; follow: let joints follow each contact at once, whose own blocks are those
+    of `ease_blocks` then, instead of in turn with all contacts."""
+    n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
+    ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
+    for made in range(1, sweeps + 1):
+        change = relax_joints(graph, u, joints)
+        for i in range(n):
+            c = i if made % 2 == 1 else n - 1 - i
+            if plain:
+                change = max(change, relax_cone(ends, rows, targets, rules, blocks, u, x, c))
+            else:
+                changed = relax(graph, u, x, c, size)
+                if changed > 0.0 and follow:
+                    changed = max(changed, relax_joints(graph, u, joints))
+                change = max(change, changed)
+        largest = largest_of(x, joints)
+        rest = change / largest if largest > 0.0 else 0.0
+        if not rest > settled:
+            break
+    return rest, made
+
+
+@inline
+def take_motion(u, x, joints, v, r, s):
+    """Copy velocities v, impulses r and those of joints s into u, x and joints."""
+    for i in range(u.shape[0]):
+        for j in range(6):
+            u[i, j] = v[i, j]
+    for k in range(x.shape[0]):
+        x[k] = r[k]
+    for k in range(joints.shape[0]):
+        joints[k] = s[k]
+
+
+@inline
+def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
+    """As `gauss_seidel`; where that does not get there, as where push and friction work against a
+    joint, again with joints that follow each contact at once: taken if they do get there."""
+    rest, made = gauss_seidel(graph, u, x, joints, size, enough, sweeps)
+    if not (rest > enough and eliminates(graph)):
+        return rest, made
+    v, r, s, n = u.copy(), x.copy(), joints.copy(), graph.ends.shape[0]
+    ease_blocks(graph, u.shape[0])
+    found, more = sweep(graph, v, r, s, size, enough, sweeps, True)
+    for i in range(n):
+        fill_block(graph, i)
+    if not found > enough:
+        rest = found
+        take_motion(u, x, joints, v, r, s)
+    return rest, made + more

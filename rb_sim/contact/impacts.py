@@ -1,0 +1,641 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Impacts: u+ = u- + M^-1 J^T x, all contacts at once.
+
+Newton's restitution v_n+ = -e v_n- where the contact pushes, and Coulomb's law between impulse and
+slip after it; if that would create energy, Poisson's two phases instead, and if they do too, no
+rebound (Glocker, Set-Valued Force Laws, 2001).  Or one contact after the other, the fastest first,
+as elastic bodies that are hard and touch at single points do (Newton's cradle).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.contact.assembly import (
+    NOT_FINITE,
+    SOLVED,
+    UNSOLVED,
+    VELOCITY,
+    Velocities,
+    add_bound,
+    add_row,
+    along_rows,
+    assemble,
+    inverse_mass_times,
+    momentum_of,
+    read_velocities,
+    row_times,
+    solve_in,
+    velocity_after,
+    write_all_rows,
+)
+from rb_sim.contact.event_workspace import (
+    AMBIGUOUS,
+    IMPACT,
+    OF_ROUND,
+    OPEN,
+    RESTS,
+    TOUCHING,
+    Workspace,
+    find_touching,
+    note,
+    note_impulses,
+    slip_speed,
+    touches,
+    velocity_tolerance_of,
+    workspace_left,
+)
+from rb_sim.mechanics.contact.accelerations import contact_accelerations
+from rb_sim.mechanics.contact.constraint_tables import traction_over_push
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    CLOSED,
+    DRAGS,
+    GAP,
+    GAP_RATE,
+    KINETIC,
+    RESTITUTION,
+    ROLLING_ARM,
+    SPINNING_ARM,
+    STATIC,
+    first_row_of,
+)
+from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, PUSH, WIDTH
+from rb_sim.numerics.complementarity import HOLDS, PUSHES, RUBS
+from rb_sim.numerics.kernels import inline
+
+# Series of impacts without end: bounces closed at once, chatter, flights between.
+
+
+# Changes of contacts that follow each other as if without end, and what is done about them.
+#
+# They are leapt over (see `instant.leap`).
+
+
+AT_ONCE = 50
+"""Rounds of impacts at one instant that are taken to have no end."""
+CHANGES_IN_LEAP = 10
+"""Changes within DENSE that are taken to have no end."""
+DENSE, LONGEST_LEAP = 1e-6, 1e-3
+"""A time too short to matter, and the longest that is leapt over; natural units."""
+
+
+class Chatter:
+    """The changes of a run so far, as far as they tell those without end.
+
+    unit: the scene's natural time [s].
+    """
+
+    def __init__(self, unit: float) -> None:
+        self._short = DENSE * unit
+        self._longest = LONGEST_LEAP * unit
+        self._changes: deque[float] = deque(maxlen=CHANGES_IN_LEAP)
+        self._leapt = (-math.inf, 0.0)
+
+    def is_endless(self, t: float) -> bool:
+        """Count a change at t; True where changes follow each other as if without end."""
+        self._changes.append(t)
+        full = len(self._changes) == CHANGES_IN_LEAP
+        return full and t - self._changes[0] < self._short
+
+    def length_of_leap(self, t: float) -> float:
+        """A time too short to matter [s]; longer if one has just been leapt over."""
+        end, length = self._leapt
+        return min(4.0 * length, self._longest) if t - end < 10.0 * length else self._short
+
+    def leapt(self, end: float, length: float) -> None:
+        """A time of this length, to its end, has been leapt over [s]."""
+        self._leapt = (end, length)
+        self._changes.clear()
+
+
+# Bounces that have no end: which contacts strike and are at rest at once instead, and when the
+# series of their bounces would be over.
+#
+# With e below 1 the times between bounces shrink by e each, and their sum is known from one of
+# them.
+
+
+ZENO_HEIGHT = 1e-11
+"""Height of the next bounce, relative to the scene's length, below which a contact is closed: what
+is left out of the motion is of that size, and the time of rest is known from the series."""
+ZENO_BOUNCES = 3
+"""Impacts in a row before one is taken to belong to an endless series."""
+LAST, BEST, CHANGE = range(3)
+"""Columns of `rests`: when a series will be over [s] seen from the last bounce, where two bounces
+that follow each other agree best, and by how much they agree.
+
+Low bounces know it best where the fall changes; but rounding of the height, over their speed, is
+the larger the lower they are."""
+
+
+def forget_bounces(workspace: Workspace) -> None:
+    """There have been none."""
+    workspace.bounces[:] = 0
+    workspace.rests[:] = math.inf
+
+
+@inline
+def acceleration_along(system, workspace, k):
+    """Of row k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
+    s = workspace.row_bias[k]
+    b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
+    for j in range(6):
+        s += workspace.J[k, 6 * b + j] * system.bodies[b, PUSH + j]
+    if a >= 0:
+        for j in range(6):
+            s += workspace.J[k, 6 * a + j] * system.bodies[a, PUSH + j]
+    return s
+
+
+@inline
+def free_normal_acceleration(system, workspace, t, y, c):
+    """Of the gap, with contact c open and the others as they are [m/s^2]."""
+    mode = system.touch[c, CLOSED]
+    system.touch[c, CLOSED] = 0.0
+    contact_accelerations(system, t, y)
+    system.touch[c, CLOSED] = mode
+    return acceleration_along(system, workspace, first_row_of(system, c))
+
+
+@inline
+def is_low(system, workspace, t, y, c):
+    """True if contact c falls from, or rises to, a height that is too low to tell."""
+    fall = -free_normal_acceleration(system, workspace, t, y, c)
+    height = 0.5 * system.touch[c, GAP_RATE] ** 2
+    return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
+
+
+@inline
+def see_rest(workspace, c, t):
+    """One more bounce of contact c tells that its series will be over at t."""
+    change = abs(t - workspace.rests[c, LAST])
+    if change <= workspace.rests[c, CHANGE]:
+        workspace.rests[c, BEST], workspace.rests[c, CHANGE] = t, change
+    workspace.rests[c, LAST] = t
+
+
+@inline
+def close_endless(system, workspace, t, y):
+    """Contacts whose further bounces would all be over at once become plastic, and no others."""
+    touch = system.touch
+    for c in range(touch.shape[0]):
+        workspace.plastic[c] = 0
+        e, speed = touch[c, RESTITUTION], -touch[c, GAP_RATE]
+        bounces = touches(system, c) and 0.0 < e < 1.0 and speed > velocity_tolerance_of(system)
+        if not bounces or workspace.bounces[c] < ZENO_BOUNCES:
+            continue
+        fall = -free_normal_acceleration(system, workspace, t, y, c)
+        if fall <= 0.0:
+            continue
+        see_rest(workspace, c, t + 2.0 * e * speed / (fall * (1.0 - e)))
+        if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * system.length:
+            workspace.plastic[c] = 1
+            note(workspace, workspace.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
+
+
+@inline
+def close_rocking(system, workspace, t, y):
+    """Contacts that strike and part in turns, too low to tell, close together; returns whether
+    there are any."""
+    touch, velocity_tolerance, count = system.touch, velocity_tolerance_of(system), 0
+    low, struck = True, False
+    for c in range(touch.shape[0]):
+        workspace.together[c] = 0
+        count += 1 if touches(system, c) else 0
+    for c in range(touch.shape[0]):
+        if count >= 2 and touches(system, c) and touch[c, GAP_RATE] < -velocity_tolerance:
+            struck = True
+            low = low and is_low(system, workspace, t, y, c)
+    if not struck:
+        return False
+    last = touch.shape[0]
+    workspace.bounces[last] = workspace.bounces[last] + 1 if low else 0
+    if workspace.bounces[last] <= ZENO_BOUNCES:
+        return False
+    for c in range(touch.shape[0]):
+        if touches(system, c) and touch[c, GAP_RATE] < -velocity_tolerance:
+            note(workspace, t, c, RESTS, (0.0, 0.0, 0.0))
+    any_together = False
+    for c in range(touch.shape[0]):
+        if touches(system, c) and is_low(system, workspace, t, y, c):
+            workspace.together[c] = 1
+            any_together = True
+    return any_together
+
+
+@inline
+def count_bounces(workspace):
+    """An impact has been: contacts that part after it have bounced once more, others rest."""
+    for c in range(workspace.rests.shape[0]):
+        if workspace.rebounding[c] == 1:
+            workspace.bounces[c] += 1
+        else:
+            workspace.bounces[c] = 0
+            for j in range(3):
+                workspace.rests[c, j] = math.inf
+
+
+# Flights that an instant begins: how long they may be.
+
+
+HELD_DOWN = 1e-6
+"""Acceleration towards the support, in natural units, with which a contact that has just been left
+would be pressed again at once."""
+LANDED = 2.4
+"""Times to the top of a flight after which it is over, also where its fall changes a little."""
+
+
+@inline
+def time_of_flights(system, workspace, t, y, fixed):
+    """(time within which the flights that begin here have to be looked at [s], inf where there are
+    none; 0, or 1 + a contact whose drag lifts off what falls back at once).
+
+    A flight is to end within it.  One so low that rounding of gaps may hide it has to be cut at
+    its top, as any where steps are fixed.
+    """
+    touch, length, dragged = system.touch, math.inf, 0
+    near, natural = TOUCHING * system.length, system.speed**2 / system.length
+    contact_accelerations(system, t, y)
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] != 0.0 or abs(touch[c, GAP]) > near:
+            continue
+        fall = -acceleration_along(system, workspace, first_row_of(system, c))
+        rise = touch[c, GAP_RATE]
+        if fall > 0.0 and rise > velocity_tolerance_of(system):
+            hidden = fixed or 0.5 * rise * rise < TOUCHING * fall * system.length
+            length = min(length, (1.0 if hidden else LANDED) * rise / fall)
+        elif touch[c, DRAGS] == 1.0 and fall > HELD_DOWN * natural and dragged == 0:
+            dragged = 1 + c
+    return length, dragged
+
+
+# The impulses of an impact by one rule: the problem between them and the velocities after it.
+#
+# Newton's restitution is v_n+ = -e v_n- where the contact pushes, with Coulomb's law between
+# impulse and slip after it; Poisson's is compression to rest, then e times its impulse once more
+# (Glocker, Set-Valued Force Laws, 2001).
+
+
+MANY = 4
+"""Contacts that have to press in an impact for their shares to be undetermined."""
+
+
+class Rule(NamedTuple):
+    """What is asked of an impact."""
+
+    rebound: Any
+    """e of each contact, (C,)."""
+    least: Any
+    """least impulse of each contact, (C,)."""
+    together: bool
+    """what is not to part holds both ways."""
+    stop: bool
+    """what is perfectly rough stops slipping, also where no push would be needed; as it does where
+    there are no other impulses."""
+
+
+@inline
+def grips(system, c, v):
+    """True if contact c is perfectly rough and does not part."""
+    rough = system.touch[c, KINETIC] == math.inf
+    return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
+
+
+@inline
+def rubs_up_to(system, c, v):
+    """Largest tangential over normal impulse of contact c: what its law gives at the slip before
+    the impact."""
+    k = first_row_of(system, c)
+    return traction_over_push(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
+
+
+@inline
+def lay_out_impact(system, workspace, v, together, loose):
+    """The rows and laws of an impact of what takes part; returns (rows, bounds).
+
+    loose: what is perfectly rough and does not part has no friction but holds.
+    """
+    touch, n, m = system.touch, 0, 0
+    for k in range(first_row_of(system, 0)):
+        n = add_row(workspace, n, k, HOLDS)
+    for c in range(touch.shape[0]):
+        if workspace.taking_part[c] != 1:
+            continue
+        k, push = first_row_of(system, c), n
+        both = touch[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
+        n = add_row(workspace, n, k, HOLDS if both else PUSHES)
+        coefficient = rubs_up_to(system, c, v)
+        if coefficient > 0.0:
+            held = loose and grips(system, c, v)
+            rule = HOLDS if held else RUBS
+            n = add_row(workspace, n, k + 1, rule)
+            n = add_row(workspace, n, k + 2, rule)
+            if not held:
+                m = add_bound(workspace, m, (n - 2, n - 1, push), coefficient, (c, 0))
+        if touch[c, ROLLING_ARM] > 0.0:
+            n = add_row(workspace, n, k + 3, RUBS)
+            n = add_row(workspace, n, k + 4, RUBS)
+            m = add_bound(workspace, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
+        if touch[c, SPINNING_ARM] > 0.0:
+            n = add_row(workspace, n, k + 5, RUBS)
+            m = add_bound(workspace, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
+    return n, m
+
+
+@inline
+def let_press_hold(system, workspace, A, b, x, pressing):
+    """Let the pushes that do not part at the solution x hold, and mark them; returns how many there
+    are."""
+    many, velocity_tolerance = 0, velocity_tolerance_of(system)
+    for i in range(x.shape[0]):
+        pressing[i] = 0.0
+        if workspace.rules[i] == PUSHES and velocity_after(A, b, i, x) <= velocity_tolerance:
+            workspace.rules[i], pressing[i] = HOLDS, 1.0
+            many += 1
+    return many
+
+
+@inline
+def keeps_pushing(workspace, pressing, x):
+    """True if no contact that presses would have to pull for x."""
+    most = 0.0
+    for i in range(x.shape[0]):
+        most = max(most, abs(x[i]))
+    for i in range(x.shape[0]):
+        if pressing[i] == 1.0 and x[i] < workspace.least[i] - COMPUTED_ROUNDING * most:
+            return False
+    return True
+
+
+@inline
+def leave_open(workspace, A, b, terms, x, other):
+    """Let workspace.undetermined tell how far two impulses end in other velocities, if they do."""
+    largest, most = 0.0, 0.0
+    for i in range(x.shape[0]):
+        largest = max(largest, terms[i])
+        apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
+        most = max(most, abs(apart))
+    if most > OPEN * largest:
+        workspace.undetermined[0] = max(workspace.undetermined[0], most / largest)
+
+
+@inline
+def without_least_push(workspace, m, A, b, terms, pressing, x, other):
+    """Into other the impulses where the contact that pushes least does not; returns SOLVED if there
+    are some."""
+    n, least = x.shape[0], -1
+    for i in range(n):
+        if pressing[i] == 1.0 and (least < 0 or x[i] < x[least]):
+            least = i
+    alone, rest = A.copy(), b.copy()
+    for i in range(n):
+        alone[least, i], alone[i, least] = 0.0, 0.0
+    alone[least, least], rest[least] = A[least, least], 0.0
+    return solve_in(workspace, n, m, alone, rest, terms, other)
+
+
+@inline
+def take_least_shares(system, workspace, m, A, b, terms, x):
+    """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
+    it; workspace.undetermined tells how far others end in another motion.
+
+    How the corners of a face share a push is not in the laws, and rounding would choose. Where
+    they slip in several directions the friction, and the motion, depend on it.
+    """
+    n = x.shape[0]
+    found, pressing = np.empty(n), np.empty(n)
+    if let_press_hold(system, workspace, A, b, x, pressing) < MANY:
+        return
+    if solve_in(workspace, n, m, A, b, terms, found) != SOLVED:
+        return
+    if not keeps_pushing(workspace, pressing, found):
+        return
+    leave_open(workspace, A, b, terms, x, found)
+    for i in range(n):
+        x[i] = found[i]
+    if without_least_push(workspace, m, A, b, terms, pressing, x, found) == SOLVED:
+        possible = keeps_pushing(workspace, pressing, found)
+        for i in range(n):
+            parts = velocity_after(A, b, i, found)
+            possible = possible and not (pressing[i] == 1.0 and abs(parts) > OPEN * terms[i])
+        if possible:
+            leave_open(workspace, A, b, terms, x, found)
+
+
+@inline
+def try_impulses(system, workspace, before, rule, loose, x):
+    """As `impulses_with`, of one set of laws."""
+    n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
+    A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+    assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
+    for c in range(system.touch.shape[0]):
+        if workspace.taking_part[c] == 1:
+            i = workspace.place_of[first_row_of(system, c)]
+            b[i] *= 1.0 + rule.rebound[c]
+            workspace.least[i] = rule.least[c]
+    status = solve_in(workspace, n, m, A, b, terms, found)
+    if status == SOLVED:
+        take_least_shares(system, workspace, m, A, b, terms, found)
+    for k in range(x.shape[0]):
+        x[k] = 0.0
+    for i in range(n):
+        x[workspace.used[i]] = found[i]
+    return status
+
+
+@inline
+def impulses_with(system, workspace, before, rule, x):
+    """Into x the impulses with w = A x + v + e v-, of all rows; returns SOLVED, UNSOLVED or
+    NOT_FINITE."""
+    holding = False
+    for c in range(system.touch.shape[0]):
+        holding = holding or (workspace.taking_part[c] == 1 and grips(system, c, before.v))
+    status = UNSOLVED
+    if not (rule.stop and holding):
+        status = try_impulses(system, workspace, before, rule, False, x)
+    if status == UNSOLVED and holding:
+        # what is perfectly rough stops the slip even where that alone lifts it off
+        status = try_impulses(system, workspace, before, rule, True, x)
+    return status
+
+
+@inline
+def gains_energy(system, workspace, u, x):
+    """True if the impulses would create kinetic energy (driven supports may)."""
+    p, du = np.empty_like(u), np.empty_like(u)
+    momentum_of(system, workspace.J, x, p)
+    inverse_mass_times(system, p, du)
+    work, size = 0.0, 1e-300
+    for j in range(u.shape[0]):
+        work += p[j] * (u[j] + 0.5 * du[j])
+        size += abs(p[j]) * abs(u[j])
+    for k in range(x.shape[0]):
+        work -= x[k] * workspace.row_rate[k]
+    return work > COMPUTED_ROUNDING * size
+
+
+@inline
+def poisson_impulses(system, workspace, before, rebound, x):
+    """Into x those of compression to rest, then of at least e times its push once more."""
+    none, least = np.zeros_like(rebound), np.zeros_like(rebound)
+    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
+    status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
+    if status != SOLVED:
+        return status
+    for c in range(least.shape[0]):
+        least[c] = rebound[c] * first[first_row_of(system, c)]
+    momentum_of(system, workspace.J, first, p)
+    inverse_mass_times(system, p, du)
+    after = np.empty_like(x)
+    for k in range(x.shape[0]):
+        after[k] = before.v[k] + row_times(system, workspace.J, k, du)
+    compressed = Velocities(before.u, after)
+    status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
+    for k in range(x.shape[0]):
+        x[k] += first[k]
+    return status
+
+
+NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
+"""What rounds of impacts come to: nothing approaches; something was struck; the laws have no
+solution; numbers that are not finite; there are more rounds to come; all have been."""
+TIED = 1e-9
+"""Part of the speed of the fastest contact by which another may be slower and is as fast: rounding
+would choose between the two corners of an edge that lands, and the body go the one or other way."""
+
+
+@inline
+def must_stop_slipping(system, c):
+    """A perfectly rough contact that has just come to be, does not part, and slips."""
+    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
+    stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= velocity_tolerance
+    return touch[c, STATIC] == math.inf and stays and slip_speed(system, c) > velocity_tolerance
+
+
+@inline
+def apply_impulses(system, workspace, t, y, x):
+    """Add the impulses to the velocities, and their work to that of the contacts."""
+    u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
+    du = np.empty_like(u)
+    read_velocities(system, y, u)
+    momentum_of(system, workspace.J, x, p)
+    inverse_mass_times(system, p, du)
+    work = 0.0
+    for i in range(system.bodies.shape[0]):
+        for j in range(6):
+            k = 6 * i + j
+            y[WIDTH * i + 7 + j] = u[k] + du[k]
+            work += p[k] * (u[k] + 0.5 * du[k])
+    y[WIDTH * system.bodies.shape[0]] += work
+    write_all_rows(system, t, y, workspace)
+
+
+@inline
+def impulses_of_strike(system, workspace, before, fastest, x):
+    """Into x the impulses of what takes part, by the first of the rules that has some and gains no
+    energy."""
+    touch, contacts = system.touch, system.touch.shape[0]
+    rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
+    workspace.undetermined[0] = 0.0
+    for c in range(contacts):
+        any_together = any_together or workspace.together[c] == 1
+        if workspace.taking_part[c] == 1 and workspace.plastic[c] == 0:
+            if before.v[first_row_of(system, c)] < 0.0:
+                rebound[c] = touch[c, RESTITUTION]
+    status = UNSOLVED
+    if any_together:
+        status = impulses_with(system, workspace, before, Rule(none, none, True, False), x)
+    if status == UNSOLVED and not touch[fastest, GAP_RATE] < -velocity_tolerance_of(system):
+        status = impulses_with(system, workspace, before, Rule(none, none, False, True), x)
+    if status == UNSOLVED:
+        status = impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
+    if status == UNSOLVED or (status == SOLVED and gains_energy(system, workspace, before.u, x)):
+        status = poisson_impulses(system, workspace, before, rebound, x)
+        if status == UNSOLVED or (
+            status == SOLVED and gains_energy(system, workspace, before.u, x)
+        ):
+            status = impulses_with(system, workspace, before, Rule(none, none, False, False), x)
+    return status
+
+
+@inline
+def strike(system, workspace, t, y, alone):
+    """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
+
+    `workspace.plastic`: contacts without rebound; `workspace.together`: touching ones that do not
+    part either; alone: only the contact that approaches fastest, and those as fast. The impulses go
+    into the workspace, and `workspace.rebounding` becomes 1 for contacts that separate after it.
+    """
+    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
+    fastest, strikes = find_touching(system, workspace), False
+    for c in range(touch.shape[0]):
+        if workspace.taking_part[c] == 1:
+            approaches = touch[c, GAP_RATE] < -velocity_tolerance
+            strikes = strikes or approaches or must_stop_slipping(system, c)
+    if not strikes:
+        return NOTHING
+    if alone and touch[fastest, GAP_RATE] < -velocity_tolerance:
+        for c in range(touch.shape[0]):
+            as_fast = touch[c, GAP_RATE] <= (1.0 - TIED) * touch[fastest, GAP_RATE]
+            workspace.taking_part[c] = 1 if workspace.taking_part[c] == 1 and as_fast else 0
+    u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate)
+    read_velocities(system, y, u)
+    along_rows(system, workspace, u, v)
+    x = workspace.impulses
+    status = impulses_of_strike(system, workspace, Velocities(u, v), fastest, x)
+    if status == NOT_FINITE:
+        return OVERFLOWN
+    if status == UNSOLVED:
+        return NO_IMPULSES
+    if workspace.undetermined[0] > 0.0:
+        note(workspace, t, fastest, AMBIGUOUS, (0.0, 0.0, 0.0))
+        if workspace.undetermined[0] > workspace.undetermined[1]:
+            workspace.undetermined[1] = workspace.undetermined[0]
+            workspace.undetermined[2], workspace.undetermined[3] = t, fastest
+    apply_impulses(system, workspace, t, y, x)
+    read_velocities(system, y, u)
+    along_rows(system, workspace, u, v)
+    for c in range(touch.shape[0]):
+        parts = workspace.taking_part[c] == 1 and v[first_row_of(system, c)] > velocity_tolerance
+        workspace.rebounding[c] = 1 if parts else 0
+    return STRUCK
+
+
+@inline
+def strike_in_rounds(system, workspace, t, y, first, last, single):
+    """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
+    closed. single: so many rounds strike one contact at a time.
+
+    Returns (what it comes to, the next round); GOES_ON where there is no room for more notes.
+    """
+    contacts = system.touch.shape[0]
+    for n in range(first, last):
+        if workspace_left(workspace) < OF_ROUND * contacts + 1:
+            return GOES_ON, n
+        close_endless(system, workspace, t, y)
+        rocks = close_rocking(system, workspace, t, y)
+        for c in range(contacts):
+            if (
+                0 < single <= n or workspace.together[c] == 1
+            ):  # no end: what it leaves is taken together
+                workspace.plastic[c] = 1
+        status = strike(system, workspace, t, y, n < single and not rocks)
+        if status != STRUCK:
+            return status, n
+        note_impulses(system, workspace, t, IMPACT)
+        count_bounces(workspace)
+    return ENDLESS, last

@@ -1,0 +1,333 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Which contacts go on closed, slip, stick or roll: the laws between forces and accelerations.
+
+A closed contact pushes or opens, friction bounds the force at rest and opposes the slip that begins
+(LL 38; Moreau 1988); solved for all contacts at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.contact.assembly import (
+    ACCELERATION,
+    CANDIDATE,
+    NOT_FINITE,
+    PRESSED,
+    SOLVED,
+    Velocities,
+    assemble,
+    fill_delassus,
+    lay_out_forces,
+    solve_in,
+    velocity_after,
+    write_all_rows,
+)
+from rb_sim.contact.event_workspace import (
+    slip_speed,
+    spin_tolerance_of,
+    touches,
+    turning,
+    velocity_tolerance_of,
+)
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    CLOSED,
+    COMPLIANT,
+    CREEPS,
+    GAP,
+    GAP_RATE,
+    KINETIC,
+    LEAN_SIGN,
+    LIFT_OFF,
+    NORMAL,
+    NORMAL_SIGN,
+    ROLL,
+    ROLL_BEGINS,
+    ROLL_DIRECTION,
+    ROLLING_ARM,
+    SHARES,
+    SLIDE,
+    SLIP,
+    SLIP_BEGINS,
+    SLIP_DIRECTION,
+    SPIN,
+    SPIN_BEGINS,
+    SPIN_SIGN,
+    SPINNING_ARM,
+    SPRING,
+    STATIC,
+    first_row_of,
+    keep,
+)
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.system import project
+from rb_sim.mechanics.systems.many_bodies import vec
+from rb_sim.mechanics.systems.multibody import write_rows
+from rb_sim.numerics.kernels import inline, part, pointer
+from rb_sim.numerics.linear_solves import triangular
+from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
+from rb_sim.numerics.vectors import add, norm, perpendicular, scale
+
+# The rows that hold at rest, and whether they have one set of reactions.
+
+
+FEW = 20
+"""Rows up to which pivots tell that they do not depend on each other."""
+
+
+@inline
+def find_held(system, workspace):
+    """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
+    touch, n = system.touch, first_row_of(system, 0)
+    for k in range(n):
+        workspace.used[k] = k
+    for c in range(touch.shape[0]):
+        if touch[c, CLOSED] == 0.0:
+            continue
+        k = first_row_of(system, c)
+        holds = (
+            touch[c, COMPLIANT] == 0.0,
+            touch[c, SLIDE] == STUCK,
+            touch[c, SLIDE] == STUCK,
+            touch[c, ROLL] == STUCK,
+            touch[c, ROLL] == STUCK,
+            touch[c, SPIN] == STUCK,
+        )
+        for j in range(6):
+            if holds[j]:
+                workspace.used[n] = k + j
+                n += 1
+    return n
+
+
+@inline
+def may_share(system, workspace):
+    """False where what holds has one set of reactions for certain; no self-stress is kept then.
+
+    The smallest pivot of n columns is at most 2^n sqrt(n) times the smallest singular value (Golub
+    and Van Loan, Matrix Computations, 5.5.7).
+    """
+    for k in range(system.vectors.shape[1]):
+        system.vectors[SHARES, k] = 0.0
+    n = find_held(system, workspace)
+    if n == first_row_of(system, 0):
+        return False
+    if n > FEW:
+        return True
+    A, work = np.empty((n, n)), np.zeros(2 * n)
+    fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
+    R = pointer(A)
+    rank = triangular(R, n, pointer(work), part(pointer(work), n), LEAST_SINGULAR)
+    smallest = abs(R[n * n - 1]) if rank == n else 0.0
+    return not smallest > JUDGED_BY_CONTACT * n * 2.0**n * abs(R[0])
+
+
+MODE_ROUNDS = 8
+BEGINS = 1e-10
+"""Acceleration, relative to the largest, from which on a contact opens or begins to move."""
+WHOLE, JAMMED_ONES, TOO_LARGE = 0, 1, 2
+"""What the choice comes to: modes; no force keeps a slipping contact from penetrating (Painleve's
+paradox); numbers that are not finite."""
+
+
+@inline
+def open_contact(touch, c):
+    """Set all modes of contact c to those of an open one."""
+    touch[c, CLOSED] = NONE
+    touch[c, SLIDE] = NONE
+    touch[c, ROLL] = NONE
+    touch[c, SPIN] = NONE
+    touch[c, CREEPS] = 0.0
+
+
+@inline
+def sort_contacts(system, workspace, code):
+    """Which contacts may close, and which compliant ones are pressed, into `workspace.taking_part`;
+    opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
+    many there are."""
+    touch, velocity_tolerance, count = system.touch, velocity_tolerance_of(system), 0
+    for c in range(touch.shape[0]):
+        both, part = touch[c, BILATERAL] == 1.0, 0
+        if touch[c, COMPLIANT] == 1.0:
+            there = touch[c, LEAN_SIGN] != ABSENT
+            if there and touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0:
+                part = PRESSED
+        elif both or (
+            abs(touch[c, GAP_RATE]) <= velocity_tolerance
+            and touches(system, c)
+            and workspace.opened[c] == 0
+            and not (c == code[0] and code[1] == LIFT_OFF)
+        ):
+            part = CANDIDATE
+        workspace.taking_part[c] = part
+        if part == 0:
+            open_contact(touch, c)
+        else:
+            touch[c, CLOSED] = 1.0
+            count += 1
+    return count
+
+
+@inline
+def first_guess(system, c, lifts_off):
+    """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
+    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
+    if touch[c, NORMAL_SIGN] == 0.0:
+        touch[c, NORMAL_SIGN] = 1.0
+    if touch[c, BILATERAL] == 1.0 and lifts_off:
+        touch[c, NORMAL_SIGN] = -touch[c, NORMAL_SIGN]
+    speed = slip_speed(system, c)
+    slides = touch[c, STATIC] == 0.0 or speed > velocity_tolerance or touch[c, CREEPS] > 0.0
+    touch[c, SLIDE] = SLIDING if slides else STUCK
+    if speed > velocity_tolerance and touch[c, CREEPS] == 0.0:
+        keep(touch, c, SLIP_DIRECTION, scale(1.0 / speed, vec(touch, c, SLIP)))
+    across, about = turning(system, c)
+    fast, slow = norm(across), spin_tolerance_of(system)
+    touch[c, ROLL] = NONE
+    if touch[c, ROLLING_ARM] > 0.0:
+        touch[c, ROLL] = SLIDING if fast > slow else STUCK
+    touch[c, SPIN] = NONE
+    if touch[c, SPINNING_ARM] > 0.0:
+        touch[c, SPIN] = SLIDING if abs(about) > slow else STUCK
+    if touch[c, ROLL] == SLIDING:
+        keep(touch, c, ROLL_DIRECTION, scale(1.0 / fast, across))
+    if touch[c, SPIN] == SLIDING:
+        touch[c, SPIN_SIGN] = math.copysign(1.0, about)
+
+
+@inline
+def size_of(w, workspace, i):
+    """|w| of the rows of the i-th bound."""
+    first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
+    return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
+
+
+@inline
+def begin_to_move(system, workspace, i, x, w, size):
+    """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
+    touch, c, way = system.touch, workspace.moves[i, 0], workspace.moves[i, 1]
+    first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
+    rate = size_of(w, workspace, i)
+    begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
+    if not begins and workspace.moved[c, way] == 0:
+        touch[c, SLIDE + way] = STUCK
+        return
+    workspace.moved[c, way] = 1
+    touch[c, SLIDE + way] = SLIDING
+    force, y, z = size_of(x, workspace, i), 0.0, 0.0
+    if begins:
+        y, z = w[first] / rate, w[second] / rate if second >= 0 else 0.0
+    elif force > 0.0:
+        y, z = -x[first] / force, -x[second] / force if second >= 0 else 0.0
+    if way == 2:
+        touch[c, SPIN_SIGN] = math.copysign(1.0, y)
+        return
+    t1, t2 = perpendicular(vec(touch, c, NORMAL))
+    keep(touch, c, SLIP_DIRECTION if way == 0 else ROLL_DIRECTION, add(scale(y, t1), scale(z, t2)))
+
+
+@inline
+def read_modes(system, workspace, n, m, x, w):
+    """Modes from forces x and accelerations w of n rows."""
+    touch, size, most = system.touch, 0.0, 0.0
+    for i in range(n):
+        size = max(size, abs(w[i]))
+    for j in range(workspace.free_accelerations.shape[0]):
+        most = max(most, abs(workspace.free_accelerations[j]))
+    size += most
+    for c in range(touch.shape[0]):
+        if workspace.taking_part[c] != CANDIDATE:
+            continue
+        i, both = workspace.place_of[first_row_of(system, c)], touch[c, BILATERAL] == 1.0
+        if not both and w[i] > BEGINS * size:
+            open_contact(touch, c)
+        if both and touch[c, SLIDE] != SLIDING:
+            touch[c, NORMAL_SIGN] = -1.0 if x[i] < 0.0 else 1.0
+    for i in range(m):
+        if touch[workspace.moves[i, 0], CLOSED] != 0.0:
+            begin_to_move(system, workspace, i, x, w, size)
+
+
+@inline
+def moving(workspace):
+    """How many have left their rest."""
+    count = 0
+    for c in range(workspace.moved.shape[0]):
+        for way in range(3):
+            count += workspace.moved[c, way]
+    return count
+
+
+@inline
+def find_forces(system, workspace, t, y):
+    """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
+    becomes of it (see laws)."""
+    unread = Velocities(workspace.free_accelerations, workspace.row_rate)
+    for _ in range(MODE_ROUNDS):
+        write_all_rows(system, t, y, workspace)
+        n, m = lay_out_forces(system, workspace)
+        A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
+        x, w = np.empty(n), np.empty(n)
+        assemble(system, workspace, ACCELERATION, n, unread, 1.0, A, b, terms)
+        status = solve_in(workspace, n, m, A, b, terms, x)
+        if status != SOLVED:
+            return status
+        for i in range(n):
+            w[i] = velocity_after(A, b, i, x)
+        before = moving(workspace)
+        read_modes(system, workspace, n, m, x, w)
+        if moving(workspace) == before:
+            return SOLVED
+        for c in range(system.touch.shape[0]):  # the kinetic law now holds for what began to slide
+            if workspace.taking_part[c] != 0:
+                system.touch[c, CLOSED] = 1.0
+                first_guess(system, c, False)
+    return SOLVED
+
+
+@inline
+def choose(system, workspace, t, y, code):
+    """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
+
+    code: (contact, kind) of the event that led here: what it ends does not go on; (-1, -1) of none.
+    `workspace.opened`: contacts that do not close either. `workspace.parted` becomes 1 for
+    what opened while it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
+    """
+    touch = system.touch
+    count = sort_contacts(system, workspace, code)
+    for c in range(touch.shape[0]):
+        for way in range(3):
+            workspace.moved[c, way] = 0
+        if workspace.taking_part[c] != 0:
+            first_guess(system, c, c == code[0] and code[1] == LIFT_OFF)
+            if c == code[0]:
+                workspace.moved[c, 0] = 1 if code[1] == SLIP_BEGINS else 0
+                workspace.moved[c, 1] = 1 if code[1] == ROLL_BEGINS else 0
+                workspace.moved[c, 2] = 1 if code[1] == SPIN_BEGINS else 0
+    if count > 0:
+        status = find_forces(system, workspace, t, y)
+        if status == NOT_FINITE:
+            return TOO_LARGE
+        if status != SOLVED:
+            return JAMMED_ONES
+    write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
+    project(system, t, y)
+    write_all_rows(system, t, y, workspace)
+    velocity_tolerance = velocity_tolerance_of(system)
+    for c in range(touch.shape[0]):
+        lifts = workspace.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0
+        slips = slip_speed(system, c) > velocity_tolerance and 0.0 < touch[c, KINETIC] < math.inf
+        workspace.parted[c] = 1 if lifts and slips else 0
+    return WHOLE

@@ -1,0 +1,484 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Newton's method in the velocities of the bodies, for heaps that sweeps alone leave unsolved.
+
+Each contact obeys its law with a slight give around the impulses c that it comes with (a proximal
+step; Rockafellar 1976):
+
+    v_n + (r_n - c_n) / s >= 0,  r_n >= 0,  the product none;  Coulomb's law between r_T and
+    v_T + (r_T - c_T) / g
+
+with s = STIFF and g a grip over the contact's own block of the Delassus matrix.  Where many
+contacts are redundant their laws alone leave the impulses undetermined, and heaps that wedge
+themselves have no solution near by: Newton's method then changes sticking and sliding without end,
+whatever its steps.  With a grip of SOFT, or a softer one, it comes to its end in a few rounds; from
+there the grip is made firmer until the laws themselves are kept well enough, or as long as there is
+a solution.  The
+give is none once the impulses stay what they were: what rests does not creep.  The active set that
+the natural map has (Alart and Curnier 1991) makes the laws linear, r = A - D v; eliminated into the
+balance of momentum,
+
+    (M + J^T D J) (u+ - u) = J^T (A - D v - r),
+
+which has six unknowns for each body, however many points it touches with.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.contact.contact_graph import BOUND, CONTACT_ROWS, ENOUGH, GIVE, copy, copy_rows, rate_of
+from rb_sim.contact.gauss_seidel import ROUGH, gauss_seidel, is_plain, push_three
+from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
+from rb_sim.numerics.kernels import inline
+
+# Elimination of a matrix of 6 x 6 blocks, one row and column of blocks for each body.
+#
+# Bodies that share no contact share no block: the body with the fewest others left to share one
+# with goes first (least degree), so that few blocks are filled.  There are no pivots.
+
+
+SIZE = 6
+
+
+@inline
+def first_of_fewest(linked, done):
+    """The body that is not done and is linked with the fewest that are not."""
+    best, fewest = -1, linked.shape[0] + 1
+    for b in range(linked.shape[0]):
+        if done[b] == 1:
+            continue
+        links = 0
+        for a in range(linked.shape[0]):
+            if linked[b, a] == 1 and done[a] == 0:
+                links += 1
+        if links < fewest:
+            best, fewest = b, links
+    return best
+
+
+@inline
+def neighbours(linked, done, b, found):
+    """The bodies not done that b is linked with into `found`, and linked with each other, as they
+    are once b is eliminated; returns how many."""
+    n = 0
+    for a in range(linked.shape[0]):
+        if linked[b, a] == 1 and done[a] == 0:
+            found[n] = a
+            n += 1
+    for i in range(n):
+        for j in range(n):
+            if i != j:
+                linked[found[i], found[j]] = 1
+    return n
+
+
+@inline
+def factorise_block(H, p):
+    """H_pp = L U in place; False where a pivot is none."""
+    for k in range(p, p + SIZE):
+        if not abs(H[k, k]) > 0.0:
+            return False
+        for i in range(k + 1, p + SIZE):
+            H[i, k] /= H[k, k]
+            for j in range(k + 1, p + SIZE):
+                H[i, j] -= H[i, k] * H[k, j]
+    return True
+
+
+@inline
+def by_upper(H, q, p):
+    """H_qp U^-1 of the factors of H_pp, in place."""
+    for i in range(q, q + SIZE):
+        for k in range(p, p + SIZE):
+            s = H[i, k]
+            for j in range(p, k):
+                s -= H[i, j] * H[j, k]
+            H[i, k] = s / H[k, k]
+
+
+@inline
+def by_lower(H, p, s):
+    """L^-1 H_ps, in place."""
+    for i in range(p + 1, p + SIZE):
+        for k in range(p, i):
+            f = H[i, k]
+            for j in range(s, s + SIZE):
+                H[i, j] -= f * H[k, j]
+
+
+@inline
+def take_product(H, q, p, s):
+    """H_qs -= H_qp H_ps, a row of H_qs at a time in registers."""
+    for i in range(q, q + SIZE):
+        h0, h1, h2 = H[i, s], H[i, s + 1], H[i, s + 2]
+        h3, h4, h5 = H[i, s + 3], H[i, s + 4], H[i, s + 5]
+        for k in range(p, p + SIZE):
+            f = H[i, k]
+            h0, h1, h2 = h0 - f * H[k, s], h1 - f * H[k, s + 1], h2 - f * H[k, s + 2]
+            h3, h4, h5 = h3 - f * H[k, s + 3], h4 - f * H[k, s + 4], h5 - f * H[k, s + 5]
+        H[i, s], H[i, s + 1], H[i, s + 2] = h0, h1, h2
+        H[i, s + 3], H[i, s + 4], H[i, s + 5] = h3, h4, h5
+
+
+@inline
+def eliminate(H, g, linked, order, done, found):
+    """Solve H x = g in place of g; False where a pivot is none.
+
+    linked: 1 for bodies whose block of H is not zero, shape (N, N); it gets what is filled.
+    order, done, found: workspace, N integers each.
+    """
+    N = linked.shape[0]
+    for b in range(N):
+        done[b] = 0
+    for turn in range(N):
+        b = first_of_fewest(linked, done)
+        order[turn], done[b] = b, 1
+        n, p = neighbours(linked, done, b, found), SIZE * b
+        if not factorise_block(H, p):
+            return False
+        for i in range(p + 1, p + SIZE):
+            for k in range(p, i):
+                g[i] -= H[i, k] * g[k]
+        for m in range(n):
+            by_lower(H, p, SIZE * found[m])
+        for m in range(n):
+            q = SIZE * found[m]
+            by_upper(H, q, p)
+            for o in range(n):
+                take_product(H, q, p, SIZE * found[o])
+            for i in range(q, q + SIZE):
+                for k in range(p, p + SIZE):
+                    g[i] -= H[i, k] * g[k]
+    substitute_back(H, g, linked, order, done)
+    return True
+
+
+@inline
+def substitute_back(H, g, linked, order, done):
+    """U x = g in place of g; done: 1 for all bodies."""
+    N = linked.shape[0]
+    for turn in range(N - 1, -1, -1):
+        b = order[turn]
+        p, done[b] = SIZE * b, 0
+        for i in range(p + SIZE - 1, p - 1, -1):
+            s = g[i]
+            for j in range(i + 1, p + SIZE):
+                s -= H[i, j] * g[j]
+            for a in range(N):
+                if linked[b, a] == 1 and done[a] == 0 and a != b:
+                    for j in range(SIZE * a, SIZE * a + SIZE):
+                        s -= H[i, j] * g[j]
+            g[i] = s / H[i, i]
+
+
+STIFF = 1e5
+"""Stiffness of a proximal step along normals relative to the contact's own block, and the firmest
+grip along tangents."""
+SOFT, FIRMER = 1000.0, 10.0
+"""The first grip, and by what it grows; where there is none with it, it shrinks by that."""
+ROUNDS, STAGES, SWEEPS = 8, 12, 10
+"""Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
+work."""
+FINER, HARDLY = 1e-2, 0.5
+"""A proximal step whose natural map is below ENOUGH has a solution; it is followed to FINER of what
+the laws are to be kept to where that is less, or as far as rounding lets it: until a round leaves
+more than HARDLY of what there was."""
+LOOSE = 1e-2
+"""Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
+had is approached in smaller steps."""
+RIGID = 1e200
+"""Stiffness and grip of the laws themselves."""
+
+
+@inline
+def block_size(blocks, i):
+    """The largest diagonal element of the own block of contact i."""
+    return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
+
+
+@inline
+def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
+    """Fill r = A - D v of the active set at (u, x); the size of the natural map over the largest
+    impulse.  c: centres of the proximal step; stiff, grip: RIGID for the laws themselves,
+    where A and D are of no use."""
+    most, largest = 0.0, 0.0
+    for i in range(ends.shape[0]):
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
+        size, mu = block_size(blocks, i), min(rules[i, BOUND], ROUGH)
+        soft, slack = size / stiff, size / grip
+        v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, GIVE] * x[k]
+        v0 += soft * (x[k] - c[k])
+        largest = max(largest, abs(x[k]))
+        for j in range(3):
+            A[i, j] = 0.0
+        for j in range(9):
+            D[i, j] = 0.0
+        push_n = x[k] - v0 / size
+        if push_n <= 0.0:
+            most = max(most, max(abs(x[k]), max(abs(x[k + 1]), abs(x[k + 2]))))
+            continue
+        most = max(most, abs(push_n - x[k]))
+        D[i, 0] = 1.0 / (soft + rules[i, GIVE])
+        A[i, 0] = c[k] * soft * D[i, 0]
+        if mu == 0.0:
+            continue
+        v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1] + slack * (x[k + 1] - c[k + 1])
+        v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2] + slack * (x[k + 2] - c[k + 2])
+        y, z = x[k + 1] - v1 / size, x[k + 2] - v2 / size
+        across = math.sqrt(y * y + z * z)
+        if across <= mu * push_n:  # sticks
+            most = max(most, max(abs(y - x[k + 1]), abs(z - x[k + 2])))
+            A[i, 1], A[i, 2] = c[k + 1], c[k + 2]
+            D[i, 4] = D[i, 8] = 1.0 / slack
+            continue
+        p, q, bound = y / across, z / across, mu * push_n
+        most = max(most, max(abs(bound * p - x[k + 1]), abs(bound * q - x[k + 2])))
+        A[i, 1], A[i, 2] = mu * p * A[i, 0], mu * q * A[i, 0]
+        D[i, 3], D[i, 6] = mu * p * D[i, 0], mu * q * D[i, 0]
+        slope = max(-(p * v1 + q * v2) / max(bound, 1e-300), 0.0)
+        turning = 1.0 / (slope + slack)
+        centre = slack * (p * c[k + 2] - q * c[k + 1]) * turning
+        A[i, 1] -= q * centre
+        A[i, 2] += p * centre
+        D[i, 4] += q * q * turning
+        D[i, 5] -= q * p * turning
+        D[i, 7] -= q * p * turning
+        D[i, 8] += p * p * turning
+    return most / largest if largest > 0.0 else most
+
+
+@inline
+def fill_matrix(ends, rows, bodies, D, H, linked):
+    """H = M + J^T D J; linked: 1 for bodies that a contact which pushes joins."""
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            H[i, j] = 0.0
+    for b in range(bodies.shape[0]):
+        o = 6 * b
+        for j in range(3):
+            H[o + j, o + j] = bodies[b, MASS]
+            H[o + 3 + j, o + 3 + j] = bodies[b, INERTIA + j]
+        H[o + 3, o + 4] = H[o + 4, o + 3] = bodies[b, INERTIA + 3]
+        H[o + 3, o + 5] = H[o + 5, o + 3] = bodies[b, INERTIA + 4]
+        H[o + 4, o + 5] = H[o + 5, o + 4] = bodies[b, INERTIA + 5]
+        for a in range(bodies.shape[0]):
+            linked[b, a] = 0
+    T = np.empty((3, 12))
+    for i in range(ends.shape[0]):
+        if D[i, 0] == 0.0:
+            continue
+        k = CONTACT_ROWS * i
+        if ends[i, 1] >= 0:
+            linked[ends[i, 0], ends[i, 1]] = linked[ends[i, 1], ends[i, 0]] = 1
+        for p in range(3):
+            d0, d1, d2 = D[i, 3 * p], D[i, 3 * p + 1], D[i, 3 * p + 2]
+            for j in range(12):
+                T[p, j] = d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j]
+        for first in range(2):
+            for second in range(2):
+                b, a = ends[i, first], ends[i, second]
+                if b < 0 or a < 0:
+                    continue
+                for m in range(6):
+                    f0, f1 = rows[k, 6 * first + m], rows[k + 1, 6 * first + m]
+                    f2, o = rows[k + 2, 6 * first + m], 6 * second
+                    for j in range(6):
+                        T_j = f0 * T[0, o + j] + f1 * T[1, o + j] + f2 * T[2, o + j]
+                        H[6 * b + m, 6 * a + j] += T_j
+
+
+@inline
+def by_active_set(rows, targets, A, D, u, i, b, a):
+    """Impulses A - D v of contact i at the velocities u."""
+    k = CONTACT_ROWS * i
+    v0 = rate_of(rows, k, u, b, a) - targets[k]
+    v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1]
+    v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2]
+    return (
+        A[i, 0] - D[i, 0] * v0 - D[i, 1] * v1 - D[i, 2] * v2,
+        A[i, 1] - D[i, 3] * v0 - D[i, 4] * v1 - D[i, 5] * v2,
+        A[i, 2] - D[i, 6] * v0 - D[i, 7] * v1 - D[i, 8] * v2,
+    )
+
+
+@inline
+def add_misfit(ends, rows, targets, A, D, u, x, g):
+    """g += J^T (A - D v - r)."""
+    for i in range(ends.shape[0]):
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
+        f = by_active_set(rows, targets, A, D, u, i, b, a)
+        d0, d1, d2 = f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2]
+        for j in range(6):
+            g[6 * b + j] += d0 * rows[k, j] + d1 * rows[k + 1, j] + d2 * rows[k + 2, j]
+        if a >= 0:
+            for j in range(6):
+                m = 6 + j
+                g[6 * a + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
+
+
+@inline
+def take_impulses(ends, rows, targets, A, D, u, x, moved):
+    """x = A - D v at the velocities u + moved; u follows from x."""
+    for b in range(u.shape[0]):
+        for j in range(6):
+            moved[b, j] += u[b, j]
+    for i in range(ends.shape[0]):
+        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
+        f = by_active_set(rows, targets, A, D, moved, i, b, a)
+        push_three(rows, k, u, b, a, f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2])
+        x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
+
+
+@inline
+def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
+    """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
+    themselves are kept to `enough`.
+
+    Returns (size of its natural map over the largest impulse, that of the laws, rounds made).
+    """
+    ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
+    A, D, H, g, linked, order, done, found = workspace
+    e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
+    given, made = residual_of(graph, u, x, A, D) if not e > solved else 1e300, 0
+    last = 1e300
+    while e > solved and given > enough and made < ROUNDS and not ENOUGH > e > HARDLY * last:
+        last = e
+        fill_matrix(ends, rows, bodies, D, H, linked)
+        for k in range(g.shape[0]):
+            g[k] = 0.0
+        add_misfit(ends, rows, targets, A, D, u, x, g)
+        if not eliminate(H, g, linked, order, done, found):
+            return 1e300, 1e300, made
+        take_impulses(ends, rows, targets, A, D, u, x, g.reshape((-1, 6)))
+        given = residual_of(graph, u, x, A, D)
+        e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
+        made += 1
+    return e, given, made
+
+
+@inline
+def residual_of(graph, u, x, A, D):
+    """Size of the natural map of the laws themselves over the largest impulse; A, D: workspace."""
+    ends, rows, targets = graph.ends, graph.rows, graph.targets
+    rules, blocks = graph.rules, graph.blocks
+    return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
+
+
+@inline
+def put_into_cones(graph, u, x):
+    """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
+    turns is along the edge of the cone, and so out of it; u follows."""
+    for i in range(graph.ends.shape[0]):
+        k, push_n = CONTACT_ROWS * i, max(0.0, x[CONTACT_ROWS * i])
+        across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
+        bound = min(graph.rules[i, BOUND], ROUGH) * push_n
+        if x[k] < 0.0 or across > bound:
+            share = bound / across - 1.0 if across > bound else 0.0
+            d0, d1, d2 = push_n - x[k], share * x[k + 1], share * x[k + 2]
+            push_three(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], d0, d1, d2)
+            x[k], x[k + 1], x[k + 2] = push_n, x[k + 1] + d1, x[k + 2] + d2
+
+
+@inline
+def proximal_newton(graph, bodies, u, x, enough):
+    """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
+    that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
+
+    enough: natural map of the laws themselves, over the largest impulse, at which it ends.  Returns
+    (0 if it has come there, else the natural map with the least give for which there is a solution;
+    that of the laws themselves; rounds made).
+    """
+    n, N = graph.ends.shape[0], bodies.shape[0]
+    A, D = np.empty((n, 3)), np.empty((n, 9))
+    linked, order = np.empty((N, N), np.int64), np.empty(N, np.int64)
+    H, g, done, found = np.empty((6 * N, 6 * N)), np.empty(6 * N), order.copy(), order.copy()
+    workspace = A, D, H, g, linked, order, done, found
+    c, best_x, best_u = x.copy(), x.copy(), u.copy()
+    least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
+    solved = min(ENOUGH, FINER * enough)
+    for _ in range(STAGES):
+        e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
+        made += more
+        if not own > enough or not e > ENOUGH:
+            if own < given:
+                least, given = e if own > enough else 0.0, own
+                copy(best_x, x)
+                copy_rows(best_u, u)
+            if not given > enough:
+                break
+            if grip >= STIFF:  # what gives way still is taken into account
+                copy(c, x)
+            grip = min(factor * grip, STIFF)
+            continue
+        copy(x, best_x)
+        copy_rows(u, best_u)
+        if least == 1e300:  # none yet: softer, from nearer by
+            grip /= FIRMER
+            _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, SWEEPS)
+            made += more
+            copy(c, x)
+            copy(best_x, x)
+            copy_rows(best_u, u)
+        elif not given > LOOSE:
+            break
+        else:  # half the way back, in decades
+            factor = math.sqrt(factor)
+            grip /= factor
+    copy(x, best_x)
+    copy_rows(u, best_u)
+    put_into_cones(graph, u, x)
+    given = residual_of(graph, u, x, A, D)
+    least = given if least == 1e300 or given > LOOSE else least
+    return least, given, made
+
+
+NEAR_SPELLS, NEAR_SPELL = 5, 5
+"""Spells of sweeps of a moving heap that are worth their time before Newton's method, and sweeps in
+one."""
+SPELL = 60
+"""Sweeps before the first call of Newton's method in a heap that rests; twice as many before each
+that follows."""
+
+
+@inline
+def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
+    """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all:
+    sweeps come near from anywhere, Newton's method ends them."""
+    plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
+    while rest > settled and made < sweeps:
+        if made > 0 and plain:
+            proximal_newton(graph, bodies, u, x, 0.0)
+        spell = min(2 * spell if made > 0 else SPELL, sweeps - made)
+        rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
+        made += more
+    return rest, made
+
+
+@inline
+def sweep_near(graph, u, x, enough):
+    """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
+    that NEAR_SPELLS of them would not do.
+
+    Returns (natural map of the laws over the largest impulse, sweeps made).
+    """
+    A, D = np.empty((graph.ends.shape[0], 3)), np.empty((graph.ends.shape[0], 9))
+    given, made, expected = residual_of(graph, u, x, A, D), 0, 0.0
+    for left in range(NEAR_SPELLS - 1, -1, -1):
+        if not given > enough or expected > enough:
+            break
+        last = given
+        _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, NEAR_SPELL)
+        given, made = residual_of(graph, u, x, A, D), made + more
+        expected = given * (given / last) ** left
+    return given, made

@@ -1,0 +1,329 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""The logs of a node as seen from its loop: a bounded queue to the process that writes them.
+
+The loop never waits for a disk: it hands samples over in batches and goes on. What the pipe does
+not take at once waits here; where more than `depth` samples wait, a simulation that keeps to the
+clock drops the newest and counts them, and any other waits until there is room.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from rb_sim.base.errors import SinkError
+from rb_sim.ros.log_writer import (
+    RECORDING,
+    Begin,
+    Block,
+    Count,
+    End,
+    Finished,
+    Opened,
+    Plan,
+    Rows,
+    Said,
+    State,
+    frame,
+    rows_of,
+    take_frame,
+)
+
+if TYPE_CHECKING:
+    from rb_sim.mechanics.samples import SampleBlock, SampleLayout, SampleRow
+    from rb_sim.scene.schema import Scene
+
+BATCH = 1024
+"""Samples that make a batch."""
+FLUSH_PERIOD = 0.25
+"""[s] of wall time after which fewer do."""
+PIPE = 1 << 20
+"""Bytes that the pipe holds."""
+PATIENCE = 120.0
+"""[s] for the process to begin, and for bag and recording to be finished."""
+SOON = 1.0
+"""[s] after which whoever wants the node to end reads what it waits for."""
+SLOW = ("plots.png",)
+"""Logs that are drawn at the end: after a signal nobody waits for them."""
+
+
+class LogProcess:
+    """A sink that passes samples on to a process. say: for lines of the logs.
+
+    depth: samples that may wait. blocking: True where samples may not be dropped.
+    """
+
+    def __init__(self, plan: Plan, depth: int, say: Callable[[str], None]) -> None:
+        self.plan = plan
+        self.blocking = True
+        self.dropped = 0
+        """samples that found the queue full."""
+        self.finished: list[str] = []
+        """names of the logs that are complete."""
+        self.ending: Callable[[], bool] = lambda: False
+        """whether somebody wants the node to end: the log then says what it waits for, no sample
+        waits for room."""
+        self._closing = self._reported = False
+        self._state = ""
+        self._cut_off: list[str] = []
+        """names of the logs that the process left unfinished."""
+        self._depth, self._say = depth, say
+        self._count = Count(0, {}, {})
+        self._opened: Opened | None = None
+        self._waiting: list[SampleRow] = []
+        self._queue: deque[tuple[memoryview, int]] = deque()
+        self._sent = 0
+        self._flushed = time.monotonic()
+        self._answers = bytearray()
+        self._process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "rb_sim.ros.log_writer",
+                *([RECORDING] if plan.recording else []),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the node
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
+        os.set_blocking(self._to, False)
+        os.set_blocking(self._from, False)
+        try:
+            fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
+        except OSError:
+            pass  # a smaller pipe does
+
+    @property
+    def names(self) -> list[str]:
+        """The logs that are wanted."""
+        plan = self.plan
+        wanted = {"bag": plan.bag, "recording.rrd": plan.recording, "plots.png": plan.plots}
+        return [name for name, there in wanted.items() if there]
+
+    @property
+    def queued(self) -> int:
+        """Samples on the way to the logs."""
+        return max(0, self._sent - self._count.written) + len(self._waiting)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Samples that each log has not got, for whatever reason."""
+        return {name: self._count.lost.get(name, 0) + self.dropped for name in self.names}
+
+    @property
+    def failures(self) -> list[str]:
+        """Paths of the logs that were given up."""
+        failed = [name for name, why in self._count.failures.items() if why]
+        return [str(self.plan.folder / name) for name in (self._cut_off or failed)]
+
+    @property
+    def incomplete(self) -> list[str]:
+        """Paths of the logs that will lack something, once it was closed: those that were given up,
+        and those that were waited for in vain."""
+        missing = [name for name in self.names if name not in (*self.finished, *SLOW)]
+        left = [str(self.plan.folder / name) for name in missing]
+        return self.failures or left
+
+    def open(self, scene: Scene, layout: SampleLayout) -> None:
+        """Begin the logs. Raises SinkError if one cannot be begun."""
+        self._layout = layout
+        self._enqueue(frame(Begin(self.plan, scene, layout)), 0)
+        self._wait_until(lambda: self._opened is not None or self.ending())
+        if self._opened is None:
+            why = "the node was to end" if self.ending() else "it did not begin"
+            raise SinkError(f"{self.plan.folder}: the process that writes the logs: {why}")
+        if self._opened.error:
+            raise SinkError(self._opened.error)
+
+    def write(self, block: SampleBlock) -> None:
+        """Pass the samples on, behind what waits."""
+        self.flush()
+        self._pass(Block(block), len(block))
+
+    def write_row(self, row: SampleRow) -> None:
+        """Pass the sample on with the next batch, which `tick` ends, or its size."""
+        self._waiting.append(row)
+        if len(self._waiting) >= BATCH:
+            self.flush()
+
+    def note_state(self, state: str) -> None:
+        """Pass on the state of the node, if it is a new one."""
+        if state != self._state:
+            self._state = state
+            self.flush()
+            self._enqueue(frame(State(state)), 0)
+
+    def tick(self) -> bool:
+        """Call it now and then: pass on what has waited for FLUSH_PERIOD; whether it has."""
+        due = time.monotonic() - self._flushed >= FLUSH_PERIOD
+        if due:
+            self.flush()
+        return due
+
+    def flush(self) -> None:
+        """Pass on what waits, as far as there is room, and hear what there is to hear."""
+        self._flushed = time.monotonic()
+        if self._waiting:
+            batch, self._waiting = self._waiting, []
+            self._pass(rows_of(batch), len(batch))
+        self._pump()
+        self._listen()
+
+    def _pass(self, message: Rows | Block, samples: int) -> None:
+        """Enqueue the samples if there is room; otherwise wait for it, or drop them."""
+        if self._sent - self._count.written >= self._depth:
+            self._listen()
+            self._pump()
+        if self.blocking:
+            self._wait_until(
+                lambda: self._sent - self._count.written < self._depth or self.ending()
+            )
+        if self.blocking or self._sent - self._count.written < self._depth:
+            self._enqueue(frame(message), samples)
+        else:
+            self.dropped += samples
+
+    def close(
+        self, summary: dict[str, Any] | None = None, *, patient: Callable[[], bool] = lambda: True
+    ) -> None:
+        """Finish the logs. patient: whether to wait for the slow ones (plots), too; asked again
+        while they are waited for."""
+        self.flush()
+        self._closing = True
+        self._enqueue(frame(End(summary)), 0)
+        if self._opened is not None or not self.ending():
+            self._wait_until(lambda: not self._queue and self._is_finished(slow=patient()))
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        if patient():
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(PATIENCE)
+
+    def _is_finished(self, *, slow: bool) -> bool:
+        """Whether all logs are, or all but the slow ones."""
+        missing = set(self.names) - set(self.finished)
+        return not (missing if slow else missing - set(SLOW))
+
+    def _enqueue(self, data: bytes, samples: int) -> None:
+        self._queue.append((memoryview(data), samples))
+        self._sent += samples
+        self._pump()
+
+    def _pump(self) -> None:
+        """Write into the pipe what it takes."""
+        while self._queue:
+            data, samples = self._queue[0]
+            try:
+                written = os.write(self._to, data)
+            except BlockingIOError:
+                return
+            except OSError:  # the process is gone; `_listen` says so
+                self._lose()
+                return
+            if written < len(data):
+                self._queue[0] = data[written:], samples
+            else:
+                self._queue.popleft()
+
+    def _listen(self) -> None:
+        ended = False
+        try:
+            while data := os.read(self._from, 1 << 16):
+                self._answers += data
+            ended = True
+        except BlockingIOError:
+            pass
+        while (message := take_frame(self._answers)) is not None:
+            if isinstance(message, Said):
+                self._say(message.line)
+            elif isinstance(message, Count):
+                self._count = message
+            elif isinstance(message, Opened):
+                self._opened = message
+            elif isinstance(message, Finished):
+                self.finished.append(message.name)
+        if ended:
+            self._note_end()
+
+    def _note_end(self) -> None:
+        """The process has ended: say so, once, if it was not to or had not finished its logs."""
+        self._lose()
+        whole = self.finished if self._closing else []
+        missing = [name for name in self.names if name not in whole]
+        begun = self._opened is not None and not self._opened.error
+        if not begun or not missing or self._cut_off:
+            return
+        self._cut_off = missing
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(1.0)
+        bag = self.plan.folder / "bag"
+        broken = "bag" in missing and "bag" not in self.finished
+        cure = f"; read the bag with: rb_sim recover {bag}" if broken else ""
+        self._say(
+            f"warning: the process that writes the logs has ended ({self._process.returncode});"
+            f" the run continues without {', '.join(missing)}{cure}"
+        )
+
+    def _lose(self) -> None:
+        """What is on the way reaches no log any more."""
+        self._queue.clear()
+        self.dropped += self._sent - self._count.written
+        self._sent = self._count.written
+
+    def _tell_what_is_waited_for(self) -> None:
+        """Once: a disk or a process that hangs keeps the node from its end."""
+        if self._reported:
+            return
+        self._reported = True
+        missing = [name for name in self.names if name not in self.finished]
+        self._say(
+            f"warning: waits up to {PATIENCE:g} s for the process that writes {', '.join(missing)}"
+            f" in {self.plan.folder} ({self.queued} samples left); send another signal to end"
+            " without them"
+        )
+
+    def _wait_until(self, condition: Callable[[], bool]) -> None:
+        """Return when it holds, the process has ended or PATIENCE is over."""
+        end = time.monotonic() + PATIENCE
+        asked: float | None = None
+        while True:
+            ended = self._process.poll() is not None
+            self._pump()
+            self._listen()
+            if condition() or ended or time.monotonic() > end:
+                return
+            if self.ending():
+                asked = asked or time.monotonic()
+                if time.monotonic() - asked > SOON:
+                    self._tell_what_is_waited_for()
+            writing = [self._to] if self._queue else []
+            select.select([self._from], writing, [], 0.05)
+
+
+def unfinished(logs: LogProcess | None) -> str:
+    """Which logs would not be complete if the node left now, in words."""
+    if logs is None:
+        return ""
+    missing = [name for name in logs.names if name not in logs.finished]
+    slow = [name for name in missing if name in SLOW]
+    if missing and missing == slow:
+        return f"{', '.join(slow)} is still being drawn, by a process of its own"
+    return f"{', '.join(missing)}: finished by a process of its own" if missing else ""

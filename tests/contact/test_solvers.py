@@ -1,0 +1,257 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Solvers of the friction problem on one collection, against each other and against Clarabel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rb_sim.contact.contact_graph import CONTACT_ROWS, WIDTH
+from rb_sim.contact.proximal_newton import fill_matrix
+from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
+from tests.contact.problems import COLLECTION, dense, residual
+from tests.interpreted import interpreted
+
+SETTLED = 1e-13
+
+
+def swept(name: str, sweeps: int) -> tuple[Any, ...]:
+    """(residual of the sweeps, graph, impulses, velocities) by Gauss-Seidel alone."""
+    from rb_sim.contact.gauss_seidel import gauss_seidel
+
+    graph, u = COLLECTION[name]()
+    x = np.zeros(len(graph.targets))
+    rest, _ = gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
+    return rest, graph, u, x
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_gauss_seidel_solves(name: str) -> None:
+    """The residual of the problem vanishes, and the velocities that the bodies were given are those
+    of the impulses."""
+    rest, graph, u, x = interpreted(swept, name, 3000)
+    W, q, mu, r = dense(graph, u, x)
+    assert rest <= 1e-9
+    assert residual(W, q, mu, r) <= 1e-8
+    assert_allclose(q, dense(graph, COLLECTION[name]()[1], 0.0 * x)[1], atol=1e-12)
+    pushes = r.reshape(-1, 3)
+    assert (pushes[:, 0] >= 0.0).all()
+    assert (np.hypot(pushes[:, 1], pushes[:, 2]) <= mu * pushes[:, 0] * (1 + 1e-12)).all()
+
+
+def bodies_of(graph: Any) -> np.ndarray:
+    """Masses and inertias of the balls of a graph, as the table of a system has them."""
+    from rb_sim.contact.contact_graph import CONTACT_ROWS, LIGHT_A, LIGHT_B
+    from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, MASS
+
+    table = np.zeros((graph.ends.max() + 1, INVERSE + 6))
+    table[:, MASS] = table[:, INERTIA : INERTIA + 3] = 1.0  # of a body without contacts
+    for i, (b, a) in enumerate(graph.ends):
+        for body, light in ((b, LIGHT_B), (a, LIGHT_A)):
+            if body >= 0:
+                mass = 1.0 / graph.rows[CONTACT_ROWS * i, light]
+                table[body, MASS], table[body, INERTIA : INERTIA + 3] = mass, 0.4 * mass
+    return table
+
+
+def in_velocities(name: str, sweeps: int, enough: float = 1e-11) -> tuple[Any, ...]:
+    """(residual told, graph, velocities and impulses by Newton's method in the velocities of
+    bodies) after so many sweeps."""
+    from rb_sim.contact.gauss_seidel import gauss_seidel
+    from rb_sim.contact.proximal_newton import proximal_newton
+
+    graph, u = COLLECTION[name]()
+    x = np.zeros(len(graph.targets))
+    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
+    _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, enough)
+    return rest, graph, u, x
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_newton_in_the_velocities_of_bodies(name: str) -> None:
+    """It solves what sweeps have only begun: the residual that it tells is that of the problem, the
+    velocities are those of its impulses and those that the sweeps come to in the end, which are
+    determined though the impulses of redundant contacts are not."""
+    rest, graph, u, x = interpreted(in_velocities, name, 5)
+    W, q, mu, r = dense(graph, u, x)
+    assert rest <= 1e-10
+    assert residual(W, q, mu, r) <= 1e-10
+    free = COLLECTION[name]()[1]
+    assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
+    W, q, _, other = dense(*interpreted(swept, name, 3000)[1:])
+    assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
+
+
+def test_the_matrix_of_newtons_method_in_velocities_of_bodies() -> None:
+    """M + J^T D J, with inertias that are no balls'; of contacts that push, which join bodies."""
+    rng = np.random.default_rng(8)
+    ends = np.array([[0, -1], [1, 0], [2, 1], [2, 0]])
+    rows, D = rng.normal(size=(4 * CONTACT_ROWS, WIDTH)), rng.normal(size=(4, 9))
+    D[3] = 0.0
+    bodies = np.zeros((3, max(INERTIA + 6, MASS + 1)))
+    bodies[:, MASS], bodies[:, INERTIA : INERTIA + 6] = (1.0, 2.0, 3.0), rng.normal(size=(3, 6))
+    wanted = np.zeros((18, 18))
+    for b in range(3):
+        xx, yy, zz, xy, xz, yz = bodies[b, INERTIA : INERTIA + 6]
+        o = 6 * b
+        wanted[o : o + 3, o : o + 3] = bodies[b, MASS] * np.eye(3)
+        wanted[o + 3 : o + 6, o + 3 : o + 6] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    for i, (b, a) in enumerate(ends):
+        J = np.zeros((3, 18))
+        own = rows[CONTACT_ROWS * i : CONTACT_ROWS * i + 3]
+        J[:, 6 * b : 6 * b + 6] = own[:, :6]
+        if a >= 0:
+            J[:, 6 * a : 6 * a + 6] = own[:, 6:12]
+        wanted += J.T @ D[i].reshape(3, 3) @ J
+    H, linked = np.full((18, 18), np.nan), np.full((3, 3), 7)
+    fill_matrix(ends, rows, bodies, D, H, linked)
+    assert_allclose(H, wanted, rtol=1e-12, atol=1e-12)
+    assert linked.tolist() == [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_friction_keeps_to_its_cones_before_the_laws_are_solved(name: str) -> None:
+    """A heap that moves is solved to some digits only: none of them lets a contact pull, or rub
+    beyond its bound, and the velocities are those of the impulses that are told."""
+    reported, graph, u, x = interpreted(in_velocities, name, 1, 0.03)
+    W, q, mu, r = dense(graph, u, x)
+    pushes = r.reshape(-1, 3)
+    assert (pushes[:, 0] >= 0.0).all()
+    assert (np.hypot(pushes[:, 1], pushes[:, 2]) <= mu * pushes[:, 0] * (1 + 1e-12)).all()
+    free = COLLECTION[name]()[1]
+    assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
+    assert residual(W, q, mu, r) <= 2.0 * reported + 1e-14
+
+
+def swept_near(name: str, enough: float) -> tuple[Any, ...]:
+    """(residual told, graph, velocities, impulses) where sweeps are to come as near to the laws as
+    `enough`."""
+    from rb_sim.contact.gauss_seidel import gauss_seidel
+    from rb_sim.contact.proximal_newton import sweep_near
+
+    graph, u = COLLECTION[name]()
+    x = np.zeros(len(graph.targets))
+    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, 5)
+    reported, sweeps = sweep_near(graph, u, x, enough)
+    assert reported <= enough or sweeps > 0
+    return reported, graph, u, x
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_sweeps_tell_how_near_they_are(name: str) -> None:
+    """By another map of the same laws (De Saxce's), which may be larger by what a projection
+    onto the cone makes of an error, not by orders."""
+    reported, *solved = interpreted(swept_near, name, 1e-4)
+    assert residual(*dense(*solved)) <= 2.0 * reported + 1e-14
+
+
+@pytest.mark.parametrize("name", COLLECTION)
+def test_clarabel_agrees(name: str) -> None:
+    """With the slip's share mu |u_T| held at the solution's the problem is convex, a program with
+    second-order cones whose solution has the same velocities (Acary, Cadoux, Lemarechal, Malick
+    2011)."""
+    clarabel = pytest.importorskip("clarabel")
+    from scipy import sparse
+
+    W, q, mu, r = dense(*interpreted(in_velocities, name, 60)[1:])
+    n, u = len(mu), W @ r + q
+    slip = np.hypot(u[1::3], u[2::3])
+    b = q.copy()
+    b[0::3] += mu * slip
+    scale = np.ones(3 * n)
+    scale[0::3] = mu
+    used = mu > 0.0
+    cones, blocks = [], []
+    for i in range(n):
+        rows = -np.eye(3 * n)[3 * i : 3 * i + 3] * scale
+        if used[i]:
+            cones.append(clarabel.SecondOrderConeT(3))
+            blocks.append(rows)
+        else:
+            cones += [clarabel.NonnegativeConeT(1), clarabel.ZeroConeT(2)]
+            blocks.append(-np.eye(3 * n)[3 * i : 3 * i + 3])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    found = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(W)), b, sparse.csc_matrix(np.vstack(blocks)), np.zeros(3 * n),
+        cones, settings,
+    ).solve()  # fmt: skip
+    assert found.status == clarabel.SolverStatus.Solved  # at 1e-12 it may stall, far from it
+    assert_allclose(W @ np.array(found.x), W @ r, atol=1e-5 * np.abs(q).max())
+
+
+def one(seed: int, mu: float) -> tuple[Any, ...]:
+    """(W, q, r) of one contact with a random block."""
+    from rb_sim.contact.gauss_seidel import one_contact
+
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3, 3))
+    W, q = root @ root.T + 0.05 * np.eye(3), rng.normal(size=3)
+    block = (W[0, 0], W[0, 1], W[0, 2], W[1, 1], W[1, 2], W[2, 2])
+    return W, q, np.array(one_contact(block, tuple(q), mu))
+
+
+def many_ones() -> list[tuple[Any, ...]]:
+    return [(mu, *one(seed, mu)) for seed in range(200) for mu in (0.0, 0.2, 1.0)]
+
+
+def test_one_contact_is_exact() -> None:
+    """It opens, sticks or slips, and each with the law of its kind, to rounding."""
+    kinds = set()
+    for mu, W, q, r in interpreted(many_ones):
+        u = W @ r + q
+        if q[0] >= 0.0:
+            kinds.add("open")
+            assert not r.any()
+            continue
+        bound, size = mu * r[0], np.hypot(r[1], r[2])
+        assert r[0] >= 0.0 and abs(u[0]) <= 1e-10
+        if size < bound * (1.0 - 1e-9):
+            kinds.add("sticks")
+            assert_allclose(u, 0.0, atol=1e-10)
+        else:
+            kinds.add("slips")
+            assert size == pytest.approx(bound, rel=1e-12, abs=1e-14)
+            slip = np.hypot(u[1], u[2])
+            assert r[1] * u[1] + r[2] * u[2] == pytest.approx(-size * slip, rel=1e-9, abs=1e-12)
+    assert kinds == {"open", "sticks", "slips"}
+
+
+def judged(r: list[float]) -> float:
+    """The residual that solvers go by, of impulses r of a ball that is pushed down and along."""
+    from rb_sim.contact.contact_graph import push
+    from rb_sim.contact.proximal_newton import residual_of
+
+    graph, u = COLLECTION["one ball"]()
+    u[0] = [-0.2, 0.0, -1.0, 0.0, 0.0, 0.0]
+    x = np.array([*r, 0.0, 0.0, 0.0])
+    for k in range(3):
+        push(graph.rows, k, u, 0, -1, x[k])
+    return residual_of(graph, u, x, np.empty((1, 3)), np.empty((1, 9)))
+
+
+def test_the_residual_sees_what_is_wrong() -> None:
+    """A reaction that pulls, that is beyond the cone, that lets bodies overlap, that slips free."""
+    from rb_sim.contact.gauss_seidel import one_contact
+
+    graph, u = COLLECTION["one ball"]()
+    u[0] = [-0.2, 0.0, -1.0, 0.0, 0.0, 0.0]
+    W, q, mu, _ = dense(graph, u, np.zeros(6))
+    block = (W[0, 0], W[0, 1], W[0, 2], W[1, 1], W[1, 2], W[2, 2])
+    right = np.array(interpreted(one_contact, block, tuple(q), mu[0]))
+    assert interpreted(judged, right.tolist()) <= 1e-15 and residual(W, q, mu, right) <= 1e-15
+    for wrong in (-right, 5.0 * right, 0.5 * right, right * [1.0, -1.0, -1.0], right * [1, 0, 0]):
+        assert interpreted(judged, wrong.tolist()) > 0.05
+        assert residual(W, q, mu, wrong) > 0.05
