@@ -12,42 +12,177 @@
 The loop never waits for a disk: it hands samples over in batches and goes on. What the pipe does
 not take at once waits here; where more than `depth` samples wait, a simulation that keeps to the
 clock drops the newest and counts them, and any other waits until there is room.
+
+What the two tell each other are frames, a pickle behind its length: Begin, then Rows and Blocks of
+samples and States, then End, to the process; Opened, Said, Count and Finished back.
 """
 
 from __future__ import annotations
 
 import fcntl
 import os
+import pickle
 import select
+import struct
 import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from rb_sim.base.errors import SinkError
-from rb_sim.ros.log_writer import (
-    RECORDING,
-    Begin,
-    Block,
-    Count,
-    End,
-    Finished,
-    Opened,
-    Plan,
-    Rows,
-    Said,
-    State,
-    frame,
-    rows_of,
-    take_frame,
-)
+from rb_sim.mechanics.samples import block_of
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import SampleBlock, SampleLayout, SampleRow
+    from rb_sim.mechanics.samples import (
+        Array,
+        ContactEvent,
+        Input,
+        SampleBlock,
+        SampleLayout,
+        SampleRow,
+    )
     from rb_sim.scene.schema import Scene
+
+
+LENGTH = struct.Struct("<Q")
+
+RECORDING = "--recording"
+"""Argument of the process that is to record for Rerun."""
+
+
+class Plan(NamedTuple):
+    """What is to be written."""
+
+    folder: Path
+    overwrite: bool
+    """replace what is there."""
+    namespace: str
+    bag: bool
+    recording: bool
+    plots: bool
+    start_ns: int
+    run: dict[str, Any]
+    """settings that the bag carries."""
+    split: dict[str, float | None]
+    """where the bag is split, as BagSink has it."""
+    accelerations: bool = False
+    """record BODY/accel."""
+    odometry: bool = False
+    """record BODY/odometry."""
+
+
+class Begin(NamedTuple):
+    """First frame."""
+
+    plan: Plan
+    scene: Scene
+    layout: SampleLayout
+
+
+class Rows(NamedTuple):
+    """Samples as SampleRow has them, n of them in one piece."""
+
+    t: Array
+    """[s], shape (n,)."""
+    rows: Array
+    """shape (n, width)."""
+    command: Array
+    """shape (n, M, 6)."""
+    events: tuple[ContactEvent, ...]
+    inputs: tuple[Input, ...]
+
+    def block(self, layout: SampleLayout) -> SampleBlock:
+        """The samples by name."""
+        block = block_of(self.t, self.rows, layout, self.command)
+        return replace(block, events=self.events, inputs=self.inputs)
+
+
+class Block(NamedTuple):
+    """Samples by name already."""
+
+    samples: SampleBlock
+
+    def block(self, _: SampleLayout) -> SampleBlock:
+        """The samples."""
+        return self.samples
+
+
+class State(NamedTuple):
+    """State of the node from the samples so far on."""
+
+    state: str
+
+
+class End(NamedTuple):
+    """Last frame."""
+
+    summary: dict[str, Any] | None
+
+
+class Opened(NamedTuple):
+    """Answer to Begin; error: why a log cannot be begun, or ""."""
+
+    error: str
+
+
+class Said(NamedTuple):
+    """A line for the user."""
+
+    line: str
+
+
+class Count(NamedTuple):
+    """How the logs stand."""
+
+    written: int
+    """samples taken so far."""
+    lost: dict[str, int]
+    """samples that a log lost, by its name."""
+    failures: dict[str, str]
+
+
+class Finished(NamedTuple):
+    """The log of this name is complete."""
+
+    name: str
+
+
+def rows_of(samples: Sequence[SampleRow]) -> Rows:
+    """Samples in time order, in one piece."""
+    return Rows(
+        np.array([one.t for one in samples]),
+        np.array([one.row for one in samples]),
+        np.array([one.command for one in samples]),
+        tuple(event for one in samples for event in one.events),
+        tuple(g._replace(index=k) for k, one in enumerate(samples) for g in one.inputs),
+    )
+
+
+def frame(message: Any) -> bytes:
+    """A message as it goes over the pipe."""
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    return LENGTH.pack(len(data)) + data
+
+
+def take_frame(buffer: bytearray) -> Any:
+    """The first message in the buffer, taken off it; None if it is not whole."""
+    if len(buffer) < LENGTH.size:
+        return None
+    (length,) = LENGTH.unpack_from(buffer)
+    end = LENGTH.size + length
+    if len(buffer) < end:
+        return None
+    message = pickle.loads(bytes(buffer[LENGTH.size : end]))
+    del buffer[:end]
+    return message
+
 
 BATCH = 1024
 """Samples that make a batch."""

@@ -9,190 +9,104 @@
 
 """The process that writes the logs of a node: `python -m rb_sim.ros.log_writer`, by LogProcess.
 
-Frames (`log_frames.py`) come in on standard input and answers go out on standard output. Where the
+Frames (`log_process.py`) come in on standard input and answers go out on standard output. Where the
 input ends, for whatever reason, the logs are finished: also when the node was killed. Signals are
-the node's to answer, so this process hears none.
-
-What the node and the process of its logs tell each other: each a pickle behind its length.
-
-Begin, then Rows and Blocks of samples and States, then End, to the process; Opened, Said, Count and
-Finished back.
-
-The folder that a node logs into: nothing in it is replaced unasked, and one node has it.
+the node's to answer, so this process hears none. Nothing in the folder that a node logs into is
+replaced unasked, and one node has it.
 """
 
 from __future__ import annotations
 
 import fcntl
 import os
-import pickle
 import select
 import signal
-import struct
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
-from rb_sim.mechanics.samples import block_of
+from rb_sim.ros.log_process import (
+    RECORDING,
+    Begin,
+    Block,
+    Count,
+    End,
+    Finished,
+    Opened,
+    Plan,
+    Rows,
+    Said,
+    State,
+    frame,
+    take_frame,
+)
 from rb_sim.simulation.outputs import refuse_logs
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import (
-        Array,
-        ContactEvent,
-        Input,
-        SampleBlock,
-        SampleLayout,
-        SampleRow,
-    )
-    from rb_sim.scene.schema import Scene
     from rb_sim.simulation.outputs import Output
 
 
-LENGTH = struct.Struct("<Q")
+TIME_FIELD = "{time}"
+INSIST = f"put {TIME_FIELD} in its name, or use overwrite:=true"
 
 
-class Plan(NamedTuple):
-    """What is to be written."""
+def out_folder(out: str, *, overwrite: bool) -> Path:
+    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
 
-    folder: Path
-    overwrite: bool
-    """replace what is there."""
-    namespace: str
-    bag: bool
-    recording: bool
-    plots: bool
-    start_ns: int
-    run: dict[str, Any]
-    """settings that the bag carries."""
-    split: dict[str, float | None]
-    """where the bag is split, as BagSink has it."""
-    accelerations: bool = False
-    """record BODY/accel."""
-    odometry: bool = False
-    """record BODY/odometry."""
+    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
+    """
+    if TIME_FIELD in out:
+        return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
+    folder = Path(out)
+    if not overwrite:
+        refuse_logs(folder, "parameter out", INSIST)
+    return folder
 
 
-class Begin(NamedTuple):
-    """First frame."""
-
-    plan: Plan
-    scene: Scene
-    layout: SampleLayout
-
-
-class Rows(NamedTuple):
-    """Samples as SampleRow has them, n of them in one piece."""
-
-    t: Array
-    """[s], shape (n,)."""
-    rows: Array
-    """shape (n, width)."""
-    command: Array
-    """shape (n, M, 6)."""
-    events: tuple[ContactEvent, ...]
-    inputs: tuple[Input, ...]
-
-    def block(self, layout: SampleLayout) -> SampleBlock:
-        """The samples by name."""
-        block = block_of(self.t, self.rows, layout, self.command)
-        return replace(block, events=self.events, inputs=self.inputs)
+def own_folder(named: Path) -> Path:
+    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
+    started in the same second each get one: making a folder succeeds for one of them only.
+    """
+    for k in range(1000):
+        folder = named.with_name(f"{named.name}-{k + 1}") if k else named
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError:
+            pass  # reported by the log that cannot be begun there
+        return folder
+    return named
 
 
-class Block(NamedTuple):
-    """Samples by name already."""
+def claim(folder: Path, *, overwrite: bool) -> None:
+    """Have the folder until this process ends. RbSimError: another process logs there, or has since
+    it was chosen; with `overwrite` that does not matter.
 
-    samples: SampleBlock
-
-    def block(self, _: SampleLayout) -> SampleBlock:
-        """The samples."""
-        return self.samples
-
-
-class State(NamedTuple):
-    """State of the node from the samples so far on."""
-
-    state: str
-
-
-class End(NamedTuple):
-    """Last frame."""
-
-    summary: dict[str, Any] | None
-
-
-class Opened(NamedTuple):
-    """Answer to Begin; error: why a log cannot be begun, or ""."""
-
-    error: str
-
-
-class Said(NamedTuple):
-    """A line for the user."""
-
-    line: str
-
-
-class Count(NamedTuple):
-    """How the logs stand."""
-
-    written: int
-    """samples taken so far."""
-    lost: dict[str, int]
-    """samples that a log lost, by its name."""
-    failures: dict[str, str]
-
-
-class Finished(NamedTuple):
-    """The log of this name is complete."""
-
-    name: str
-
-
-def rows_of(samples: Sequence[SampleRow]) -> Rows:
-    """Samples in time order, in one piece."""
-    return Rows(
-        np.array([one.t for one in samples]),
-        np.array([one.row for one in samples]),
-        np.array([one.command for one in samples]),
-        tuple(event for one in samples for event in one.events),
-        tuple(g._replace(index=k) for k, one in enumerate(samples) for g in one.inputs),
-    )
-
-
-def frame(message: Any) -> bytes:
-    """A message as it goes over the pipe."""
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    return LENGTH.pack(len(data)) + data
-
-
-def take_frame(buffer: bytearray) -> Any:
-    """The first message in the buffer, taken off it; None if it is not whole."""
-    if len(buffer) < LENGTH.size:
-        return None
-    (length,) = LENGTH.unpack_from(buffer)
-    end = LENGTH.size + length
-    if len(buffer) < end:
-        return None
-    message = pickle.loads(bytes(buffer[LENGTH.size : end]))
-    del buffer[:end]
-    return message
+    A folder that cannot be made, or locked, is reported by the log that cannot be begun there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        if not overwrite:
+            raise SinkError(f"{folder}: another process is logging there") from None
+    except OSError:
+        pass
+    if not overwrite:
+        refuse_logs(folder, "parameter out", INSIST)
 
 
 IDLE = 0.25
 """[s] without samples after which what waits in the bag is looked after."""
 NICENESS = 5
 """The simulation goes first where both want the processor."""
-RECORDING = "--recording"
-"""Argument of the process that is to record for Rerun."""
 
 
 class Writer:
@@ -340,55 +254,3 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
-
-
-TIME_FIELD = "{time}"
-INSIST = f"put {TIME_FIELD} in its name, or use overwrite:=true"
-
-
-def out_folder(out: str, *, overwrite: bool) -> Path:
-    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
-
-    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
-    """
-    if TIME_FIELD in out:
-        return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
-    folder = Path(out)
-    if not overwrite:
-        refuse_logs(folder, "parameter out", INSIST)
-    return folder
-
-
-def own_folder(named: Path) -> Path:
-    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
-    started in the same second each get one: making a folder succeeds for one of them only.
-    """
-    for k in range(1000):
-        folder = named.with_name(f"{named.name}-{k + 1}") if k else named
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError:
-            pass  # reported by the log that cannot be begun there
-        return folder
-    return named
-
-
-def claim(folder: Path, *, overwrite: bool) -> None:
-    """Have the folder until this process ends. RbSimError: another process logs there, or has since
-    it was chosen; with `overwrite` that does not matter.
-
-    A folder that cannot be made, or locked, is reported by the log that cannot be begun there.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        if not overwrite:
-            raise SinkError(f"{folder}: another process is logging there") from None
-    except OSError:
-        pass
-    if not overwrite:
-        refuse_logs(folder, "parameter out", INSIST)

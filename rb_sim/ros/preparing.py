@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 from rb_sim.base.errors import RbSimError
 from rb_sim.io.messages.topic_names import body_topic
 from rb_sim.ros import build_interfaces
-from rb_sim.ros.log_process import LogProcess, unfinished
-from rb_sim.ros.log_writer import TIME_FIELD, Plan, out_folder, own_folder
+from rb_sim.ros.log_process import LogProcess, Plan, unfinished
+from rb_sim.ros.log_writer import TIME_FIELD, out_folder, own_folder
 from rb_sim.ros.parameters import OF_TOPICS, warn_of_unknown
 from rb_sim.ros.topics.presence import is_alone
 from rb_sim.scene.listing import find_scene

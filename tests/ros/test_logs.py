@@ -24,18 +24,8 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.ros import log_process as process
-from rb_sim.ros.log_process import LogProcess
-from rb_sim.ros.log_writer import (
-    Begin,
-    Block,
-    End,
-    Opened,
-    Plan,
-    claim,
-    frame,
-    out_folder,
-    own_folder,
-)
+from rb_sim.ros.log_process import Begin, Block, End, LogProcess, Opened, Plan, frame
+from rb_sim.ros.log_writer import claim, out_folder, own_folder
 from rb_sim.ros.parameters import Settings
 from tests.ros import bags
 from tests.ros.client import NAME, Client
