@@ -48,7 +48,7 @@ def main() -> int:
     given = options.parse_args()
     if given.only is not None:
         verdict, text = of_number("scene", given.only, given)
-        return reported("scene", given.only, verdict, text, given.out)
+        return report("scene", given.only, verdict, text, given.out)
     end = time.monotonic() + 60.0 * given.minutes
     progress = Progress(given)
     for what, most in (("file", given.files), ("scene", given.scenes)):
@@ -58,7 +58,7 @@ def main() -> int:
                 return 1 if progress.finds else 0
             i = progress.next(what)
             verdict, text = of_number(what, i, given)
-            progress.note(what, verdict.kind, reported(what, i, verdict, text, given.out))
+            progress.note(what, verdict.kind, report(what, i, verdict, text, given.out))
             if (i + 1) % SHOWN == 0:
                 print(progress.words(), flush=True)
     print(progress.words(), flush=True)
@@ -109,7 +109,7 @@ class Progress:
         return f"files: {files}; scenes: {scenes}; finds: {self.finds}"
 
 
-def reported(what: str, i: int, verdict: judge.Verdict, text: str, out: Path | None) -> int:
+def report(what: str, i: int, verdict: judge.Verdict, text: str, out: Path | None) -> int:
     """Print and keep a find; 1 if it is one."""
     if not verdict.find:
         return 0

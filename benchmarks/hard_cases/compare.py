@@ -63,16 +63,16 @@ def rows_on_peers(case: Case, ours: Sequence[Row]) -> Iterator[PeerRow]:
     try:
         scene = load_scene(source)
         layout = compile_scene(scene).layout
-        reported = described(scene)
+        description = described(scene)
     except RbSimError:
         return
     checks = judged_checks(case, layout)
     for engine in ENGINES if checks else ():
-        yield from best_of(case, engine, scene, reported, layout, checks, ours)
+        yield from best_of(case, engine, scene, description, layout, checks, ours)
 
 
 def best_of(
-    case: Case, engine: str, scene: Scene, reported: Described, layout: SampleLayout,
+    case: Case, engine: str, scene: Scene, description: Described, layout: SampleLayout,
     checks: Sequence[Check], ours: Sequence[Row],
 ) -> Iterator[PeerRow]:  # fmt: skip
     """The rows of one engine."""
@@ -83,7 +83,7 @@ def best_of(
         for step, every in ladder(scene):
             began = time.process_time()
             try:
-                outcome = run(module, scene, reported, layout, method, step, every)
+                outcome = run(module, scene, description, layout, method, step, every)
             except CannotExpressError as error:
                 words = f"cannot: {error}"
                 break
@@ -142,32 +142,32 @@ def loaded(engine: str) -> Any:
 
 
 def run(
-    module: Any, scene: Scene, reported: Described, layout: SampleLayout, method: str, step: float,
-    every: int,
+    module: Any, scene: Scene, description: Described, layout: SampleLayout, method: str,
+    step: float, every: int,
 ) -> Outcome:  # fmt: skip
     """The run as the judge takes rb_sim's own."""
     options = scene.simulation
     count = round(options.duration * options.rate) + 1
     with np.errstate(all="ignore"):
-        rows = module.run(reported, method, step, count, every)
-        block = sampled(scene, reported, layout, rows, np.arange(count) / options.rate)
+        rows = module.run(description, method, step, count, every)
+        block = sampled(scene, description, layout, rows, np.arange(count) / options.rate)
         check_list = CheckList(scene, layout)
         check_list.ledger.add(block)
     return Outcome(Trajectory(block, layout), check_list, "", 0.0)
 
 
 def sampled(
-    scene: Scene, reported: Described, layout: SampleLayout, rows: Array, t: Array
+    scene: Scene, description: Described, layout: SampleLayout, rows: Array, t: Array
 ) -> SampleBlock:
     """The engine's rows as samples, with the energies that follow from them."""
     kinetic, potential = np.zeros(len(t)), np.zeros(len(t))
-    for k, link in enumerate(reported.links):
+    for k, link in enumerate(description.links):
         place, velocity, spin = rows[:, k, :3], rows[:, k, 7:10], rows[:, k, 10:13]
         kinetic += 0.5 * link.body.mass * (velocity * velocity).sum(axis=1)
         kinetic += 0.5 * np.einsum("ni,ij,nj->n", spin, link.body.inertia, spin)
-        potential -= link.body.mass * place @ reported.gravity
-    for at, spring in reported.springs:
-        if any(reported.links[at].center) or spring.damping:
+        potential -= link.body.mass * place @ description.gravity
+    for at, spring in description.springs:
+        if any(description.links[at].center) or spring.damping:
             potential[:] = np.nan  # the end is not the centre, or the energy is no balance alone
         stretch = np.linalg.norm(rows[:, at, :3] - np.array(spring.point_A), axis=1)
         potential += 0.5 * spring.stiffness * (stretch - spring.rest_length) ** 2

@@ -191,8 +191,9 @@ def main() -> None:
     options = parser.parse_args()
     here = machine.describe(["numpy", "llvmlite", "mujoco", "drake"])
     versions = ", ".join(f"{name} {version}" for name, version in here["versions"].items())
-    reported = machine.line(here)
-    written = WRITTEN.format(arguments=asked(options), machine=reported, versions=versions)
+    written = WRITTEN.format(
+        arguments=asked(options), machine=machine.line(here), versions=versions
+    )
     before = options.out.read_text() if options.out.exists() else ""
     first, heading, stacks = before.partition(STACKS)
     heaps, name, dropped = first.partition(DROPPED)

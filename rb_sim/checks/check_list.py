@@ -66,13 +66,14 @@ def unbalanced(seen: Seen, layout: SampleLayout, at_work: list[int]) -> Iterator
     block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
     for name, balance in ledger.balances().items():
         error, scale = abs(balance["error"]), balance["scale"]
-        bound, at_rest = TIMES * effort.balance, 0.0
-        known, i = resolution.resolved(), len(block) - 1
+        i = len(block) - 1
         if name == "energy":
             bound, at_rest = effort.balance, ledger.at_rest
             known = not ledger.has_work or resolution.resolved(at_work)
         elif balance["relative"] is None:
             continue
+        else:
+            bound, at_rest, known = TIMES * effort.balance, 0.0, resolution.resolved()
         if np.isfinite(error) and (
             not known or error <= bound * scale + at_rest + DOUBTS * balance["quadrature"]
         ):

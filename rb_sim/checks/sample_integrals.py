@@ -52,9 +52,8 @@ def integrals(t: Array, f: Array, breaks: Array) -> Array:
     """
     piece = np.searchsorted(breaks, t, side="right")
     first, end = np.searchsorted(piece, piece), np.searchsorted(piece, piece, side="right")
-    interval = np.arange(len(t) - 1)
-    cut = np.flatnonzero(piece[1:] > piece[:-1])
-    whole = np.setdiff1d(interval, cut)
+    divided = piece[1:] > piece[:-1]
+    cut, whole = np.flatnonzero(divided), np.flatnonzero(~divided)
     size = 0.5 * np.diff(t)[:, None] * (np.abs(f[1:]) + np.abs(f[:-1]))
     found = np.stack([np.zeros_like(size), np.zeros_like(size), size])
     largest = np.maximum(np.abs(f[1:]), np.abs(f[:-1]))

@@ -351,9 +351,9 @@ def held_together(joints: set[Pair]) -> dict[int, int]:
 def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, Turn]:
     """What places and attitudes of a pair are held to: an error of an attitude turns what is seen
     of the other body, as far away as it is [m]."""
-    velocity_tolerance = Turn(1.0, 1.0, True)
-    place = place if place.way > least else velocity_tolerance
-    turn = turn if turn.way > least else velocity_tolerance
+    unmoved = Turn(1.0, 1.0, True)
+    place = place if place.way > least else unmoved
+    turn = turn if turn.way > least else unmoved
     if apart * turn.way > place.way:
         turn = Turn(place.way / apart, min(turn.speed, place.speed / apart), True)
     return place, turn

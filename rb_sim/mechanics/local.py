@@ -283,8 +283,8 @@ def accelerated(thing: Any, t: Any, *fields: Any) -> list[Any]:
     count = _sides(thing)
     rows = Rows(thing, t, fields[:count])
     free = iter(fields[count:])
-    force_rows = [None if thing[3][side] else next(free) for side in range(count)]
-    right = [-(b + s) for b, s in zip(rows.column(BIAS), rows.on(force_rows), strict=True)]
+    accelerations = [None if thing[3][side] else next(free) for side in range(count)]
+    right = [-(b + s) for b, s in zip(rows.column(BIAS), rows.on(accelerations), strict=True)]
     return rows.blocks(right)
 
 

@@ -254,19 +254,19 @@ class ConstraintRows:
         return [("frame", place) for place in places]
 
     def _write_hubs(self) -> None:
-        loaded, velocity_tolerance = [], []
+        loaded, unloaded = [], []
         for k, node in enumerate(self.plan.nodes):
             if node.parts:
                 continue
             b = node.body
             outputs = (("frame", self.blocks.diagonal[k]), ("frame", self.blocks.right[k]))
             if self.load < 0:
-                velocity_tolerance.append(Instance(self.bodies[b], (), outputs))
+                unloaded.append(Instance(self.bodies[b], (), outputs))
                 continue
             fields = (("y", WIDTH * b, WIDTH), ("frame", self.load + 6 * b, 6))
             loaded.append(Instance(self.bodies[b], fields, outputs))
         run(self.program, "hub", local.of_hub, loaded)
-        run(self.program, "still hub", local.still_hub, velocity_tolerance)
+        run(self.program, "still hub", local.still_hub, unloaded)
 
     def _couple(self) -> None:
         """Blocks between nodes that share a body."""

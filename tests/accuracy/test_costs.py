@@ -23,8 +23,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from rb_sim.accuracy import costs as explaining
-from rb_sim.accuracy import costs as step_costs
+from rb_sim.accuracy import costs
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.costs import (
     EDGE,
@@ -97,7 +96,7 @@ def test_of_a_run_that_does_not_end_in_time_no_price_is_measured(
     assert any(
         "A run takes 1 s, or 2.5 s with its accuracy checks" in line for line in notes(reported)
     )
-    monkeypatch.setattr(explaining, "LONGEST_RUN", 0.0)
+    monkeypatch.setattr(costs, "LONGEST_RUN", 0.0)
     assert explain(scene, run_cost=asked).run is None
 
 
@@ -170,7 +169,7 @@ def test_a_run_whose_time_is_over_ends_and_can_go_on() -> None:
 def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(step_costs, "LONGEST_RUN", 0.0)
+    monkeypatch.setattr(costs, "LONGEST_RUN", 0.0)
     reported = explain(swing())
     assert 0.0 < reported.seen_until < reported.duration == 10.0
     assert any(line.startswith("Measured up to t = ") for line in notes(reported))
@@ -190,16 +189,16 @@ def test_dear_steps_are_measured_by_few() -> None:
 def test_measuring_ends_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = motion_of(compile_scene(swing()), SLOW.build(10.0))
     motion.warm()
-    monkeypatch.setattr(step_costs, "MEASURING", 0.0)
-    costs, none = interleaved([motion, None], 1e-4, FEW_STEPS, None)
-    assert none is None and costs is not None and len(costs) == FEWEST_ROUNDS
+    monkeypatch.setattr(costs, "MEASURING", 0.0)
+    measured, none = interleaved([motion, None], 1e-4, FEW_STEPS, None)
+    assert none is None and measured is not None and len(measured) == FEWEST_ROUNDS
 
 
 def test_parts_for_which_no_time_is_left_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(explaining, "PREPARING", -1.0)
+    monkeypatch.setattr(costs, "PREPARING", -1.0)
     reported = explain(swing())
     parts = reported.constraints + reported.effects
-    assert {part.reason for part in parts} == {explaining.LATE}
+    assert {part.reason for part in parts} == {costs.LATE}
     assert reported.step.nanoseconds > 0.0
 
 

@@ -24,7 +24,6 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.errors import SinkError
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.packing import FIELDS
 from rb_sim.io.messages.topics import TopicTable
@@ -281,16 +280,16 @@ NUMBERS = [random.Random(1).uniform(-9, 9) for _ in range(60)]
 def cases():
     """(ROS type, codec or bytes, expected fields as a flat list)."""
     for frame in FRAMES:
-        yield types.POSE_STAMPED, cdr.pose_stamped(frame), [frame]
-        yield types.TWIST_STAMPED, cdr.twist_stamped(frame), [frame]
-        yield types.WRENCH_STAMPED, cdr.wrench_stamped(frame), [frame]
+        yield cdr.POSE_STAMPED, cdr.pose_stamped(frame), [frame]
+        yield cdr.TWIST_STAMPED, cdr.twist_stamped(frame), [frame]
+        yield cdr.WRENCH_STAMPED, cdr.wrench_stamped(frame), [frame]
         pairs = [("world", frame), (frame, "ball"), ("a", "b")]
-        yield types.TF_MESSAGE, cdr.tf_message(pairs), [name for pair in pairs for name in pair]
+        yield cdr.TF_MESSAGE, cdr.tf_message(pairs), [name for pair in pairs for name in pair]
         names = [frame, "b", "cde"]
-        yield types.JOINT_STATE, cdr.joint_state(frame, names), [frame, *names]
-    yield types.TF_MESSAGE, cdr.tf_message([]), []
-    yield types.FLOAT64, cdr.float64(), []
-    yield types.CLOCK, cdr.clock(), []
+        yield cdr.JOINT_STATE, cdr.joint_state(frame, names), [frame, *names]
+    yield cdr.TF_MESSAGE, cdr.tf_message([]), []
+    yield cdr.FLOAT64, cdr.float64(), []
+    yield cdr.CLOCK, cdr.clock(), []
 
 
 CASES = list(cases())
@@ -330,7 +329,7 @@ def test_rosbags_reads_what_is_packed(ros_type, codec, texts):
 @pytest.mark.parametrize(("ros_type", "codec", "texts"), CASES, ids=IDS)
 def test_rclpy_reads_what_is_packed_and_writes_the_same(ros_type, codec, texts):
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
-    if ros_type == types.TF_MESSAGE:
+    if ros_type == cdr.TF_MESSAGE:
         pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not among the ROS wheels")
     kind = ros_class(ros_type)
     data = codec.pack(STAMP, NUMBERS[: codec.size])
@@ -353,9 +352,9 @@ def same_but_for_padding(theirs: bytes, ours: bytes) -> None:
 @pytest.mark.parametrize("text", ["", "a", "héllo ∮", "x" * 100])
 def test_string(text):
     data = cdr.string(text)
-    assert STORE.deserialize_cdr(data, types.STRING).data == text
+    assert STORE.deserialize_cdr(data, cdr.STRING).data == text
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
-    assert serialization.deserialize_message(data, ros_class(types.STRING)).data == text
+    assert serialization.deserialize_message(data, ros_class(cdr.STRING)).data == text
 
 
 @pytest.mark.parametrize(("ros_type", "codec", "texts"), CASES, ids=IDS)
@@ -378,12 +377,12 @@ def test_diagnostic(arguments):
     stamp, name, message, values = arguments
     data = cdr.diagnostic(*arguments)
     assert cdr.read_diagnostic(data) == arguments
-    array = STORE.deserialize_cdr(data, types.DIAGNOSTIC_ARRAY)
+    array = STORE.deserialize_cdr(data, cdr.DIAGNOSTIC_ARRAY)
     assert array.header.stamp.sec * cdr.NANO + array.header.stamp.nanosec == stamp
     (status,) = array.status
     assert (status.level, status.name, status.message) == (0, name, message)
     assert {pair.key: pair.value for pair in status.values} == values
-    assert bytes(STORE.serialize_cdr(array, types.DIAGNOSTIC_ARRAY)) == data
+    assert bytes(STORE.serialize_cdr(array, cdr.DIAGNOSTIC_ARRAY)) == data
     for end in range(len(cdr.HEADER), len(data) - 1):
         with pytest.raises(ValueError, match="."):
             cdr.read_diagnostic(data[:end])
@@ -393,17 +392,17 @@ def test_diagnostic(arguments):
 def test_rclpy_reads_diagnostics_and_writes_the_same(arguments):
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
     data = cdr.diagnostic(*arguments)
-    array = serialization.deserialize_message(data, ros_class(types.DIAGNOSTIC_ARRAY))
+    array = serialization.deserialize_message(data, ros_class(cdr.DIAGNOSTIC_ARRAY))
     same_but_for_padding(bytes(serialization.serialize_message(array)), data)
 
 
 @pytest.mark.parametrize("number", [0, 2, 255])
 def test_uint8(number):
     data = cdr.uint8().pack(STAMP, [number])
-    assert STORE.deserialize_cdr(data, types.UINT8).data == number
+    assert STORE.deserialize_cdr(data, cdr.UINT8).data == number
     assert cdr.uint8().unpack(data) == [number]
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
-    assert serialization.deserialize_message(data, ros_class(types.UINT8)).data == number
+    assert serialization.deserialize_message(data, ros_class(cdr.UINT8)).data == number
 
 
 def test_stamp():
@@ -423,26 +422,26 @@ def test_padding_is_zero():
         assert data == codec.pack(STAMP, NUMBERS[:7])
 
 
-@pytest.mark.parametrize("ros_type", sorted(types.TYPE_HASHES))
+@pytest.mark.parametrize("ros_type", sorted(cdr.TYPE_HASHES))
 def test_type_hash_and_fields_are_those_of_ros(ros_type):
-    assert STORE.hash_rihs01(ros_type) == types.TYPE_HASHES[ros_type]
-    for name in types.FIELDS:
+    assert STORE.hash_rihs01(ros_type) == cdr.TYPE_HASHES[ros_type]
+    for name in cdr.FIELDS:
         theirs = [field for field, _ in STORE.fielddefs[name][1]]
-        assert [line.split()[1] for line in types.FIELDS[name]] == theirs
+        assert [line.split()[1] for line in cdr.FIELDS[name]] == theirs
 
 
-@pytest.mark.parametrize("ros_type", sorted(types.TYPE_HASHES))
+@pytest.mark.parametrize("ros_type", sorted(cdr.TYPE_HASHES))
 def test_installed_ros_agrees(ros_type):
     package, _, name = ros_type.split("/")
     path = Path(sys.prefix) / "share" / package / "msg" / f"{name}.json"
     if not path.exists():
         pytest.skip(f"{package} is not installed")
     hashes = {h["type_name"]: h["hash_string"] for h in json.loads(path.read_text())["type_hashes"]}
-    assert hashes[ros_type] == types.TYPE_HASHES[ros_type]
+    assert hashes[ros_type] == cdr.TYPE_HASHES[ros_type]
 
 
 def test_schema_text_lists_every_type_once():
-    text = types.schema_text(types.TF_MESSAGE)
+    text = cdr.schema_text(cdr.TF_MESSAGE)
     parts = text.split("=" * 80 + "\n")
     assert parts[0] == "geometry_msgs/TransformStamped[] transforms\n"
     assert [part.splitlines()[0] for part in parts[1:]] == [

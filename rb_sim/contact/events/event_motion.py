@@ -681,10 +681,10 @@ class ContactMotion(GridMotion):
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
             touch = self.system.touch
-            slides_with_friction = bool(
+            compliant_friction = bool(
                 ((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any()
             )
-            taken = stepping_of(self.compiled, self.method, slides_with_friction)
+            taken = stepping_of(self.compiled, self.method, compliant_friction)
             self._taken = self.method, taken
         return self._taken[1]
 

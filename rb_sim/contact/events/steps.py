@@ -230,11 +230,11 @@ def slow_slips(system: Any, method: Any) -> dict[str, float]:
     return {"velocity_tolerance": max(system.velocity_tolerance, NOISE * tolerance), "creep": creep}
 
 
-def stepping_of(compiled: Compiled, method: Any, slides_with_friction: bool) -> Stepping:
+def stepping_of(compiled: Compiled, method: Any, compliant_friction: bool) -> Stepping:
     """rubs: whether slips may be slow and stiff."""
     step, setting = settings_of(paced(compiled, method))
     implicit: tuple[Any, Any] = 0, 0
-    if slides_with_friction and getattr(method, "tolerance", 0.0) > 0.0:
+    if compliant_friction and getattr(method, "tolerance", 0.0) > 0.0:
         implicit = radau5_of_slips.reference, jacobian_by_differences.address
     setting = (*setting, float(step.implicit > 0))
     return Stepping(step.reference, rate_of_change.address, setting, *implicit)

@@ -70,7 +70,6 @@ import numpy as np
 from rb_sim.base import __version__
 from rb_sim.base.errors import SinkError
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages import cdr as types
 from rb_sim.io.messages.cdr import stamp_of
 from rb_sim.io.messages.packing import NO_ROTATION, Packer, Topic, columns_of, stamps_of
 from rb_sim.io.messages.robot_description import marker_array, urdf
@@ -151,8 +150,8 @@ class TopicTable:
         entries = [*_body_topics(layout, prefix, of), *_reaction_topics(layout, prefix, of)]
         entries += _scalar_topics(of)
         entries += _contact_topics(layout, of)
-        entries += [_tf_topic(layout, prefix, of), Topic(CLOCK, types.CLOCK, cdr.clock())]
-        events = Topic(CONTACT_EVENTS, types.DIAGNOSTIC_ARRAY, cdr.clock())
+        entries += [_tf_topic(layout, prefix, of), Topic(CLOCK, cdr.CLOCK, cdr.clock())]
+        events = Topic(CONTACT_EVENTS, cdr.DIAGNOSTIC_ARRAY, cdr.clock())
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
         inputs = [Topic(*topic, cdr.clock()) for topic in InputTable(layout).topics]
         _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
@@ -204,19 +203,19 @@ def _body_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
     pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
     for i, name in enumerate(layout.bodies):
         columns = [*of.position[i], *of.orientation[i]]
-        yield Topic(body_topic(name, "pose"), types.POSE_STAMPED, pose, columns)
+        yield Topic(body_topic(name, "pose"), cdr.POSE_STAMPED, pose, columns)
         columns = [*of.velocity[i], *of.spin[i]]
-        yield Topic(body_topic(name, "twist"), types.TWIST_STAMPED, twist, columns)
+        yield Topic(body_topic(name, "twist"), cdr.TWIST_STAMPED, twist, columns)
     for i, name in enumerate(layout.commanded):
         codec, topic = cdr.wrench_stamped(prefix + origin_frame(name)), "wrench_applied"
-        yield Topic(body_topic(name, topic), types.WRENCH_STAMPED, codec, of.command[i])
+        yield Topic(body_topic(name, topic), cdr.WRENCH_STAMPED, codec, of.command[i])
 
 
 def _reaction_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
     for i, name in enumerate(layout.reactions):
         codec = cdr.wrench_stamped(prefix + anchor_frame(name))
         columns = [*of.reaction_force[i], *of.reaction_torque[i]]
-        yield Topic(reaction_topic(name), types.WRENCH_STAMPED, codec, columns)
+        yield Topic(reaction_topic(name), cdr.WRENCH_STAMPED, codec, columns)
 
 
 def _scalar_topics(of: Any) -> Iterator[Topic]:
@@ -227,14 +226,14 @@ def _scalar_topics(of: Any) -> Iterator[Topic]:
         ("power", of.power),
         ("residual", of.residual),
     ):
-        yield Topic(name, types.FLOAT64, cdr.float64(), columns)
+        yield Topic(name, cdr.FLOAT64, cdr.float64(), columns)
 
 
 def _contact_topics(layout: SampleLayout, of: Any) -> Iterator[Topic]:
     for name in layout.contacts:
-        yield Topic(state_topic(name), types.UINT8, cdr.uint8())
+        yield Topic(state_topic(name), cdr.UINT8, cdr.uint8())
     if layout.contacts:
-        yield Topic(CONTACT_WORK, types.FLOAT64, cdr.float64(), of.contact_work)
+        yield Topic(CONTACT_WORK, cdr.FLOAT64, cdr.float64(), of.contact_work)
 
 
 def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
@@ -247,7 +246,7 @@ def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
     points = [*of.anchor, *(of.position[layout.bodies.index(name)] for name in layout.commanded)]
     columns = [*np.hstack([of.position, of.orientation]).ravel()]
     columns += [column for point in points for column in (*point, *NO_ROTATION)]
-    return Topic(TF, types.TF_MESSAGE, codec, columns)
+    return Topic(TF, cdr.TF_MESSAGE, codec, columns)
 
 
 # BODY/accel: what BODY/twist changes by, as geometry_msgs/AccelStamped, where it is asked for.
@@ -274,7 +273,7 @@ class AccelTable:
         self._accelerations = asked(scene, layout)
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         self._codec = cdr.accel_stamped(prefix + WORLD)
-        self.topics = [(body_topic(body, "accel"), types.ACCEL_STAMPED) for body in layout.bodies]
+        self.topics = [(body_topic(body, "accel"), cdr.ACCEL_STAMPED) for body in layout.bodies]
 
     def rows(self, block: SampleBlock) -> list[Any]:
         """As of MessageTable."""
@@ -299,7 +298,7 @@ class OdometryTable:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         names = layout.bodies
         self._codecs = [cdr.odometry(prefix + WORLD, prefix + body_frame(name)) for name in names]
-        self.topics = [(body_topic(name, "odometry"), types.ODOMETRY) for name in names]
+        self.topics = [(body_topic(name, "odometry"), cdr.ODOMETRY) for name in names]
 
     def rows(self, block: SampleBlock) -> list[Any]:
         """As of MessageTable."""
@@ -336,9 +335,9 @@ def latched_messages(
     beside = namespace.rpartition("/")[0]
     document, text = urdf(scene, layout, initial), description(scene, record)
     return [
-        Latched(f"{namespace}/{DESCRIPTION}", types.STRING, cdr.string(text)),
-        Latched(f"{beside}/{ROBOT_DESCRIPTION}", types.STRING, cdr.string(document)),
-        Latched(f"{namespace}/{MARKERS}", types.MARKER_ARRAY, marker_array(scene)),
+        Latched(f"{namespace}/{DESCRIPTION}", cdr.STRING, cdr.string(text)),
+        Latched(f"{beside}/{ROBOT_DESCRIPTION}", cdr.STRING, cdr.string(document)),
+        Latched(f"{namespace}/{MARKERS}", cdr.MARKER_ARRAY, marker_array(scene)),
     ]
 
 
@@ -393,9 +392,9 @@ class InputTable:
         self._own = {body: cdr.wrench_stamped(body_frame(body)) for body in layout.commanded}
         self._reset = cdr.clock()
         self._placed, self._state = layout.bodies, _state_codec()
-        commands = [(command_topic(body), types.WRENCH_STAMPED) for body in layout.commanded]
-        states = [(body_topic(body, STATE_COMMAND), types.JOINT_STATE) for body in layout.bodies]
-        self.topics = (*commands, (RESETS, types.CLOCK), *states)
+        commands = [(command_topic(body), cdr.WRENCH_STAMPED) for body in layout.commanded]
+        states = [(body_topic(body, STATE_COMMAND), cdr.JOINT_STATE) for body in layout.bodies]
+        self.topics = (*commands, (RESETS, cdr.CLOCK), *states)
 
     def message(self, given: Input) -> tuple[int, bytes]:
         """Index of the topic, and the message."""

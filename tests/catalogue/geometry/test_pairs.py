@@ -25,7 +25,6 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.geometry import pairs
-from rb_sim.catalogue.geometry import pairs as carriers
 from rb_sim.catalogue.geometry.smooth_surfaces import EllipsoidSurface, RimSurface, SphereSurface
 from rb_sim.catalogue.spec import BodyState
 from tests.moving import (
@@ -155,9 +154,9 @@ def test_moved_world(name: str, seed: int) -> None:
 
 
 MOTIONS = {
-    "turntable": carriers.Turntable((0.3, -0.2, 0.5), (0.4, -1.1, 0.7)),
-    "turntable at rest": carriers.Turntable((0.3, -0.2, 0.5), (0.0, 0.0, 0.0)),
-    "shaken": carriers.Shaken((0.1, 0.2, -0.3), 5.0, 0.7),
+    "turntable": pairs.Turntable((0.3, -0.2, 0.5), (0.4, -1.1, 0.7)),
+    "turntable at rest": pairs.Turntable((0.3, -0.2, 0.5), (0.0, 0.0, 0.0)),
+    "shaken": pairs.Shaken((0.1, 0.2, -0.3), 5.0, 0.7),
 }
 
 
@@ -169,7 +168,7 @@ def test_carriers(name: str, t: float) -> None:
     still = BodyState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def support(s: float) -> Any:
-        return carriers.carrier(motion, t + s, still)
+        return pairs.carrier(motion, t + s, still)
 
     S, a, alpha, driven = support(0.0)
     r = np.array([0.2, 0.9, -0.4])
@@ -189,19 +188,19 @@ def test_turntable_keeps_its_axis() -> None:
     motion = MOTIONS["turntable"]
     rate = float(np.linalg.norm(motion.spin))
     for t in (0.0, 1.3, 2.0 * np.pi / rate):
-        S = carriers.carrier(motion, t, None)[0]
+        S = pairs.carrier(motion, t, None)[0]
         assert_allclose(at(S, motion.point), motion.point, atol=1e-14)
     assert_allclose(at(S, (1.0, 2.0, 3.0)), (1.0, 2.0, 3.0), atol=1e-13)
 
 
 def test_what_is_shaken_is_where_it_is_told_to_be() -> None:
-    S = carriers.carrier(MOTIONS["shaken"], 0.7, None)[0]
+    S = pairs.carrier(MOTIONS["shaken"], 0.7, None)[0]
     assert_allclose(S.p_WC, np.sin(5.0 * 0.7 + 0.7) * np.array([0.1, 0.2, -0.3]), atol=1e-15)
 
 
 def test_resting_support_is_the_parent_itself() -> None:
     S = random_state(np.random.default_rng(1))
-    assert carriers.carrier(carriers.Resting(), 2.0, S) == (S, (0.0,) * 3, (0.0,) * 3, 0.0)
+    assert pairs.carrier(pairs.Resting(), 2.0, S) == (S, (0.0,) * 3, (0.0,) * 3, 0.0)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "cylinder"])
