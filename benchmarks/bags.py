@@ -33,12 +33,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.readings import Readings
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
 

@@ -302,8 +302,8 @@ def memory(runs: int, workers: int) -> None:
         print(f"{runs} runs, {len(STONE['outputs'])} outputs in {took:.0f} s, {size / 1e6:.0f} MB")
         print(f"peak: this process {own:.0f} MB, largest worker {peaks.largest / 2**20:.0f} MB")
         code = (
-            "import resource, sys; from rb_sim.sweeps.report import report; report(sys.argv[1]); "
-            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+            "import resource, sys; from rb_sim.sweeps.sweep_page import report; "
+            "report(sys.argv[1]); print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
         )
         command = [sys.executable, "-c", code, str(out)]
         reported = subprocess.run(command, check=True, capture_output=True, text=True).stdout

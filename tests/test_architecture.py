@@ -241,6 +241,15 @@ def sources_of_the_package() -> dict[str, Path]:
     }
 
 
+def test_a_module_name_means_one_thing() -> None:
+    """But for a verb of the command line, which is called as what it shows, and the entry points."""
+    places: dict[str, list[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if path.stem not in ("__init__", "__main__", "main") and path.parent.name != "verbs":
+            places.setdefault(path.stem, []).append(str(path.relative_to(PACKAGE)))
+    assert [found for found in places.values() if len(found) > 1] == []
+
+
 def test_no_module_imports_itself_by_way_of_others() -> None:
     """Neither when it is loaded nor by an import inside a function, or for types alone."""
     sources = sources_of_the_package()

@@ -26,7 +26,7 @@ from PIL import Image, ImageDraw
 
 from rb_sim import Simulation, load_scene, scenes
 from rb_sim.io.extent import reach_of
-from rb_sim.io.rerun.sink import RerunSink
+from rb_sim.io.rerun.rerun_sink import RerunSink
 from rb_sim.io.rerun.viewer import frames
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock
 from rb_sim.scene.listing import shipped_statics

@@ -43,7 +43,7 @@ from rb_sim.accuracy.runs import (
 )
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
-from rb_sim.graph.taylor import NoSeriesError
+from rb_sim.graph.taylor_series import NoSeriesError
 from rb_sim.mechanics.methods import METHODS, tried
 from rb_sim.mechanics.table_laws import BODIES
 from rb_sim.motion.motion import ENDLESS

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from rb_sim.base.errors import SceneError, SinkError
 from rb_sim.base.names import MOST_NAMED
+from rb_sim.io.bag.bag_sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.bag.batches import Messages
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
 from rb_sim.io.bag.reader import described_in
-from rb_sim.io.bag.sink import RECORD, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.topic_names import RESETS
 from rb_sim.mechanics.samples import Array
 from rb_sim.scene import yaml_reader

@@ -22,8 +22,8 @@ import numpy as np
 
 from rb_sim.base.errors import Finding, SinkError
 from rb_sim.checks.check_list import CheckedSamples
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader, Rows
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import Input, SampleBlock, concatenate

@@ -26,7 +26,7 @@ from rb_sim.checks.check import Check, Effort, Look, Run, Seen, effort_of
 from rb_sim.checks.sample_integrals import Resolution
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.steps import chatter, steps, turns
+from rb_sim.checks.step_checks import chatter, steps, turns
 from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 from rb_sim.base.errors import named_if_lacking
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.report import Analysis
+    from rb_sim.bags.analysis.analysis_page import Analysis
     from rb_sim.bags.compare import Differences
     from rb_sim.fit.unknowns import Fitted
     from rb_sim.linear import LinearModel
     from rb_sim.scene.schema import Scene
-    from rb_sim.statics.report import StaticsResult
+    from rb_sim.statics.statics_tables import StaticsResult
 
 Source = str | PathLike[str] | Mapping[str, Any]
 """Of a scene: a file, the name of a shipped one, or a mapping."""
@@ -109,7 +109,7 @@ def analyze(
         RbSimError: The file is not a bag, has no readings, or `masses` cannot be read.
     """
     from rb_sim.bags.analysis.bodies import masses_of, scene_of
-    from rb_sim.bags.analysis.run import analyze as read
+    from rb_sim.bags.analysis.recorded_run import analyze as read
 
     given = None if masses is None else str(masses)
     return read(

@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.graph.emit import RARELY, Piece, Pieces, constant
 from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
 from rb_sim.graph.symbols import INPUTS, Symbol, operations
-from rb_sim.graph.taylor import LANES, Series
+from rb_sim.graph.taylor_series import LANES, Series
 
 # Lines of LLVM IR of a series: vectors of sums, and laws written into the same function.
 

@@ -35,7 +35,7 @@ from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, project
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.systems.one_body import total_wrench
-from rb_sim.mechanics.systems.rolling import RollingBody
+from rb_sim.mechanics.systems.rolling_body import RollingBody
 from rb_sim.mechanics.systems.translation import GuidedLaws, ways
 from rb_sim.numerics.kernels import Step
 from rb_sim.numerics.vectors import (

@@ -180,8 +180,8 @@ class Writer:
 
     def _chosen(self, plan: Plan) -> dict[str, Output]:
         """Bag, recording and plots, the slowest to finish last."""
-        from rb_sim.io.bag.sink import BagSink
-        from rb_sim.io.rerun.sink import RerunSink
+        from rb_sim.io.bag.bag_sink import BagSink
+        from rb_sim.io.rerun.rerun_sink import RerunSink
         from rb_sim.io.run_plots import PlotSink
         from rb_sim.simulation.outputs import Output
         from rb_sim.trajectory.record import accelerating

@@ -22,7 +22,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.io.bag.sink import LEAST_SPLIT
+from rb_sim.io.bag.bag_sink import LEAST_SPLIT
 from rb_sim.io.messages.topic_names import CLOCK, TF
 from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS

@@ -40,7 +40,7 @@ from rb_sim.catalogue.spec import (
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody, FixedPointBody
 from rb_sim.mechanics.systems.free import FreeBody, free_rotor
 from rb_sim.mechanics.systems.multibody import inverse_symmetric
-from rb_sim.mechanics.systems.rolling import LineRollingBody, RollingBody
+from rb_sim.mechanics.systems.rolling_body import LineRollingBody, RollingBody
 from rb_sim.mechanics.systems.translation import GuidedBody, TranslatingBody
 from rb_sim.numerics.vectors import (
     ZERO,

@@ -117,7 +117,7 @@ def choose(
     make_folder(folder)
     chosen: dict[str, Output] = {}
     if bag:
-        from rb_sim.io.bag.sink import BagSink
+        from rb_sim.io.bag.bag_sink import BagSink
 
         run = {"by": "run", "options": dict(options or {})}
         asked = accelerating if accelerations else None
@@ -126,7 +126,7 @@ def choose(
         )
         chosen["bag"] = Output(sink, folder / "bag", say)
     if rerun is not False:
-        from rb_sim.io.rerun.sink import RerunSink
+        from rb_sim.io.rerun.rerun_sink import RerunSink
 
         path = folder / "recording.rrd"
         try:

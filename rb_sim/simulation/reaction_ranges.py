@@ -27,8 +27,8 @@ from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.scene.place import InitialPlace, quaternion, vector
 from rb_sim.statics.equilibrium import Array, Element, Equilibrium, poles_of, put_together
 from rb_sim.statics.of_scene import Standing, joint_elements, still, touching_elements
-from rb_sim.statics.report import ReactionRange
 from rb_sim.statics.solve import solved
+from rb_sim.statics.statics_tables import ReactionRange
 
 if TYPE_CHECKING:
     from rb_sim.trajectory.trajectory import Trajectory

@@ -14,8 +14,8 @@ import sys
 from rb_sim.base.errors import Called
 from rb_sim.scene.load import load_statics
 from rb_sim.scene.schema import StaticsScene
-from rb_sim.statics.report import Finding, Reaction, ReactionRange, StaticsResult
 from rb_sim.statics.solve import solve
+from rb_sim.statics.statics_tables import Finding, Reaction, ReactionRange, StaticsResult
 
 __all__ = [
     "Finding",

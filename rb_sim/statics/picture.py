@@ -36,7 +36,7 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
 from rb_sim.statics.equilibrium import Element, Equilibrium, tangents
 from rb_sim.statics.of_scene import Load, active_loads, at_rest, still
-from rb_sim.statics.report import StaticsResult
+from rb_sim.statics.statics_tables import StaticsResult
 
 # Where the points of a scene lie in its picture: the surfaces of shapes and the projection.
 

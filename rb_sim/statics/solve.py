@@ -32,7 +32,7 @@ from rb_sim.statics.equilibrium import (
     eliminate,
 )
 from rb_sim.statics.of_scene import at_rest
-from rb_sim.statics.report import Finding, Reaction, ReactionRange, StaticsResult, Verdict
+from rb_sim.statics.statics_tables import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 
 # The verdict in words: what gives, what is about to give, what is not unique.
 

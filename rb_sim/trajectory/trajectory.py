@@ -373,7 +373,7 @@ def view(trajectory: Record, save: Path | None = None) -> None:
 
 def record(trajectory: Record, path: Path) -> None:
     """Write the run as a Rerun recording."""
-    from rb_sim.io.rerun.sink import RerunSink
+    from rb_sim.io.rerun.rerun_sink import RerunSink
 
     if trajectory.scene is None:
         raise RbSimError("view: the trajectory has no scene")

@@ -21,9 +21,7 @@ import pytest
 from matplotlib.colors import to_hex
 from rich.console import Console
 
-from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung, climb
-from rb_sim.accuracy.report import (
+from rb_sim.accuracy.accuracy_tables import (
     as_dict,
     decades,
     diagrams,
@@ -34,6 +32,8 @@ from rb_sim.accuracy.report import (
     target_line,
     write_json,
 )
+from rb_sim.accuracy.choice import Setting
+from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung, climb
 from rb_sim.accuracy.runs import Errors
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import accuracy as accuracy_verb

@@ -22,8 +22,8 @@ import pytest
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from rb_sim.accuracy.closed_forms.statics import exact_reactions
-from rb_sim.accuracy.report import measure, print_statics
+from rb_sim.accuracy.accuracy_tables import measure, print_statics
+from rb_sim.accuracy.closed_forms.at_rest import exact_reactions
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import of_statics
 from rb_sim.scene.listing import find_scene, list_scenes, shipped_statics

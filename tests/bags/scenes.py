@@ -31,7 +31,7 @@ simulation: {duration: 1.0, method: rk4, step: 5.0e-3, rate: 50}
 def record_run(text: str, folder: Path, **overrides) -> Path:
     """`rb_sim run` without its summary: the bag of a scene."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
 
     simulation = Simulation(load_scene(text, **overrides))
     sink = BagSink(folder, run={"by": "run", "options": overrides})
@@ -68,7 +68,7 @@ PLAN = {
 def record_node(folder: Path, steps: int = 60, reset_at: int = 40) -> Path:
     """The node's own stepper with commands in both frames and a reset, without ROS around it."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
     from rb_sim.mechanics.samples import concatenate
     from rb_sim.ros.stepper import Stepper
 

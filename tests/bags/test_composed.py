@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from rb_sim.bags import readings
 from rb_sim.bags import transforms as composed
 from rb_sim.bags.analysis.derivatives import Body
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.readings import Readings
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import POSE, TF, Bag, pose, transforms, writing

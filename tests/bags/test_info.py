@@ -19,7 +19,7 @@ import pytest
 from mcap.writer import Writer
 
 from rb_sim import Trajectory
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import Rates, info
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import SinkError
@@ -198,7 +198,7 @@ def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
 def cut(folder: Path) -> Path:
     """A log that was closed before its run ended, as where the disk is full."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
 
     simulation = Simulation(load_scene(PUSHED))
     sink = BagSink(folder, run={"by": "node"})

@@ -18,7 +18,7 @@ import pytest
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.readings import LAYOUTS, NEEDED, Readings, layout_of
 from rb_sim.bags.tracks import tracks_of_bag
 from tests.bags.analysis import foreign

@@ -153,7 +153,7 @@ def test_a_change_that_will_not_do(change, line):
 def lacking(folder: Path) -> Path:
     """A node's bag without samples 5 to 7, which found the queue of the logs full."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
 
     simulation = Simulation(load_scene(PUSHED))
     sink = BagSink(folder, run={"by": "node"}, namespace="/sim")

@@ -25,7 +25,7 @@ from rb_sim.bags.compare import summary
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import SinkError
 from rb_sim.cli.verbs.replay import replay
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation
 from tests.bags.analysis import foreign

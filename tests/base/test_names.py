@@ -101,7 +101,7 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 def test_a_bag_brings_the_names_of_the_scene_back(tmp_path) -> None:
     from rosbags.highlevel import AnyReader
 
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
 
     simulation = Simulation(scene())
     sink = BagSink(tmp_path / "bag")

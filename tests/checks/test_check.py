@@ -20,8 +20,8 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort, effort_of, finer_step
+from rb_sim.checks.step_checks import found_in, turned
 from rb_sim.checks.step_doubling import LocalError
-from rb_sim.checks.steps import found_in, turned
 from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
 

@@ -23,7 +23,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import CheckList
-from rb_sim.checks.steps import CHATTER
+from rb_sim.checks.step_checks import CHATTER
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
 from tests.checks.test_check_list import SWING

@@ -28,7 +28,7 @@ from rb_sim import RbSimError, Simulation
 from rb_sim.cli.verbs.compare import CompareOptions, compare
 from rb_sim.cli.verbs.info import info
 from rb_sim.cli.verbs.linearize import linearize
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from tests.bags.analysis.foreign import EPOCH, STORE, pose_stamped, swing
 from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
 

@@ -23,7 +23,7 @@ from PIL import Image, ImageChops
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene, scenes
-from rb_sim.accuracy.report import save_picture
+from rb_sim.accuracy.accuracy_tables import save_picture
 from tests.docs.blocks import PAGES
 from tests.docs.page_run import pictures
 from tools import gallery, law_pictures, readme_picture

@@ -39,8 +39,8 @@ from rb_sim.graph.symbols import (
     stepwise,
     where,
 )
-from rb_sim.graph.taylor import NoSeriesError, Series, degrees
 from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.graph.taylor_series import NoSeriesError, Series, degrees
 
 ORDER = 24
 START = 0.7

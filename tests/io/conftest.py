@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene

@@ -36,11 +36,11 @@ from rosbags.typesys import Stores, get_typestore
 from rb_sim.base.errors import SinkError
 from rb_sim.io.bag import batches as bag_batches
 from rb_sim.io.bag import file
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.file import Draft
 from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ARRAYS, empty_block
 
 START = 1_700_000_000_000_000_000

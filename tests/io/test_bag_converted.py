@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from rb_sim.bags.info import info
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader, ForeignBagError, scene_as_run
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.topics import record_in
 from rb_sim.mechanics.samples import (
     ARRAYS,

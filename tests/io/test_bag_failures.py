@@ -27,9 +27,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.sink import BagSink
 
 TOPICS = 17
 
@@ -38,7 +38,7 @@ import sys
 from pathlib import Path
 from rb_sim.mechanics.samples import SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
 layout = SampleLayout(("ball",), (), (), ())
 sink = BagSink(Path(sys.argv[1]), start_ns=0)

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import SinkError
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.mechanics.samples import ARRAYS, concatenate
 
 
@@ -133,7 +133,7 @@ def test_foreign_bag(tmp_path):
 
 
 def test_format_of_another_version(record, monkeypatch):
-    monkeypatch.setattr("rb_sim.io.bag.sink.FORMAT", "99")
+    monkeypatch.setattr("rb_sim.io.bag.bag_sink.FORMAT", "99")
     bag = record()
     monkeypatch.undo()
     assert "format 99; this version of rb_sim reads format 1" in one_line(bag)

@@ -22,7 +22,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import info
 from rb_sim.base.errors import SinkError
 from rb_sim.cli.verbs.replay import recover, replay

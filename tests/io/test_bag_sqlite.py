@@ -21,7 +21,7 @@ import pytest
 import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import info
 from rb_sim.bags.tracks import tracks_of_bag
 from rb_sim.base.errors import MissingExtraError, SinkError

@@ -23,8 +23,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.bag.sink import BagSink
 from rb_sim.io.messages.topics import TopicTable
 from rb_sim.io.run_plots import PlotSink
 from rb_sim.mechanics.samples import (
@@ -194,7 +194,7 @@ def test_a_reset_shifts_the_events_with_the_samples(tmp_path, scene):
 
 @pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
 def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
-    from rb_sim.io.rerun.sink import RerunSink
+    from rb_sim.io.rerun.rerun_sink import RerunSink
     from tests.io.test_rerun import column
 
     sink = RerunSink(tmp_path / "r.rrd")

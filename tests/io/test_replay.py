@@ -50,7 +50,7 @@ def stats(path: Path) -> list[str]:
 def test_replay_saves_what_the_run_would_have_recorded(
     record, tmp_path, scene, layout, samples, capsys
 ):
-    from rb_sim.io.rerun.sink import RerunSink
+    from rb_sim.io.rerun.rerun_sink import RerunSink
 
     live = RerunSink(tmp_path / "live.rrd")
     live.open(scene, layout)

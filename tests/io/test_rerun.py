@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.io.rerun.sink import PipedFile, RerunSink
+from rb_sim.io.rerun.rerun_sink import PipedFile, RerunSink
 from rb_sim.scene.load import load_scene
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -257,7 +257,7 @@ def test_arrow_scales_are_round_numbers(value, nice):
 @needs_rerun
 def test_rows_go_to_the_file_in_blocks(tmp_path, scene, layout, samples):
     """At most ROWS samples are held; nothing is lost and the order of times is kept."""
-    from rb_sim.io.rerun import sink as rerun
+    from rb_sim.io.rerun import rerun_sink as rerun
 
     sink = RerunSink(tmp_path / "r.rrd")
     sink.open(scene, layout)
@@ -323,7 +323,7 @@ import resource, sys
 from pathlib import Path
 from rb_sim.mechanics.samples import SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
-from rb_sim.io.rerun.sink import RerunSink
+from rb_sim.io.rerun.rerun_sink import RerunSink
 import numpy as np
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
@@ -371,7 +371,7 @@ def test_without_rerun_the_error_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_importing_the_sink_does_not_import_rerun():
-    code = "import rb_sim.io.rerun.sink, sys; assert 'rerun' not in sys.modules"
+    code = "import rb_sim.io.rerun.rerun_sink, sys; assert 'rerun' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 

@@ -22,7 +22,7 @@ from rb_sim import Simulation  # noqa: E402
 from rb_sim.base.errors import SimulationError  # noqa: E402
 from rb_sim.io.extent import half_box  # noqa: E402
 from rb_sim.io.rerun.arrow_scales import Resolved, clear_of, typical, unit  # noqa: E402
-from rb_sim.io.rerun.sink import RerunSink  # noqa: E402
+from rb_sim.io.rerun.rerun_sink import RerunSink  # noqa: E402
 from rb_sim.io.rerun.view import PIECES, Trail  # noqa: E402
 from tests.io.conftest import LAYOUT  # noqa: E402
 

@@ -24,7 +24,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.mechanics.samples import Input, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene

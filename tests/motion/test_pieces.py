@@ -20,7 +20,7 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.contact.events import steps as contact_steps
+from rb_sim.contact.events import event_steps as contact_steps
 from rb_sim.integrate import loop
 from rb_sim.integrate.methods.rk4 import Rk4
 from rb_sim.motion.motion import Limits

@@ -23,7 +23,14 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import sweep
-from rb_sim.sweeps.report import Extreme, RunTable, grid_axes, grid_values, picked_columns, report
+from rb_sim.sweeps.sweep_page import (
+    Extreme,
+    RunTable,
+    grid_axes,
+    grid_values,
+    picked_columns,
+    report,
+)
 from tests.sweeps.plans import height, plan
 
 

@@ -23,8 +23,8 @@ from rb_sim.sweeps import storage, sweep
 from rb_sim.sweeps.batch import Batch, described, do_batch
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
-from rb_sim.sweeps.report import RunTable
 from rb_sim.sweeps.storage import take_over
+from rb_sim.sweeps.sweep_page import RunTable
 from tests.sweeps.plans import plan
 
 pytest.importorskip("pyarrow")

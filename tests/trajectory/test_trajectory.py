@@ -18,7 +18,7 @@ import pytest
 
 from rb_sim import AccuracyWarning, RbSimError, Trajectory, load_scene
 from rb_sim.base.errors import Finding
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 
 TIED = {

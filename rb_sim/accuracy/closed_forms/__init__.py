@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.accuracy.closed_forms.rolling import (
+from rb_sim.accuracy.closed_forms.on_supports import (
     bouncing_ball,
     off_a_sphere,
     rolling_in_cylinder,

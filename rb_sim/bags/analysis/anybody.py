@@ -28,8 +28,8 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 if TYPE_CHECKING:
+    from rb_sim.bags.analysis.analysis_page import Analysis, Reading
     from rb_sim.bags.analysis.figures import Figures
-    from rb_sim.bags.analysis.report import Analysis, Reading
     from rb_sim.bags.readings import Readings
     from rb_sim.scene.schema import Scene
 

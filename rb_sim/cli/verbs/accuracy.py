@@ -15,8 +15,7 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from rb_sim.accuracy.ladder import climb
-from rb_sim.accuracy.report import (
+from rb_sim.accuracy.accuracy_tables import (
     as_dict,
     measure,
     print_report,
@@ -24,6 +23,7 @@ from rb_sim.accuracy.report import (
     statics_as_dict,
     write_json,
 )
+from rb_sim.accuracy.ladder import climb
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
 from rb_sim.scene.load import load_scene
@@ -56,7 +56,7 @@ def accuracy(
         )
     print_report(result, console, target)
     if out is not None:
-        from rb_sim.accuracy.report import save_picture  # matplotlib loads when it is used
+        from rb_sim.accuracy.accuracy_tables import save_picture  # matplotlib loads when it is used
 
         try:
             out.mkdir(parents=True, exist_ok=True)

@@ -42,9 +42,9 @@ class AnalyzeOptions:
 
 def analyze(options: AnalyzeOptions) -> int:
     """Analyze, print, write; 0. Raises RbSimError."""
+    from rb_sim.bags.analysis.analysis_page import Aligned, write_report
     from rb_sim.bags.analysis.bodies import masses_of, scene_of
-    from rb_sim.bags.analysis.report import Aligned, write_report
-    from rb_sim.bags.analysis.run import analyze as read
+    from rb_sim.bags.analysis.recorded_run import analyze as read
     from rb_sim.cli.summary import finite
     from rb_sim.cli.verbs.replay import warn
     from rb_sim.simulation.outputs import make_folder, writing

@@ -181,7 +181,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
         raise RbSimError(f"--publish: {bag} was not recorded by rb_sim; play it with "
                          f"ros2 bag play --clock 100 {bag}")  # fmt: skip
     need_rclpy()
-    from rb_sim.ros.replay import Playing, publish
+    from rb_sim.ros.bag_player import Playing, publish
 
     code = publish(reader, Playing(rate, options.loop, start))
     warn(reader.left_out)
@@ -231,7 +231,7 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
 
     motion_only: lay out nothing but the 3D view. Raises SinkError.
     """
-    from rb_sim.io.rerun.sink import RerunSink
+    from rb_sim.io.rerun.rerun_sink import RerunSink
     from rb_sim.io.sink import Timeline
 
     sink = RerunSink(recording, motion_only=motion_only)

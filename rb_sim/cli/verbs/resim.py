@@ -127,7 +127,7 @@ def identity_lines(found: Identity, other: dict[str, Any]) -> list[str]:
 
 
 def _other(reader: BagReader) -> dict[str, tuple[str, str]]:
-    from rb_sim.io.bag.sink import host, versions
+    from rb_sim.io.bag.bag_sink import host, versions
 
     pairs = {}
     for key, now in (("versions", versions()), ("host", host())):

@@ -87,7 +87,7 @@ def given(options: RunOptions) -> dict[str, Any]:
 
 def splitting(options: RunOptions) -> dict[str, Any]:
     """Where the bag is split, for BagSink. Raises RbSimError."""
-    from rb_sim.io.bag.sink import LEAST_SPLIT
+    from rb_sim.io.bag.bag_sink import LEAST_SPLIT
 
     size, duration = options.split_size, options.split_duration
     if size is not None and size < LEAST_SPLIT:

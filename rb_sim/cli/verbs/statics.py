@@ -16,7 +16,7 @@ from pathlib import Path
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
 from rb_sim.statics import load_statics, solve
-from rb_sim.statics.report import print_report, write_json
+from rb_sim.statics.statics_tables import print_report, write_json
 
 
 def statics(scene: Path, out: Path | None = None) -> int:

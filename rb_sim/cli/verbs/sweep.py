@@ -98,7 +98,7 @@ def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
 
 def sweep_report(folder: Path) -> int:
     """Write the report of a sweep and print its main figures; returns the exit code 0."""
-    from rb_sim.sweeps.report import report
+    from rb_sim.sweeps.sweep_page import report
 
     result = report(folder)
     console = plain_console(soft_wrap=False)

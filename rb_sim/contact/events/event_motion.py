@@ -33,6 +33,14 @@ from rb_sim.contact.event_workspace import (
     Journal,
 )
 from rb_sim.contact.event_workspace import JAMS as JAMMED_NOTE
+from rb_sim.contact.events.event_steps import (
+    EVENT,
+    kind_of,
+    paced,
+    record_contacts,
+    slow_slips,
+    stepping_of,
+)
 from rb_sim.contact.events.grid import Stepping
 from rb_sim.contact.events.instant import (
     ACCELERATE,
@@ -79,14 +87,6 @@ from rb_sim.contact.events.shares import (
     share_load,
     widest_kept,
     widest_of,
-)
-from rb_sim.contact.events.steps import (
-    EVENT,
-    kind_of,
-    paced,
-    record_contacts,
-    slow_slips,
-    stepping_of,
 )
 from rb_sim.contact.grid_motion import GridMotion, LeftOpen
 from rb_sim.contact.impacts import (

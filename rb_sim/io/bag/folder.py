@@ -29,11 +29,11 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
+from rb_sim.io.bag.bag_sink import LIBRARY
 from rb_sim.io.bag.batches import BagScan, Batch, Messages
 from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Frames, Missing
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
-from rb_sim.io.bag.sink import LIBRARY
 
 # The messages of an SQLite file of rosbag2 (.db3), as `batches` gives those of an MCAP file.
 #

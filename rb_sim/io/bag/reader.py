@@ -31,6 +31,7 @@ from mcap.records import Channel
 
 from rb_sim.base.errors import RbSimError, SceneError, SinkError
 from rb_sim.base.names import keys_of, one_of
+from rb_sim.io.bag.bag_sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.checked_records import Missing
 from rb_sim.io.bag.folder import (
@@ -41,7 +42,6 @@ from rb_sim.io.bag.folder import (
     scan_of,
     unlisted,
 )
-from rb_sim.io.bag.sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.messages.cdr import NANO, STRING
 from rb_sim.io.messages.topic_names import (
     CONTACT_WORK,

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.bags.analysis.bodies import BodyFigures, masses_of
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.figures import Figures
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.cli.verbs.analyze import AnalyzeOptions
 from rb_sim.cli.verbs.analyze import analyze as verb

@@ -19,11 +19,11 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rb_sim import Simulation, load_scene
+from rb_sim.bags.analysis.analysis_page import write_report
 from rb_sim.bags.analysis.derivatives import Body
-from rb_sim.bags.analysis.report import write_report
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import APART, GrowingTime
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign
 from tests.bags.scenes import Commander, record_node
@@ -264,7 +264,7 @@ AT = (10, 30, 55)
 def _node(folder: Path, reset_at: int, set_at: int) -> Path:
     """Forces along x that change, a reset, and a box that is put elsewhere at rest."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.io.bag.sink import BagSink
+    from rb_sim.io.bag.bag_sink import BagSink
     from rb_sim.ros.stepper import Stepper
 
     simulation = Simulation(load_scene(WORK))

@@ -21,8 +21,8 @@ from scipy.spatial.transform import Rotation
 from rb_sim import Simulation, load_scene
 from rb_sim.bags.analysis.bodies import STRETCH, BodyFigures, jumps
 from rb_sim.bags.analysis.derivatives import Body
-from rb_sim.bags.analysis.run import analyze
-from rb_sim.io.bag.sink import BagSink
+from rb_sim.bags.analysis.recorded_run import analyze
+from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.listing import find_scene
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import POSE, TWIST, T, pose, writing

@@ -16,9 +16,9 @@ import tracemalloc
 
 import numpy as np
 
-from rb_sim.bags.analysis import report as table
+from rb_sim.bags.analysis import analysis_page as table
+from rb_sim.bags.analysis.analysis_page import Analysis
 from rb_sim.bags.analysis.figures import COLUMNS, Figures
-from rb_sim.bags.analysis.report import Analysis
 from rb_sim.bags.transforms import POSE
 
 T = np.arange(400) / 100.0

@@ -21,7 +21,7 @@ from mcap.writer import Writer
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.analysis.derivatives import Body
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.base.errors import SinkError
 from rb_sim.scene.load import load_scene
 from tests.bags.analysis import foreign

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.cli.verbs.analyze import _print_balance
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign

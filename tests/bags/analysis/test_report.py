@@ -16,10 +16,10 @@ import re
 import numpy as np
 import pytest
 
-from rb_sim.bags.analysis import report
+from rb_sim.bags.analysis import analysis_page
+from rb_sim.bags.analysis.analysis_page import Analysis, _Page
 from rb_sim.bags.analysis.figures import COLUMNS, Figures, unit_of
-from rb_sim.bags.analysis.report import Analysis, _Page
-from rb_sim.bags.analysis.run import analyze
+from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.base.palette import BAD
 from tests.bags.scenes import PUSHED, record_run
 from tests.browser import ask
@@ -127,7 +127,7 @@ def test_balances_have_units_and_each_quantity_its_name(tmp_path) -> None:
               if "from poses" in plot["title"]}  # fmt: skip
     assert titles["J"].endswith(": kinetic energy from poses")
     assert titles["N s"].endswith(": momentum from poses")
-    lines = re.findall(r"[^>]* not accounted for", report._verdict(found))
+    lines = re.findall(r"[^>]* not accounted for", analysis_page._verdict(found))
     assert [re.search(r" ([A-Z][ A-Za-z]*) not", line)[1] for line in lines] == [
         "J",
         "N s",
@@ -144,7 +144,7 @@ def test_the_page_is_light_and_its_time_axes_are_one(tmp_path) -> None:
         figures.add(np.arange(20000) / 100.0, rng.normal(size=(20000, 7)).cumsum(axis=0))
         found.figures[f"/f{k}"], found.kinds[f"/f{k}"] = figures, "pose"
     page = tmp_path / "r.html"
-    report.write_report(found, page)
+    analysis_page.write_report(found, page)
     assert page.stat().st_size < 2e6
     spans = ask(page, """
         const { s, Hz } = rb_sim.shared;
@@ -163,7 +163,7 @@ def test_gaps_and_paths_are_drawn(tmp_path) -> None:
     angle = 0.01 * np.pi * np.arange(200)
     figures.add(t, np.c_[np.cos(angle), np.sin(angle), 0.0 * t, still])
     found = Analysis("bag", figures={"/b": figures}, kinds={"/b": "pose"})
-    report.write_report(found, tmp_path / "r.html")
+    analysis_page.write_report(found, tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text()
     assert "/b: 1 gaps, the longest 3.02 s" in text and 'class="verdict bad"' in text
     assert text.count(f'height="13" fill="{BAD}"/>') == 1
@@ -175,12 +175,12 @@ def test_gaps_and_paths_are_drawn(tmp_path) -> None:
 
 
 def test_thousands_of_sources_are_not_all_drawn(monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(report, "MOST", 3)
+    monkeypatch.setattr(analysis_page, "MOST", 3)
     found = Analysis("bag")
     for k in range(5):
         found.figures[f"/f{k}"] = figures_of("scalar", value=np.sin(30.0 * T))
         found.kinds[f"/f{k}"] = "scalar"
-    report.write_report(found, tmp_path / "r.html")
+    analysis_page.write_report(found, tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text()
     assert "Of 3 of 5 sources; <code>--topic NAME</code> chooses others." in text
     drawn = set(re.findall(r'"title":"(/f\d)"', text))

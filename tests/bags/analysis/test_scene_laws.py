@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rb_sim import load_scene
-from rb_sim.bags.analysis.run import analyze, coordinates
+from rb_sim.bags.analysis.recorded_run import analyze, coordinates
 from rb_sim.bags.analysis.scene_laws import SceneLaws
 from tests.bags.scenes import record_run
 from tests.interpreted import interpreted

@@ -19,7 +19,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import effort_of
-from rb_sim.checks.steps import ASTRAY, found_in
+from rb_sim.checks.step_checks import ASTRAY, found_in
 from rb_sim.contact.stepping.step_kernels import add_up
 from rb_sim.contact.stepping.step_workspace import IMPULSE, LENGTH, TWIST, memory_of, workspace_for
 

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.bags.analysis.analysis_page import Aligned, Analysis
 from rb_sim.bags.analysis.anybody import Anybody
 from rb_sim.bags.analysis.bodies import BodyFigures, Struck, bodies_of
 from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.figures import COLUMNS
-from rb_sim.bags.analysis.report import Aligned, Analysis
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.tracks import Impacts, length_of
@@ -42,7 +42,7 @@ from rb_sim.numerics.rotations import cross, rotate, unit
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
-    from rb_sim.bags.analysis.report import Analysis, Reading
+    from rb_sim.bags.analysis.analysis_page import Analysis, Reading
 
 
 class RecordedRun:

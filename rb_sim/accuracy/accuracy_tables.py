@@ -34,15 +34,15 @@ from rich.table import Table
 from rich.text import Text
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.closed_forms.statics import ExactReactions, exact_reactions
+from rb_sim.accuracy.closed_forms.at_rest import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import eliminate
 from rb_sim.statics.of_scene import at_rest
-from rb_sim.statics.report import StaticsResult
 from rb_sim.statics.solve import solve
+from rb_sim.statics.statics_tables import StaticsResult
 
 # The cheapest setting for each error: Pareto front and decades.
 

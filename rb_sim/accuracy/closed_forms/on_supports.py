@@ -48,7 +48,7 @@ from rb_sim.catalogue.geometry.pairs import (
 )
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
-from rb_sim.mechanics.systems.rolling import RollingBody
+from rb_sim.mechanics.systems.rolling_body import RollingBody
 from rb_sim.numerics.rotations import product, rotate, unit
 from rb_sim.scene.compiled import Compiled
 
