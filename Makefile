@@ -53,7 +53,7 @@ FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots
 help:
 	@echo "make run      start the node on a shipped scene and command it over DDS; results in $(OUT)/"
 	echo "make test     everything that CI runs: lint, tests, oldest supported versions, packaging"
-	echo "make lint     ruff, pyright and the import contract"
+	echo "make lint     ruff, pyrefly and the import contract"
 	echo "make docs     the documentation as a site, in build/site"
 	echo "make bench    the benchmarks"
 	echo "make clean    remove environments and outputs"
@@ -133,7 +133,7 @@ test-packaging: $(VENV)/.test
 lint: $(VENV)/.test
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/lint-imports
-	$(VENV)/bin/pyright
+	$(VENV)/bin/pyrefly check
 
 # generated pages and all pictures, then the site in build/site, links checked
 docs: $(VENV)/.test

@@ -158,7 +158,7 @@ setup(
         ],
         "dev": [
             "ruff",
-            "pyright[nodejs]",
+            "pyrefly>=1.5",
             "import-linter",
             "build",
             "colcon-core",

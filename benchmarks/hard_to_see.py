@@ -74,7 +74,7 @@ def stiff_springs(rng: random.Random) -> Parts:
 def sines(rng: random.Random) -> Parts:
     """A force that oscillates, mostly much faster than the motion."""
     own = body(angular_velocity=vector(rng))
-    load = {"type": "wrench", "body": "p", "sine_force": vector(rng, 2e3), "frame": "body"}
+    load: Mapping = {"type": "wrench", "body": "p", "sine_force": vector(rng, 2e3), "frame": "body"}
     load["angular_frequency"] = log_uniform(rng, 10.0, 5e3)
     return {"p": own}, {}, {"w": load}, 2.0
 
@@ -190,7 +190,11 @@ def small_swing(rng: random.Random) -> Parts:
 def slow_drift(rng: random.Random) -> Parts:
     """Drag that a sine works against: the mean goes slowly away under a fast oscillation."""
     own = body(linear_velocity=[log_uniform(rng, 1e-3, 0.1), 0.0, 0.0])
-    load = {"type": "wrench", "body": "p", "sine_force": [rng.uniform(1.0, 100.0), 0.0, 0.0]}
+    load: Mapping = {
+        "type": "wrench",
+        "body": "p",
+        "sine_force": [rng.uniform(1.0, 100.0), 0.0, 0.0],
+    }
     load |= {"angular_frequency": log_uniform(rng, 10.0, 300.0), "force": [0.01, 0.0, 0.0]}
     drag = {"type": "quadratic_drag", "body": "p", "coefficient": log_uniform(rng, 0.01, 10.0)}
     return {"p": own}, {}, {"w": load, "d": drag}, rng.choice((5.0, 50.0))
@@ -201,7 +205,7 @@ def driven(rng: random.Random) -> Parts:
     arm = body(position=[0.0, 0.0, 0.0])
     bob = body(0.3, 0.3, position=[1.0, 0.0, -0.5], angular_velocity=vector(rng))
     hinge = {"type": "fixed_axis", "body": "arm", "axis_B": [0, 0, 1]}
-    drive = {"type": "velocity", "body": "arm", "angular": [0.0, 0.0, 1.0]}
+    drive: Mapping = {"type": "velocity", "body": "arm", "angular": [0.0, 0.0, 1.0]}
     drive["rate"] = log_uniform(rng, 0.1, 30.0)
     ball = {"type": "fixed_point", "body": "bob", "parent": "arm", "point_B": [0.0, 0.0, 0.5]}
     joints = {"hinge": hinge, "drive": drive, "ball": ball}
@@ -228,7 +232,7 @@ def on_slope(rng: random.Random) -> Parts:
     angle, factor = rng.uniform(0.1, 0.6), rng.choice((0.5, 0.9, 0.999, 1.001, 1.2))
     c, s = math.cos(angle), math.sin(angle)
     speed = rng.choice((0.0, log_uniform(rng, 1e-5, 1.0)))
-    own = {"mass": 1.0, "shape": {"type": "box", "size": [0.3, 0.2, 0.2]}}
+    own: Mapping = {"mass": 1.0, "shape": {"type": "box", "size": [0.3, 0.2, 0.2]}}
     own |= {"orientation": {"axis": [0, 1, 0], "angle": angle}, "position": [0.1 * s, 0.0, 0.1 * c]}
     own["linear_velocity"] = [speed * c, 0.0, -speed * s]
     friction = {"type": "coulomb", "static": factor * math.tan(angle)}
@@ -238,7 +242,7 @@ def on_slope(rng: random.Random) -> Parts:
 
 def rolling_ball(rng: random.Random) -> Parts:
     """A ball with friction on a floor, a slope or a turntable: slides, then rolls."""
-    own = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    own: Mapping = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
     own["position"] = [0.3, 0.0, rng.choice((0.1, 0.1, 0.5))]
     own["linear_velocity"] = [*vector(rng)[:2], 0.0]
     own["angular_velocity"] = vector(rng, log_uniform(rng, 0.01, 30.0))
@@ -251,13 +255,13 @@ def rolling_ball(rng: random.Random) -> Parts:
 
 def stick_slip(rng: random.Random) -> Parts:
     """A box on a belt, held by a spring: sticks and slips in turn."""
-    own = {"mass": 1.0, "shape": {"type": "box", "size": [0.3, 0.2, 0.2]}}
+    own: Mapping = {"mass": 1.0, "shape": {"type": "box", "size": [0.3, 0.2, 0.2]}}
     own["position"] = [0.0, 0.0, 0.1]
     touch: Mapping = {"type": "contact", "body": "p"}
     touch["friction"] = {"type": "coulomb", "static": 0.5, "kinetic": rng.uniform(0.2, 0.5)}
     touch["motion"] = {"type": "shaken", "direction": [1.0, 0.0, 0.0]}
     touch["motion"] |= {"amplitude": log_uniform(rng, 0.01, 0.3), "frequency": rng.uniform(0.3, 5)}
-    law = {"type": "spring", "body": "p", "point_A": [0.0, 0.0, 0.1]}
+    law: Mapping = {"type": "spring", "body": "p", "point_A": [0.0, 0.0, 0.1]}
     law["stiffness"] = log_uniform(rng, 1.0, 300.0)
     return {"p": own}, {"c": touch}, {"w": WEIGHT, "s": law}, 3.0
 

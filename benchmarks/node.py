@@ -29,7 +29,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -182,8 +182,10 @@ def main() -> None:
                 rows.setdefault(name, []).append(measure(command, given.seconds))
     show(rows, f"{line(describe())}; {given.rounds} rounds of {given.seconds:g} s")
     if given.save:
-        kept = {f"{name} {k}": one.periods for name, of in rows.items() for k, one in enumerate(of)}
-        np.savez(given.save, **kept)  # pyright: ignore[reportArgumentType]  # a name for each array
+        kept: Any = {
+            f"{name} {k}": one.periods for name, of in rows.items() for k, one in enumerate(of)
+        }
+        np.savez(given.save, **kept)
     rclpy.shutdown()
 
 

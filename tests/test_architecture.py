@@ -242,7 +242,7 @@ def sources_of_the_package() -> dict[str, Path]:
 
 
 def test_a_module_name_means_one_thing() -> None:
-    """But for a verb of the command line, which is called as what it shows, and the entry points."""
+    """But for verbs of the command line, called as what they show, and the entry points."""
     places: dict[str, list[str]] = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         if path.stem not in ("__init__", "__main__", "main") and path.parent.name != "verbs":
@@ -261,7 +261,7 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 
 
 def test_every_module_of_ours_that_benchmarks_and_tests_import_exists() -> None:
-    """In an import inside a function too. Names inside modules are left to pyright."""
+    """In an import inside a function too. Names inside modules are left to pyrefly."""
     ours = ("rb_sim", "benchmarks", "tests", "tools")
     missing = [
         f"{source.relative_to(ROOT)}: {module}"

@@ -174,7 +174,7 @@ def contact(rng: random.Random, name: str) -> Mapping:
             {"type": "regularised", "coefficient": 0.3, "speed": magnitude(rng, 1e-3, 1.0)},
         )
     )
-    own = {
+    own: Mapping = {
         "type": "contact",
         "body": name,
         "surface": {"type": "plane", "point": [0, 0, -1.0], "normal": [0, 0, 1]},

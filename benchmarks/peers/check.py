@@ -21,6 +21,7 @@ Both work in doubles, so they confirm the reference to their own rounding, not t
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -54,7 +55,7 @@ def pendulum(scene: Scene, t: Array) -> Pose:
     # cos(theta/2) = dn: theta stays within +-pi when released from rest
     quaternion = np.column_stack([0 * t, k * sn, 0 * t, dn])
     angle = 2.0 * np.arctan2(k * sn, dn)
-    position = length * np.column_stack([-np.sin(angle), 0 * t, -np.cos(angle)])
+    position: Any = length * np.column_stack([-np.sin(angle), 0 * t, -np.cos(angle)])
     return position, quaternion
 
 

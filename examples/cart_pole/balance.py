@@ -81,8 +81,8 @@ def lockstep(node: Node, gain: np.ndarray, seconds: float) -> np.ndarray:
         need("rb_sim_interfaces")
     except rb_sim.RbSimError as error:
         raise SystemExit(f"no lockstep: {error}") from None
-    from rb_sim_interfaces.msg import BodyWrench  # pyright: ignore[reportMissingImports]
-    from rb_sim_interfaces.srv import Advance  # pyright: ignore[reportMissingImports]
+    from rb_sim_interfaces.msg import BodyWrench
+    from rb_sim_interfaces.srv import Advance
 
     service = node.create_client(Advance, "/rb_sim/advance")
     if not service.wait_for_service(PATIENCE):

@@ -295,7 +295,7 @@ class _Info:
             "library": self.library,
             "profile": self.profile,
             "duration": max(0.0, self.last - self.first),
-            "messages": sum(topic["count"] for topic in topics.values()),
+            "messages": sum(int(topic["count"]) for topic in topics.values()),
             "run": run,
             "resets": self.resets,
             "commands": self._commands(topics),

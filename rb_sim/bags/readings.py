@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from functools import cache
 from itertools import chain, groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -623,7 +623,7 @@ def _in_order(parts: list[tuple[np.ndarray, Piece]]) -> Piece:
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([start for start, _ in parts]), kind="stable")
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(piece, name) for _, piece in parts])[order]
         for name in _COLUMNS
     }

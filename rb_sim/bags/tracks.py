@@ -365,7 +365,7 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
     placed, unmatched = ({}, "") if scene is None else joint_poses(bag, scene)
     named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
-    of_joints = {body: Track(*poses) for body, poses in placed.items() if body not in named}
+    of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
     if not (bodies or of_joints):
         none = "no pose in it (PoseStamped, Odometry or TF)"
         none = f"{none}, and {unmatched}" if unmatched else none

@@ -32,5 +32,5 @@ def plain_console(**options: Any) -> Console:
     and `[ms]` would vanish, `[/]` end the program."""
     from rich.console import Console
 
-    options = {"width": width()} | options
-    return Console(markup=False, emoji=False, **options)
+    given: dict[str, Any] = {"width": width(), **options}
+    return Console(markup=False, emoji=False, **given)

@@ -316,7 +316,13 @@ class PlainProgram:
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
         """Write the law at (t, y) with the inputs p into out: every call of the program in turn."""
         frame = [0.0] * self._frame
-        bases = {"y": y, "p": p, "const": self._constants, "frame": frame, "out": out}
+        bases: dict[str, Any] = {
+            "y": y,
+            "p": p,
+            "const": self._constants,
+            "frame": frame,
+            "out": out,
+        }
         for does, fields, count in self._calls:
             if isinstance(does, External):
                 first, last = fields[0].at[0], fields[1].at[0]

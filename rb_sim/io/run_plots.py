@@ -176,7 +176,12 @@ def _legend(panels: list[Panel], contacts: Contacts | None) -> list[Any]:
                 found.append(Line2D([], [], color=color, label=label, linewidth=5))
         shown = {contacts.names[c] for c in states}
         if any(event.kind == "impact" and event.contact in shown for event in contacts.events):
-            mark = {"marker": "v", "color": EVENT, "linestyle": "none", "markersize": 5}
+            mark: dict[str, Any] = {
+                "marker": "v",
+                "color": EVENT,
+                "linestyle": "none",
+                "markersize": 5,
+            }
             found.append(Line2D([], [], label="impact", **mark))
     return found
 

@@ -104,13 +104,13 @@ class LinearModel:
         found: list[tuple[complex, int]] = []
         basis, left = np.eye(len(self.A)), np.array(self.A, float)
         while left.size:
-            zero = null_space(left, rcond=COMPUTED_ROUNDING)
+            zero: Any = null_space(left, rcond=COMPUTED_ROUNDING)
             if not zero.shape[1]:
                 break
             factors: Any = qr((basis @ zero).T, mode="r", pivoting=True)
             order = factors[1]
             found += [(0j, int(k)) for k in order[: zero.shape[1]]]
-            rest = null_space(zero.T)
+            rest: Any = null_space(zero.T)
             basis, left = basis @ rest, rest.T @ left @ rest
         values: Any = np.linalg.eigvals(left) if left.size else []
         for value in map(complex, values):

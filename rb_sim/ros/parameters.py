@@ -234,7 +234,7 @@ def refusal(name: str, value: Any) -> str | None:
 
 def declare(node: Node) -> Settings:
     """Declare all parameters on the node. RbSimError: a start value is not allowed."""
-    values = {}
+    values: dict[str, Any] = {}
     for known in fields(Settings):
         # first without type and range, which rclpy would refuse in words of its own
         anything = ParameterDescriptor(dynamic_typing=True)
@@ -328,7 +328,9 @@ class LiveSettings:
 
     def _accept(self, parameters: list[Parameter]) -> None:
         kinds = {known.name: type(known.default) for known in fields(Settings)}
-        news = {p.name: kinds[p.name](p.value or 0) for p in parameters if p.name in kinds}
+        news: dict[str, Any] = {
+            p.name: kinds[p.name](p.value or 0) for p in parameters if p.name in kinds
+        }
         if news:  # only the live ones get here, and they are all numbers
             self.now = replace(self.now, **news)
             if (changed := self._changed) is not None:

@@ -146,7 +146,7 @@ def projected_alone(place: InitialPlace, specs: Sequence[ConstraintKind]) -> dic
     held: dict[str, list[ConstraintKind]] = {}
     for spec in specs:
         parent = getattr(spec, "parent", None)
-        for name in {spec.body, parent} - {None}:
+        for name in {spec.body} if parent is None else {spec.body, parent}:
             held.setdefault(name, []).append(spec)
     found = {}
     for name, own in held.items():

@@ -314,7 +314,7 @@ class Scene(Spec):
             return {**data, **_each_body(data)}
         return data
 
-    @model_validator(mode="wrap")
+    @model_validator(mode="wrap")  # type: ignore[arg-type]  # pydantic takes class methods
     @classmethod
     def _names_fit(cls, data: Any, validate: Callable[[Any], Scene]) -> Scene:
         """Refuse names that topics call alike, and constraints and effects on bodies that do not

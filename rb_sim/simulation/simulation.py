@@ -250,7 +250,9 @@ class Simulation(SceneInMotion):
                 if progress is not None:
                     progress(float(block.t[-1]), end)
             if second is not None:
-                error = second.result(checked, singular=checking and checking.singular)
+                error = second.result(
+                    checked, singular=None if checking is None else checking.singular
+                )
                 if checking is not None:
                     checking.check(error, second.exchanged)
         finally:

@@ -274,9 +274,9 @@ class _Canvas:
             tip = foot - 0.3 * half * (normal + across)
             self.axes.plot(*np.array([foot, tip]).T, color=colour, linewidth=0.8, zorder=1)
 
-    def _line(self, start: Array, end: Array, **style: Any) -> None:
+    def _line(self, start: Array, end: Array, zorder: float = 3, **style: Any) -> None:
         ends = np.array([self.flat(start), self.flat(end)])
-        self.axes.plot(*ends.T, solid_capstyle="round", **{"zorder": 3, **style})
+        self.axes.plot(*ends.T, solid_capstyle="round", zorder=zorder, **style)
 
     def loads(self) -> None:
         """Weights as arrows from the centre of mass, other forces as arrows that push."""

@@ -119,7 +119,7 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     if scheduler is not None:
         try:
             reached = Client(scheduler, timeout=CONNECT)
-        except (OSError, TimeoutError, ValueError) as error:
+        except (OSError, ValueError) as error:
             raise RbSimError(f"scheduler: {scheduler} does not answer ({error})") from None
         with reached as connected:
             yield connected

@@ -558,7 +558,7 @@ def to_xarray(trajectory: Record) -> Any:
     xarray = _library("xarray", "a Dataset")
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"t": ("t", trajectory.t, {"units": "s"})}
-    axes = {XYZ: "axis", QUATERNION: "quaternion", WRENCH: "wrench"}
+    axes: dict[Any, str] = {XYZ: "axis", QUATERNION: "quaternion", WRENCH: "wrench"}
     for quantity in QUANTITIES:
         dimensions = ["t"]
         if quantity.along:

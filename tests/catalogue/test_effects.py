@@ -271,8 +271,8 @@ def test_a_table(axes: Axes, interpolation: str) -> None:
 def test_a_command_acts_at_the_origin_in_axes_of_world_and_body_at_once() -> None:
     (idle,) = rows_of({"type": "commanded_wrench"})
     assert not total([idle], 0.2).any()
-    parts = [tuple(x.tolist()) for x in (FORCE, TORQUE, FORCES[0], TORQUES[0])]
-    row = CommandRow(*parts, idle.r_B)
+    parts: Any = [tuple(x.tolist()) for x in (FORCE, TORQUE, FORCES[0], TORQUES[0])]
+    row = CommandRow._make([*parts, idle.r_B])
     expected = by_hand(FORCE, TORQUE, "world", np.zeros(3))
     expected = expected + by_hand(FORCES[0], TORQUES[0], "body", np.zeros(3))
     assert_allclose(total([row], 0.2), expected, atol=1e-14)

@@ -133,7 +133,7 @@ def test_each_combination_of_kinds_is_a_program_of_its_own() -> None:
 
 
 def undefined(x):
-    return x + nothing_of_this_name  # noqa: F821  # pyright: ignore
+    return x + nothing_of_this_name  # noqa: F821  # type: ignore[name-defined]
 
 
 def lists(x):
@@ -152,7 +152,7 @@ def itself(x):
 
 
 def too_many(x):
-    return once(x, x)
+    return once(x, x)  # type: ignore[call-arg]
 
 
 def once(x):

@@ -103,7 +103,7 @@ def test_a_step_that_turns_twice_ends_where_it_first_meets_a_break(
     way = Polynomial([start]) + bow * Polynomial.fromroots([0.0, 0.5, 1.0])
     way = way + rise * Polynomial([0.0, 1.0])
     roots = (way - 1.0).roots()
-    meets = [x.real for x in roots if abs(x.imag) < 1e-9 and 0.0 < x.real < 1.0]
+    meets: list[Any] = [x.real for x in roots if abs(x.imag) < 1e-9 and 0.0 < x.real < 1.0]
     step = (way(0.0), way.deriv()(0.0), way(1.0), way.deriv()(1.0))
     assert share([Straight.pieces], [step], 1.0, 1e-12) == pytest.approx(min(meets), abs=1e-12)
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -429,8 +430,8 @@ def test_all_errors_of_a_scene_are_named_at_once(kind: str) -> None:
     }
     for section, entries in WRONG[kind].items():
         for name, entry in entries.items():
-            of = scene.setdefault(section, {})
-            of[name] = {**of[name], **entry} if section == "constraints" else entry
+            of: Any = scene.setdefault(section, {})
+            of[name] = of[name] | entry if section == "constraints" else entry
         scene.setdefault(section, entries)
     with pytest.raises(SceneError) as caught:
         load_scene(scene)

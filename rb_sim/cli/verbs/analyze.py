@@ -121,7 +121,7 @@ def _first(lines: Sequence[str], what: str) -> list[str]:
     return [*lines[:SHOWN], *([f"and {more} more {what}{ELSEWHERE}"] if more > 0 else [])]
 
 
-def _columns(heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+def _columns(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Table:
     """A table in which names may be folded, numbers never."""
     from rich.table import Table
 

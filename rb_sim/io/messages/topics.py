@@ -53,7 +53,8 @@ the angles go on from sample to sample (`joints.py`). What is latched is sent on
 sample, and has durability transient_local also in a bag, so that it can be drawn on the frames of
 /tf by a viewer that comes late or begins in the middle. `robot_description` is in the namespace of
 the node, not under its name, since that is where viewers look for it. In a bag `description` also
-holds the record `rb_sim` (`bag/bag_sink.py`), since programs that convert a bag keep its messages only.
+holds the record `rb_sim` (`bag/bag_sink.py`), since programs that convert a bag keep its messages
+only.
 
 A bag also records what came from outside, each before the sample that it acts on first: a command
 in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.

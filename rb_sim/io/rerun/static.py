@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
     """The solid in a colour; a ball and an ellipsoid with lines that show how they turn."""
-    common = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}
+    common: dict[str, Any] = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}
     match shape.type:
         case "sphere":
             half = [[shape.radius] * 3]

@@ -158,7 +158,7 @@ def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
     if not 1e-250 < twice_energy < 1e250:
         return system._replace(weights=ZERO, contrast=ZERO, polhode=(0.0, 0.0))
     weights = scale(1.0 / twice_energy, moments)
-    contrasts = [tuple((own - i) / own for i in moments) for own in moments]
+    contrasts: Any = [tuple((own - i) / own for i in moments) for own in moments]
     contrast = min(contrasts, key=lambda c: abs(polhode_of(weights, c, w)[1]))
     level, excess, _ = polhode_of(weights, contrast, w)
     return system._replace(weights=weights, contrast=contrast, polhode=(level, excess))

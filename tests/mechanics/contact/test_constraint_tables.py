@@ -61,7 +61,7 @@ class Random:
         lean = corners_and_rims.Lean(self.unit(), self.point(0.3), self.one_of(-1, 0, 1, 2))
         modes = [self.one_of(0, 1, 2) for _ in range(3)]
         ahead = self.one_of(-1, 1), self.unit(), self.unit(), self.one_of(-1, 1)
-        return Kept(lean, *modes, *ahead, 1e-9, 1e-9)
+        return Kept(*(lean, *modes, *ahead, 1e-9, 1e-9))
 
 
 def every_pair() -> list[Any]:
