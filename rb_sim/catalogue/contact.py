@@ -342,7 +342,8 @@ class Contact(Touching):
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),
     ] = PlaneSurface()
-    """the support, in the parent's coordinates (from its origin), or in the world."""
+    """the support, in the parent's coordinates (from its origin) or in the world; for the parent's
+    own shape: {type: shape}."""
     points: Points | None = None
     """points that touch instead of the shape, from the body origin [m]."""
     lies_flat: bool | None = None

@@ -66,6 +66,8 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         for name, given in (data.get(part) or {}).items():
             for key in ANGLES & given.keys() if isinstance(given, Mapping) else ():
                 yield from _angle(f"{part}.{name}.{key}", given[key])
+    for name, spec in scene.constraints.items():
+        yield from _plane(f"constraints.{name}.surface", spec, scene)
     if scene.at_rest:
         return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
@@ -112,6 +114,18 @@ def _grams(name: str, body: Body) -> Iterator[str]:
             f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
             f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
         )
+
+
+def _plane(key: str, spec: Any, scene: Scene) -> Iterator[str]:
+    """A contact with a body that has a shape, which is not named."""
+    parent = scene.bodies.get(getattr(spec, "parent", None) or "")
+    if spec.type == "contact" and parent is not None and parent.shape is not None:
+        if "surface" not in spec.model_fields_set:
+            yield (
+                f"{key}: not given, so that the support is the endless plane z = 0 through the "
+                f"origin of {spec.parent!r}; for its shape use surface: {{type: shape}}, for the "
+                "plane surface: {type: plane}"
+            )
 
 
 def _pushes(effect: Any) -> bool:

@@ -40,10 +40,11 @@ def heavy_on_light() -> Simulation:
     """1000 kg on 1 kg: weights times heights are 1e4 J."""
     return Simulation(
         {
-            "bodies": {"a": cube(1.0, [0, 0, 0.5]), "b": cube(1000.0, [0, 0, 1.0])},
+            "bodies": {"a": cube(1.0, [0, 0, 0.5]), "b": cube(1000.0, [0, 0, 1.5])},
             "constraints": {
                 "floor": {"type": "contact", "body": "a", "friction": FRICTION},
-                "top": {"type": "contact", "body": "b", "parent": "a", "friction": FRICTION},
+                "top": {"type": "contact", "body": "b", "parent": "a", "friction": FRICTION}
+                | {"surface": {"type": "plane", "point": [0, 0, 0.5]}},
             },
             "effects": WEIGHT,
             "simulation": {"duration": 1.0, "rate": 100.0},

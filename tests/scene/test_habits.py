@@ -135,6 +135,21 @@ def test_grams_get_one_line_with_the_kilograms():
     assert lines({"bodies": {"ball": BALL | {"mass": 12.0}}, "effects": WEIGHT}) == []  # osmium
 
 
+def test_a_support_with_a_shape_that_is_not_named_gets_one_line():
+    """Of two spheres one would touch the plane through the middle of the other."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    bodies = {"a": ball, "b": ball | {"position": [0, 0, 0.2]}}
+    touch = {"type": "contact", "body": "b", "parent": "a"}
+
+    def heard(**given: Any) -> list[str]:
+        data = {"bodies": bodies, "constraints": {"c": touch | given}, "effects": WEIGHT}
+        return lines(data)
+
+    (line,) = heard()
+    assert line.startswith("<scene>: constraints.c.surface: not given") and "'a'" in line
+    assert heard(surface={"type": "shape"}) == heard(surface={"type": "plane"}) == []
+
+
 @pytest.mark.parametrize("given", [[0.1, 0.2, 0.3], {"roll": 0.1, "pitch": 0.2, "yaw": 0.3}])
 def test_roll_pitch_yaw_is_refused_with_what_is_taken(given):
     text = one_error(scene(given))
