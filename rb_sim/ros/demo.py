@@ -11,8 +11,8 @@
 
     python -m rb_sim.ros.demo [--out DIR]
 
-A homogeneous sphere rolls on a rough plane under commanded force F and torque K. The reactions and
-accelerations read from the bag stand beside the closed form of Landau & Lifshitz, Mechanics,
+A homogeneous sphere rolls on a rough plane under a commanded force F and torque K. The reactions
+and accelerations in the bag are compared with the closed form of Landau & Lifshitz, Mechanics,
 section 38, problem 1. Exit status 1 if they disagree.
 """
 

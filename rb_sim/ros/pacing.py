@@ -197,5 +197,5 @@ class Pacer:
 
     def _judge_from_here(self) -> None:
         self._judged = (time.monotonic(), time.process_time(), self.slipped)
-        """since when it is judged whether it keeps up: the wall's time, what the process had
-        computed and what had been given up by then [s]."""
+        """start of the interval over which overload is judged: wall-clock time, CPU time of the
+        process, and dropped delay [s]."""
