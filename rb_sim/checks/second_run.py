@@ -126,7 +126,7 @@ class SecondRun:
         self._turns = motion.kept.copy()
         self._before = motion.steps, self._counted(motion)
         self._steps, self._took = 0, 0.0
-        """what the run has taken: steps, and counted time [s]."""
+        """cost of the run so far: steps, and counted time [s]."""
         self._second_steps = 0
         """number of steps of the last second run."""
         self.exchanged = 0.0
