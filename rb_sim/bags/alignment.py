@@ -35,8 +35,7 @@ BENT = 0.5
 """Largest drift allowed when an estimated offset is checked: two different motions need different
 offsets at their start and end."""
 SURE = 3.0
-"""Standard errors by which that drift must exceed MOST_DRIFT to count as a difference of the
-motions."""
+"""Standard errors by which that drift must exceed MOST_DRIFT to mean that the motions differ."""
 TOGETHER = 0.5
 """Fraction of the shorter motion that must overlap with the other one at every offset tried."""
 FEW = 4
@@ -51,8 +50,7 @@ NEAR = 3.0
 """Distance from a jump, in sample periods, within which the second search ignores samples."""
 
 NEXT = 5
-"""Order of the splines that are compared with the cubic ones to estimate the interpolation
-error."""
+"""Order of the splines that are compared with cubic ones to estimate the interpolation error."""
 
 Curve = Callable[[np.ndarray], np.ndarray]
 
@@ -104,8 +102,7 @@ class Interpolated:
         return both[:, :3], unit(both[:, 3:])
 
     def doubt(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Estimated interpolation error of position [m] and attitude [rad] at n times, shape (n,)
-        each.
+        """Estimated interpolation error of position [m] and attitude [rad], shape (n,) each.
 
         Difference between cubic splines and those of order NEXT. It equals the error if higher
         orders converge: below about 1.5 rad of turn, or 0.8 rad of an oscillation, between samples.
@@ -121,8 +118,7 @@ class Interpolated:
         return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
     def doubt_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Estimated interpolation error of `of`: norm of each group of 3 of the k columns, shape
-        (n, k // 3)."""
+        """Estimated error of `of`: norm of each 3 of the k columns, shape (n, k // 3)."""
         if self.same(t) is not None:
             return np.zeros((len(t), values.shape[1] // 3))
         other = self._along(self._curves(values, _next), values.shape[1], t)
@@ -130,8 +126,7 @@ class Interpolated:
         return np.stack([self._around(each, t) for each in np.linalg.norm(off, axis=2).T], axis=1)
 
     def _around(self, off: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Maximum of `off` over the sample interval of each time and its neighbours; at a sample
-        its own."""
+        """Maximum of `off` over the sample interval and its neighbours; at a sample its own."""
         after = np.searchsorted(self.track.t, t - WRITTEN_ROUNDING)
         most = np.zeros(len(self.track.t) + 3)
         np.maximum.at(most, after + 1, off)
@@ -147,9 +142,10 @@ class Interpolated:
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """Angle [rad] by which the body turns between successive samples, shape (n - 1,): the
-        larger of the change of attitude and, if known, the mean spin times the period (it counts
-        whole turns)."""
+        """Rotation between successive samples [rad], shape (n - 1,).
+
+        The larger of the change of attitude and, if known, the mean spin times the period, which
+        counts whole turns."""
         turn, w = angle_between(self.q[1:], self.q[:-1]), self.track.angular_velocity
         if w is None:
             return turn
@@ -163,8 +159,7 @@ class Interpolated:
 
     @cached_property
     def _pose(self) -> list[Curve]:
-        """Splines of position and quaternion, cached: the search for the clocks evaluates them
-        repeatedly."""
+        """Splines of position and quaternion, cached for the search of the clocks."""
         return self._curves(np.hstack([self.track.position, self.q]))
 
     def known(self, t: np.ndarray) -> np.ndarray:
@@ -245,8 +240,10 @@ def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
 
 def wanted_at_ends(a: Track, b: Track) -> list[Clocks]:
     """Best offsets at the first and the last instant of A, if they differ by more than clocks
-    drift; else an empty list. If they do, the motions differ, and one mean offset would hide by how
-    much."""
+    drift.
+
+    Else an empty list. If they do, the motions differ, and one mean offset would hide by how much.
+    """
     bent = estimated(a, b, BENT)
     if not abs(bent.drift) > MOST_DRIFT + SURE * bent.drift_error:
         return []
@@ -318,8 +315,7 @@ def _standard_errors(found: OptimizeResult) -> list[float]:
 
 
 def moved(track: Track, within: np.ndarray) -> float:
-    """Fraction of the path length of a motion (or of its rotation if it stays in place) in the
-    mask."""
+    """Fraction of a motion's path length (or rotation, if it stays in place) within the mask."""
     for steps in (
         np.linalg.norm(np.diff(track.position, axis=0), axis=1),
         angle_between(track.orientation[1:], track.orientation[:-1]),

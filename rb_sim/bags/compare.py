@@ -55,15 +55,13 @@ def unit_note(a: np.ndarray, b: np.ndarray) -> str:
 UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
          "force": "N", "torque": "N m"}  # fmt: skip
 DIVERGED = 1e-3
-"""Relative difference that counts as divergence if no bound is given, unless it is below rounding
-(see `floors`)."""
+"""Relative difference that counts as divergence without a bound, if above rounding (`floors`)."""
 CALENDAR = 1e6
 """[s]: start times beyond it count from an epoch."""
 DOUBTFUL = 0.1
 """Fraction of a difference that interpolation may cause before a note says so."""
 SURELY = 1.5
-"""Safety factor on the interpolation error: its estimate is too low by a third at 2 rad per
-sample."""
+"""Safety factor on the interpolation error, which is a third too low at 2 rad per sample."""
 GROWING = 10
 """Minimum number of samples for a growth rate."""
 
@@ -96,8 +94,8 @@ class Differences:
     """the differences with the best offsets at either end, if an offset was estimated and these
     differ by more than clocks drift: a bound must hold with them too."""
     shared: float = 1.0
-    """fraction of the motion (the larger of A's and B's) that overlaps, if an offset was
-    estimated."""
+    """fraction of the motion (the larger of A's and B's) that overlaps after an estimated
+    offset."""
 
     guessed: tuple[str, ...] = ()
     """bodies of a scene compared with one of another name, because each side has only one."""
@@ -328,8 +326,7 @@ def _largest(found: Differences, name: str, quantity: str) -> float:
 
 
 def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:
-    """Text with the part of the largest difference that interpolation may cause; "" if
-    negligible."""
+    """Text with the share of interpolation in the largest difference; "" if negligible."""
     made = float(doubt[int(np.argmax(values))])
     return (
         f" (of which interpolation up to {made:.2g} {unit})"

@@ -41,8 +41,7 @@ MOST_BODIES = 3
 
 
 FLIP = 90.0
-"""[degrees]: a larger change between samples breaks the curve; roll and yaw jump at a pitch of
-90."""
+"""[degrees]: larger steps between samples break the curve; roll and yaw jump at a pitch of 90."""
 
 WRAP = 130
 """Characters per line of the title."""
@@ -166,8 +165,7 @@ def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _curve(
     t: np.ndarray, values: np.ndarray, begins: Any, most: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The curve, thinned, with a NaN before the samples `begins` and at jumps larger than
-    `most`."""
+    """The curve, thinned, with a NaN before samples `begins` and at jumps above `most`."""
     new = np.zeros(len(t), bool)
     new[begins] = True
     kept = new.copy()
@@ -335,8 +333,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
 
 
 def drawn(tracks: Tracks) -> list[str]:
-    """Names of the poses to draw, all in one world: not those of frames relative to a moving
-    frame."""
+    """Names of the poses to draw, all in one world: none relative to a moving frame."""
     outer = [name for name in tracks.bodies if name not in tracks.composed]
     return [name for name in outer if not is_static(name)] or outer
 

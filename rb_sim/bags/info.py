@@ -37,8 +37,7 @@ from rb_sim.scene import yaml_reader
 
 
 def forward(t: Array) -> NDArray[np.bool_]:
-    """Mask of the times later than all before them; after a reset or a clock set back some are
-    excluded."""
+    """Mask of the times later than all before them (False e.g. after a reset)."""
     return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
 
 
@@ -50,8 +49,7 @@ def joined(times: Iterable[Array], rows: Iterable[Array]) -> tuple[Array, Array]
 
 
 def linear(t: Array, times: Array, rows: Array, outside: float | None = None) -> Array:
-    """Rows (m, k) interpolated linearly at the times t; outside: value before and after, None: the
-    nearest."""
+    """Rows (m, k) interpolated at times t; outside: value beyond the ends, None: the nearest."""
     columns = [np.interp(t, times, column, left=outside, right=outside) for column in rows.T]
     return np.stack(columns, axis=1)
 
@@ -334,8 +332,7 @@ class _Info:
             self.library, self.profile = scan.header.library, scan.header.profile
 
     def _add(self, scan: Scan, topic: str, parts: list[Messages]) -> None:
-        """Add the messages of a topic, which may have several channels, in the order of the
-        file."""
+        """Add the messages of a topic, which may have several channels, in file order."""
         if self.start is None:
             self.start = scan.missing.start or 0
         times = np.concatenate([messages.log_time for messages in parts])
@@ -356,8 +353,7 @@ class _Info:
 
 
 def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:
-    """The metadata record of an rb_sim bag and its summary, as plain data; None if it is
-    damaged."""
+    """Metadata record and summary of an rb_sim bag as plain data; None if it is damaged."""
     if record.get("sha256", checksum(record)) != checksum(record):
         damage.append("the record of the simulation is damaged (wrong checksum)")
         return None

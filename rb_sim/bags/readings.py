@@ -108,8 +108,7 @@ def layout_of(ros_type: str, text: str) -> str:
 
 
 def _types(text: str) -> dict[str, list[tuple[str, int, str]]]:
-    """Fields (type, count as in `_Leaf`, name) of each type by its short name; "" is the main
-    type."""
+    """Fields (type, count as in `_Leaf`, name) of each type by short name; "": the main type."""
     found: dict[str, list[tuple[str, int, str]]] = {}
     for part in _PART.split(text):
         lines = [line.split("#")[0].strip() for line in part.splitlines()]
@@ -219,9 +218,8 @@ LAYOUTS: dict[str, str] = {
     "std_msgs/msg/Float64": "1",
     "tf2_msgs/msg/TFMessage": "(T S S 7)",
 }
-"""Layout of each type: T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Layouts
-from schemas (`layout_of`) also have, to skip: s string, -n a number of n bytes, [n a sequence of
-such numbers."""
+"""Layout of each type: T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Those
+from schemas (`layout_of`) also skip: s string, -n a number of n bytes, [n a sequence of these."""
 
 
 class Group(NamedTuple):
@@ -238,8 +236,7 @@ class Group(NamedTuple):
 
 
 def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
-    """Readings in the messages of one topic. Messages that cannot be decoded are counted in `wrong`
-    by reason."""
+    """Readings in the messages of one topic; undecodable messages are counted in `wrong`."""
     rest = np.arange(len(messages.start))
     while len(rest):
         first = messages.data(int(rest[0]))
@@ -262,8 +259,7 @@ def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) 
 def _parse(
     layout: str, data: bytes, ros_type: str
 ) -> tuple[list[tuple[tuple[str, ...], Codec]], np.ndarray]:
-    """(strings, codec) of each reading in a message, and a mask of the bytes that equal messages
-    share."""
+    """(strings, codec) of each reading in a message, and a mask of the constant bytes."""
     if len(data) < len(HEADER):
         raise ValueError(f"a message of {len(data)} bytes is not a {ros_type}")
     if data[:2] != HEADER[:2]:
@@ -437,8 +433,7 @@ class Readings:
         self.paths = bag_paths(Path(bag))
         self._unlisted = unlisted(Path(bag))
         self.composed: dict[str, str] = {}
-        """name of the composed source (poses in the tree's root) by original source; known with the
-        first piece."""
+        """name of the composed source (in the tree's root) by original source."""
         self.inner: set[str] = set()
         """reference frames of those original poses, which are not the root."""
         self.fixed = FixedFrames()
@@ -575,8 +570,7 @@ class Readings:
         yield Piece(source, kind, names[0], names[1], t, log, values, stamp, is_transform)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
-        """The reading without rows that are not finite, huge, or have a zero quaternion; counts
-        them."""
+        """The reading without rows that are not finite, huge, or have a zero quaternion."""
         counts = self._counts.setdefault(piece.source, Counter())
         good = np.isfinite(piece.values).all(axis=1)
         if not good.all():

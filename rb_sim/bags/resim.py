@@ -42,8 +42,7 @@ class FirstDifference(NamedTuple):
     """[s]."""
     topic: str
     size: float
-    """largest difference of a value in that message; 0.0 if only bytes differ (e.g. the sign of
-    zero)."""
+    """largest difference of a value in that message; 0.0 if only bytes differ."""
 
 
 class Identity(NamedTuple):
@@ -158,8 +157,7 @@ Inputs = dict[int, list[Input]]
 
 
 def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, ...]:
-    """Repeat the recorded run with `scene` and record it in `folder`; returns the findings of the
-    checks.
+    """Repeat the recorded run with `scene`, recorded in `folder`; returns the checks' findings.
 
     The steps are those of the recording program: a node advances from sample to sample, `run`
     samples within steps. Raises RbSimError if the scene does not accept a recorded command;

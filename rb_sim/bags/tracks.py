@@ -60,8 +60,7 @@ class Poses(NamedTuple):
 
 
 def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
-    """Poses of the bodies that the joint states determine, and a line if joint states match no
-    joint.
+    """Poses of bodies determined by joint states, and a line if these match no joint.
 
     ({}, "") for a bag without joint states."""
     found = _positions(bag)
@@ -154,8 +153,7 @@ def _start(scene: Scene, body: str) -> tuple[Array, Array]:
 
 
 ROUNDING = 1e-11
-"""Upper bound of rounding differences between two runs of the same motion, relative to
-magnitude."""
+"""Upper bound of relative rounding differences between two runs of the same motion."""
 
 
 def length_of(bodies: Iterable[Any]) -> float:
@@ -240,8 +238,7 @@ class Track:
     angular_velocity: Array | None = None
     """world axes [rad/s], shape (n, 3)."""
     anew: tuple[int, ...] = ()
-    """indices of samples not connected smoothly to the one before: after a reset, a set state, or
-    an impact."""
+    """indices of samples after a discontinuity: a reset, a set state, or an impact."""
     frame: str = ""
     """reference frame of the poses, and child frame; "" if unknown."""
     child: str = ""
@@ -356,8 +353,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
 
 
 def _beside(t: Array, struck: Array) -> tuple[int, ...]:
-    """Indices of the samples at and just after the impact times `struck`, where the velocity
-    jumps."""
+    """Indices of the samples at and just after the impact times `struck`."""
     cuts = np.searchsorted(t, [struck - WRITTEN_ROUNDING, struck + WRITTEN_ROUNDING]).ravel()
     return tuple(sorted({k for k in cuts.tolist() if 0 < k < len(t)}))
 
@@ -591,8 +587,7 @@ def _is_number(text: str) -> bool:
 
 
 def _same(one: Track, other: Track) -> bool:
-    """Whether two tracks agree at their common instants, which must be at least half of the shorter
-    one."""
+    """Whether two tracks agree at common instants, which must be half of the shorter one."""
     _, i, j = np.intersect1d(one.t, other.t, return_indices=True)
     if 2 * len(i) < min(len(one.t), len(other.t)):
         return False

@@ -97,8 +97,7 @@ class Sources:
         ]
 
     def name(self, topic: str, ros_type: str, frame: str, child: str, channel: int = 0) -> str:
-        """Name of the source of these readings. Raises ValueError if a topic has too many
-        sources."""
+        """Name of the source of these readings. Raises ValueError if a topic has too many."""
         origin = Origin(ros_type, frame.removeprefix("/"), child.removeprefix("/"))
         base = f"{topic}:{child}" if ros_type in TRANSFORMS else topic
         named = self._named.setdefault(base, {})
@@ -256,13 +255,11 @@ def _is_nothing(piece: Piece) -> bool:
 
 
 APART = 1.0
-"""[s]: largest interval in which a transform is interpolated, unless its usual interval is
-longer."""
+"""[s]: largest interval in which a transform is interpolated, unless usual ones are longer."""
 USUAL = 3.0
 """Multiple of a transform's median interval that is still interpolated."""
 BACK = 1.0
-"""[s]: a larger step back of the stamps means a clock that was set, a smaller one a late
-message."""
+"""[s]: a larger step back of the stamps is a set clock, a smaller one a late message."""
 MOST = 100_000
 """Maximum number of poses waiting for their parents' transforms, and of transforms kept."""
 MOST_NAMED = 4
@@ -314,8 +311,7 @@ class Composed:
                 self._waiting[chain.name].append((t, piece))
 
     def ready(self, *, last: bool = False) -> Iterator[Piece]:
-        """Yield the poses for which all transforms are available; with `last` all remaining
-        ones."""
+        """Yield the poses whose transforms are all available; with `last` all remaining ones."""
         for chain in self._chains:
             yield from self._take(chain, last)
         for source, history in self._histories.items():
@@ -406,8 +402,7 @@ class _History:
             self._apart = max(APART, USUAL * float(np.median(np.diff(self._t))))
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Poses (n, 7) at times t, a mask of the known ones, and a mask of the interpolated
-        ones."""
+        """Poses (n, 7) at times t; masks of the known and of the interpolated ones."""
         if not len(self._t):
             return np.tile([0.0] * 6 + [1.0], (len(t), 1)), np.zeros(len(t), bool), t < -np.inf
         upper = np.clip(np.searchsorted(self._t, t), 0, len(self._t) - 1)
@@ -472,7 +467,7 @@ class _Link(NamedTuple):
 
 
 class FixedFrames:
-    """Static transforms of a bag. A child with two parents, or with a transform that changes, is
+    """Static transforms of a bag; children with two parents or a changing transform are
     excluded."""
 
     def __init__(self, pieces: Iterable[Piece] = ()) -> None:

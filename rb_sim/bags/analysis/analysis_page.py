@@ -156,8 +156,7 @@ class Aligned:
         return found
 
     def write_csv(self, path: Path) -> None:
-        """Write CSV: a header of names with units, then numbers in full precision. Raises
-        SinkError."""
+        """Write CSV: names with units, then numbers in full precision. Raises SinkError."""
         columns, units = self.columns(), self.units()
         rows = max(1, AT_ONCE // len(columns))
         heads = [f"{name} [{units[name]}]" if units[name] else name for name in columns]

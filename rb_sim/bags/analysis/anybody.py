@@ -74,8 +74,7 @@ class Fit(NamedTuple):
 
 
 class Twists:
-    """Assigns each twist to poses: those of its own message, else the only ones in its topic's
-    folder."""
+    """Assigns twists to poses: of the same message, else the only ones in the topic's folder."""
 
     def __init__(self) -> None:
         self._poses: dict[str, tuple[Piece, BodyFigures]] = {}
@@ -118,8 +117,7 @@ class Twists:
 
 
 class TwistCheck:
-    """Compares the readings of one twist with the differentiated poses of one body, in bounded
-    memory.
+    """Compares one twist with the differentiated poses of one body, in bounded memory.
 
     axes: "world" or "body", as the frame of the twist states. center_of_mass [m]: of the body, from
     its origin, body axes. own: pose and twist come in one message, as in an Odometry; otherwise the
@@ -142,8 +140,7 @@ class TwistCheck:
             del self._waiting[0]
 
     def motion(self, motion: Motion) -> None:
-        """Append motion differentiated from the poses, and compare the readings within its time
-        span."""
+        """Append motion from the poses, and compare the readings within its time span."""
         if not self._waiting or len(motion.t) < 2:
             return
         t = np.concatenate([part for part, _ in self._waiting])
@@ -208,8 +205,7 @@ GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 UNITS = {100.0: "cm", 1000.0: "mm"}
 NEAR = 0.02
-"""Relative deviation from gravity within which an acceleration is a fall (gravity varies by 0.3
-%)."""
+"""Largest relative deviation of a fall from gravity, which itself varies by 0.3 %."""
 EVEN = 0.2
 """Maximum relative scatter of the acceleration within a block for it to count as constant."""
 BLOCK = 16
@@ -425,8 +421,7 @@ class Anybody:
         self._whole |= dict.fromkeys(names, whole)
 
     def _acted(self, piece: Piece, t: np.ndarray) -> None:
-        """Apply wrenches to the body whose frame they are in, or which carries that frame (a
-        sensor's).
+        """Apply wrenches to the body that has or carries (a sensor's) their frame.
 
         Wrenches in a world frame are assigned by their topic."""
         bodies = {plain(child): name for name, child in self._child.items() if child}

@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Mass properties of bodies, and energy, momenta and wrenches computed from the poses of one
-body."""
+"""Mass properties of bodies; energy, momenta and wrench of one body from its poses."""
 
 from __future__ import annotations
 
@@ -265,8 +264,7 @@ HALF = WINDOW // 2
 
 @cache
 def _between(order: int) -> np.ndarray:
-    """Filter weights (WINDOW,) of the difference between the derivatives of both polynomials,
-    period 1."""
+    """Filter weights (WINDOW,) of the difference between both derivatives, for a period of 1."""
     return savgol_coeffs(WINDOW, NEXT, deriv=order) - savgol_coeffs(WINDOW, ORDER, deriv=order)
 
 
@@ -283,8 +281,7 @@ class Peaks:
     def __init__(self) -> None:
         self._size = [0.0, 0.0]
         self._off: list[float | None] = [None, None]
-        """None if it cannot be distinguished from noise or rounding, or the peak is near an end of
-        the poses."""
+        """None if it is not significant, or the peak is near an end of the poses."""
 
     def look(
         self, motion: Motion, squares: Sequence[np.ndarray], kept: np.ndarray, h: float
@@ -354,8 +351,7 @@ MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 class BodyFigures:
-    """Statistics of one body from its poses: motion, state and wrench, and the recorded total
-    wrench.
+    """Statistics of one body from its poses: motion, state, wrench; and the recorded wrench.
 
     listener: called with each block of motion and the steps back in time before it. struck: impact
     times of the body; without it they are detected in its poses.
@@ -384,8 +380,7 @@ class BodyFigures:
         self._poses, self._row = 0, 0
         """number of poses; length of the longest stretch without a gap."""
         self._squares = np.zeros((2, 2))
-        """sums of squares over the samples: noise of accelerations and angular ones; these
-        themselves."""
+        """sums of squares: noise of both accelerations; the accelerations themselves."""
 
     def add(
         self,
@@ -479,8 +474,7 @@ class BodyFigures:
             self._compared += len(apart)
 
     def _note_jump(self, k: int) -> None:
-        """Record the step back in time before sample k, if there is one; only once, as blocks
-        overlap."""
+        """Record the step back in time before sample k, if any; once, as blocks overlap."""
         if k and self._t[k] < self._t[k - 1]:
             jump = float(self._t[k - 1]), float(self._t[k])
             if jump not in self._jumps:

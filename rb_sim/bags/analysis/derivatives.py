@@ -35,8 +35,8 @@ WINDOW = 9
 ORDER = 5
 FILTER = f"Savitzky-Golay, order {ORDER} through {WINDOW} samples"
 UNEVEN = 2e-6
-"""Deviation from even sampling, relative to the period h, above which samples are first resampled
-by a cubic spline. A stamp error e acts as a position error v e and an acceleration error 0.3 v e /
+"""Deviation from even sampling, relative to the period h, above which samples are resampled by
+a cubic spline. A stamp error e acts as a position error v e and an acceleration error 0.3 v e /
 h^2."""
 NORMAL = 0.6745
 """Median absolute value of a normal distribution with standard deviation 1."""
@@ -75,8 +75,7 @@ class Scatter(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Motion of the centre of mass C and the body, world axes; each array of shape (n, 3)
-    except t."""
+    """Motion of a body about its centre of mass C, world axes; arrays (n, 3) except t."""
 
     t: np.ndarray
     velocity: np.ndarray
@@ -243,8 +242,7 @@ def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def error_at(turn: float) -> float:
-    """Relative error of the filter's second derivative if the body turns by `turn` [rad] per
-    sample.
+    """Relative error of the filter's second derivative at `turn` [rad] of rotation per sample.
 
     From its frequency response; a quaternion oscillates at half the angle.
     """

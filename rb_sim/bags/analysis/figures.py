@@ -30,8 +30,7 @@ UNITS = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "w
          "Kx": "N m", "Ky": "N m", "Kz": "N m", "kinetic": "J", "Px": "N s", "Py": "N s",
          "Pz": "N s", "Lx": "N m s", "Ly": "N m s", "Lz": "N m s"}  # fmt: skip
 SCALARS = {"energy": "J", "power": "W"}
-"""Units of rb_sim's single-value sources; foreign sources are topic names, which contain a
-slash."""
+"""Units of rb_sim's single-value sources; other sources are topic names, with a slash."""
 
 
 def unit_of(source: str, column: str) -> str:
@@ -60,11 +59,9 @@ class Spectrum:
 
     def __init__(self, m: int) -> None:
         self._waiting = self._rest = np.empty((m, 0))
-        """samples of the current stretch not yet in a segment; the longest such remainder of
-        earlier ones."""
+        """samples of the stretch not yet in a segment; the longest earlier remainder."""
         self._power: np.ndarray | None = None
-        """sum of the segments' powers; allocated at the first, since a bag may have thousands of
-        topics."""
+        """sum of the segments' powers; allocated late: a bag may have thousands of topics."""
         self._segments = 0
         self._period: float | None = None
         self._last: float | None = None
@@ -92,8 +89,7 @@ class Spectrum:
         self._waiting = self._waiting[:, :0]
 
     def density(self, rate: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m), at sample rate `rate`
-        [Hz].
+        """Frequencies [Hz] and one-sided density [unit^2/Hz], (k, m), at sample rate `rate`.
 
         Without a whole segment that of the longest stretch; None if it is shorter than SHORTEST."""
         power, segments, window = self._power, self._segments, WINDOW
@@ -217,8 +213,7 @@ class Figures:
         return None if rate is None else self._spectrum.density(rate)
 
     def as_dict(self, sizes: np.ndarray | None = None) -> dict[str, Any]:
-        """Plain numbers. sizes: reference magnitude of each column, for rounding; None: its own
-        maximum."""
+        """Plain numbers. sizes: reference magnitude of each column; None: its own maximum."""
         count = max(1, self.rates.count)
         found = self.spectrum()
         peaks = None

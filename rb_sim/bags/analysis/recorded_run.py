@@ -251,8 +251,7 @@ class Balances:
 
     @property
     def contacts(self) -> dict[str, Any] | None:
-        """Work and events of the contacts in all stretches; call after `finish`. None without
-        contacts."""
+        """Work and events of the contacts, after `finish`; None without contacts."""
         if not self._layout.contacts:
             return None
         return {"work": self._contact_work, **self._events.as_dict()}

@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Constraint errors, energies and loads of a scene, evaluated at many instants of a recorded
-motion.
+"""Constraint errors, energies and loads of a scene at many instants of a recorded motion.
 
 The constraint rows and effect laws are those of the simulation, traced once and evaluated on
 arrays. If only poses were recorded, the velocities come from the filter that differentiates them.
@@ -66,8 +65,7 @@ class Found(NamedTuple):
     momenta: Array
     """P and L about the world's origin, world axes, shape (n, 6)."""
     loads: Array
-    """external force of the effects and torque about the world's origin, world axes, shape (n,
-    6)."""
+    """force and torque of the effects about the world's origin, world axes, shape (n, 6)."""
 
 
 class SceneLaws:
@@ -114,8 +112,7 @@ class SceneLaws:
         )
 
     def at(self, t: Array, y: Array) -> Found:
-        """Evaluate at times t [s], shape (n,), and y: p_WC, q_WB, v_WC, w_WB_B of each body, shape
-        (n, 13 N)."""
+        """Values at times t [s], (n,), and y: p_WC, q_WB, v_WC, w_WB_B of each body, (n, 13 N)."""
         whole = np.hstack([y, self._turns.at(t, y)])
         parts = np.split(self._law(t, whole), self._ends, axis=1)
         gap, slip, overlap, potential, power, kinetic, momenta, loads = parts
@@ -125,8 +122,7 @@ class SceneLaws:
 
 
 class Turns:
-    """Counts whole turns of torsion springs along the samples, as their laws do from step to
-    step."""
+    """Counts whole turns of torsion springs along the samples, as their laws do in steps."""
 
     def __init__(self, system: Any, t: Any, y: list[Any]) -> None:
         springs = [e for e in system.effects if isinstance(e.row, TorsionSpringRow)]

@@ -36,8 +36,7 @@ ROWS = 8192
 MOST = 16 * ROWS
 """Samples buffered while waiting for another source; beyond it that source counts as silent."""
 LATE = 2.0
-"""Periods of the poses: a smaller step back is a late message, a larger one a clock that was
-set."""
+"""Periods of the poses: a smaller step back is a late message, a larger one a set clock."""
 SURELY = 2.0
 """Number of standard deviations reported as the bound of noise."""
 SAME = 1000
