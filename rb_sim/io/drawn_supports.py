@@ -94,8 +94,7 @@ class Supports:
     # Positions: in the world at the first sample, then in the frame that they move with.
 
     def _world(self, body: str | None, point: Any) -> Array:
-        """World position [m], at the first sample, of a point relative to a body's origin, or in
-        the world."""
+        """World position [m] at the first sample of a point of a body, or of the world."""
         if body is None:
             return np.array(point, dtype=float) - self._origin
         i = self._layout.bodies.index(body)
@@ -286,8 +285,7 @@ class Supports:
         self._add_once(self.planes, plane)
 
     def _ground(self) -> None:
-        """Add a faint ground plane below all bodies, as a reference of height, if the scene has
-        none."""
+        """Add a faint ground plane below all bodies if the scene has none."""
         heights = self._block.position[:, :, 2]
         reach = min((reach_of(b) for b in self._scene.bodies.values()), default=0.0)
         low = float(np.nanmin(heights)) - reach

@@ -74,8 +74,7 @@ would otherwise make all other arrows invisible."""
 
 
 class Applied(NamedTuple):
-    """Wrench of an effect on a body at the samples, world axes, about its centre of mass [N, N
-    m]."""
+    """Wrench of an effect on a body, world axes, about its centre of mass [N, N m]."""
 
     name: str
     body: str
@@ -127,8 +126,7 @@ class RunPage:
         applied: Sequence[Applied] = (),
         lawful: Lawful | None = None,
     ) -> dict[str, Any]:
-        """The data of the page. facts: rows of its table; applied: wrenches at the `kept`
-        samples."""
+        """Data of the page. facts: rows of its table; applied: wrenches at `kept` samples."""
         few = len(self.layout.bodies) <= FEW_BODIES
         groups, arrows = self._arrows(applied)
         supports = Supports(self.scene, self.layout, self._here, self._view, self.origin)
@@ -364,8 +362,7 @@ MOST_SAMPLES = 5000
 """Maximum number of instants of a motion in a page; a screen cannot show more."""
 
 BYTES = 1_400_000
-"""Bytes for the poses and arrows of a page; with its curves and base64 encoding it stays below 3
-MB."""
+"""Bytes for poses and arrows of a page; with curves, in base64, it stays below 3 MB."""
 
 CURVE_BYTES = 550_000
 """Bytes for its curves of energies and reactions."""

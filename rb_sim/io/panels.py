@@ -55,8 +55,7 @@ class CommandJumps:
         self._last: _Shown | None = None
 
     def __call__(self, block: SampleBlock) -> Array:
-        """Jump of the power [W] at the start of the interval that ends at each sample, shape
-        (n,)."""
+        """Jump of the power [W] at the start of the interval before each sample, (n,)."""
         jumps = np.zeros(len(block))
         if not self._commanded or not len(block):
             return jumps
@@ -121,8 +120,7 @@ class Panel(NamedTuple):
 
 
 Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
-"""Function of a block: linear accelerations, world axes, and angular ones, body axes, shape (n,
-bodies, 3)."""
+"""Function of a block: accelerations, world axes, and angular ones, body axes, (n, bodies, 3)."""
 
 
 def panels_of(
@@ -278,8 +276,7 @@ def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
 
 
 class Balance:
-    """Change of energy since the first sample, and the work done since; both restart at a reset or
-    a set state.
+    """Energy change since the first sample and work done; restart at a reset or set state.
 
     Work of contacts is taken from the samples; the rest by the trapezoidal rule between changes of
     commands.

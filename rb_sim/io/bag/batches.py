@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Messages of an MCAP file as arrays, one batch of chunks at a time; memory bounded by the chunk
-size."""
+"""Messages of an MCAP file as arrays, in batches of chunks; memory bounded by the chunk size."""
 
 from __future__ import annotations
 
@@ -72,8 +71,7 @@ class Messages(NamedTuple):
         return self.buffer[self.start[k] : self.start[k] + self.size[k]].tobytes()
 
     def rows(self, size: int) -> np.ndarray:
-        """The bytes of all messages, shape (n, size). Raises ValueError if a message has another
-        length."""
+        """The bytes of all messages, shape (n, size). Raises ValueError for another length."""
         wrong = np.flatnonzero(self.size != size)
         if len(wrong):
             raise ValueError(f"{self.size[wrong[0]]} bytes instead of {size}")
@@ -169,8 +167,7 @@ LOOSE = Frame(0, Opcode.MESSAGE, b"")
 
 
 def _as_said(times: np.ndarray, chunk: Frame) -> bool:
-    """Whether messages agree with the time span and the index of their chunk, which has no
-    checksum."""
+    """Whether messages agree with the times and index of their chunk without checksum."""
     in_time = chunk.start <= int(times.min()) and int(times.max()) <= chunk.end
     return (in_time or chunk.end == 0) and len(times) >= count_entries(chunk.indices)
 
@@ -250,8 +247,7 @@ class BagScan(Frames):
             self.damages.append(Damage(self.size, self.size, OTHER_COUNT))
 
     def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
-        """Yield the messages of these chunks and clear the list; chunk by chunk if one is
-        broken."""
+        """Yield the messages of these chunks and clear the list; singly if one is broken."""
         waiting = chunks.copy()
         chunks.clear()
         if not waiting:

@@ -298,8 +298,7 @@ class Frames:
         return FRAME.unpack(head) if len(head) == FRAME.size else (0, 0)
 
     def _read(self, at: int, opcode: int, length: int) -> tuple[str | None, Frame | None]:
-        """(reason of damage, record) at `at`; a truncated chunk has both, a message index
-        neither."""
+        """(damage, record) at `at`; a truncated chunk has both, a message index neither."""
         if not 1 <= opcode <= _LAST_OPCODE and opcode < _FIRST_PRIVATE:
             return NO_RECORD, None
         if length > self.size - at - FRAME.size:
@@ -357,8 +356,7 @@ class Frames:
         return length if length > room else 0
 
     def _note_times(self, frame: Frame) -> None:
-        """Update known log times and close the gaps before this record; note channels outside of
-        chunks."""
+        """Update log times, close the gaps before this record, note channels outside chunks."""
         first, last = frame.start, frame.end
         if frame.opcode == Opcode.CHANNEL:
             self._channels.add(int.from_bytes(frame.content[:2], "little"))

@@ -294,16 +294,14 @@ class BagFile:
         self._note(channels, 1, (time, time), ended)
 
     def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:
-        """Write messages on each channel, row by row; `times` [ns] and sequence numbers
-        increase."""
+        """Write messages on each channel, row by row; `times` [ns] and sequence increase."""
         ended = self._writer.add_rows(channels, times, sequence, rows)
         self._note(channels, len(times), (int(times[0]), int(times[-1])), ended)
 
     def _note(
         self, channels: Sequence[int], count: int, span: tuple[int, int], ended: bool
     ) -> None:
-        """Count messages of each channel. span: earliest and latest time; ended: whether a chunk
-        ended."""
+        """Count messages. span: earliest and latest time; ended: whether a chunk ended."""
         if ended:
             self._draft.clear()
         if self._writer.waiting:
@@ -328,8 +326,7 @@ class BagFile:
                 path.unlink()
 
     def follow(self) -> BagFile:
-        """Finish this file and return the next one of the bag, with the same topics and channel
-        numbers."""
+        """Finish this file; returns the next one with the same topics and channel numbers."""
         after = BagFile(*self._opened, before=(*self._before, self))
         try:
             schemas = {number: schema for (_, schema), number in self._schemas.items()}

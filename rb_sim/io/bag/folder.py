@@ -247,8 +247,7 @@ def absent(bag: Path) -> list[str]:
 
 
 def _listed(metadata: Path) -> list[Path]:
-    """The files listed in a metadata.yaml, without compression suffix; none if it cannot be
-    read."""
+    """Files listed in a metadata.yaml, without compression suffix; none if unreadable."""
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
@@ -268,8 +267,7 @@ def _number(path: Path) -> tuple[str, int]:
 
 
 def metadata_of(path: Path, name: str) -> tuple[dict[str, str] | None, bool]:
-    """The last metadata record of that name in a file (None if unreadable), and whether there is
-    one.
+    """The last metadata record of that name (None if unreadable), and whether there is one.
 
     The index locates it; without an index the whole file is read. SQLite files have none. Raises
     SinkError if the file is not MCAP or cannot be opened.
@@ -373,8 +371,7 @@ def _beside(bag: Path) -> Path:
 
 
 class _Copied:
-    """The new bag, which takes each channel, record and attachment once (files of a split bag
-    repeat them)."""
+    """The new bag; takes each channel, record and attachment once (split bags repeat them)."""
 
     def __init__(self, file: BagFile) -> None:
         self.file = file

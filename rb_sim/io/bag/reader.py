@@ -79,8 +79,7 @@ class Rows(NamedTuple):
     events: list[tuple[int, bytes]]
     """number of the sample that an event precedes, and its message."""
     inputs: list[tuple[int, Input]]
-    """number of the sample that an input precedes, and the input; Input.index counts within these
-    rows."""
+    """number of the sample that an input precedes, and the input; Input.index counts here."""
 
     def read_events(self) -> tuple[ContactEvent, ...]:
         """The events. Raises ValueError if a message is not an event."""
@@ -195,8 +194,7 @@ class RowReader:
         data: dict[str, np.ndarray],
         joined: list[tuple[np.ndarray, np.ndarray]],
     ) -> Rows:
-        """The samples `common` with the inputs and events before them; later messages stay
-        buffered."""
+        """The samples `common` with preceding inputs and events; later messages stay."""
         last = int(common[-1])
         self._waiting = [
             [(number[later], rows[later])] if (later := number > last).any() else []
@@ -214,8 +212,7 @@ class RowReader:
 
 
 def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
-    """The common sample numbers, if all topics have the same ones in order up to the least last
-    one; else None."""
+    """Sample numbers that all topics share, in order, up to the least last one; else None."""
     last = min(int(number[-1]) for number in numbers)
     first = numbers[0]
     count = int(np.count_nonzero(first <= last))
@@ -261,8 +258,7 @@ class ForeignBagError(SinkError):
 
 
 class BagReader:
-    """A bag recorded by rb_sim: `scene`, `layout`, `namespace`, `start` [ns], and its samples in
-    blocks.
+    """A bag recorded by rb_sim: `scene`, `layout`, `namespace`, `start` [ns], sample blocks.
 
     bag: directory or .mcap file. unfinished: also accept an unfinished bag. missing: after
     `blocks`, the unreadable parts of each damaged file. Raises SinkError with one line: missing,
@@ -381,9 +377,7 @@ def reader_of(bag: Path, *, unfinished: bool = False) -> BagReader | None:
 
 
 def _first_record(path: Path) -> dict[str, str] | None:
-    """The metadata record of an rb_sim bag; None for a foreign bag. Raises SinkError if it is
-    broken.
-    """
+    """Metadata record of an rb_sim bag; None for a foreign bag. Raises SinkError if broken."""
     found, named = metadata_of(path, RECORD)
     if found is None:
         if named:

@@ -288,8 +288,7 @@ class Unchecked(NamedTuple):
     cut: bool = False
 
     def indexed(self, entries: Iterable[tuple[int, int, int]]) -> Unchecked:
-        """Copy with the starts of those index entries (channel, log time, offset) that match the
-        data."""
+        """Copy with the starts of index entries (channel, log time, offset) that match."""
         return self._replace(
             starts=sorted(at for channel, time, at in entries if self._stands(at, channel, time))
         )

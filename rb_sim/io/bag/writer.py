@@ -78,8 +78,7 @@ class Rows(NamedTuple):
     """start and end of each message in a row."""
 
     def records(self, channels: Sequence[int], times: NDArray[Any], sequence: int) -> Rows:
-        """The messages as records of the file. times: [ns], shape (n,); sequence numbers count
-        up."""
+        """The messages as records. times: [ns], shape (n,); sequence numbers count up."""
         n = len(times)
         sizes = [end - start for start, end in self.bounds]
         ends = np.cumsum([MESSAGE.size + size for size in sizes]).tolist()
@@ -186,8 +185,7 @@ class McapWriter:
     def add_rows(
         self, channels: Sequence[int], times: NDArray[Any], sequence: int, rows: Rows
     ) -> bool:
-        """As `add_messages` for each row, with the same bytes, faster; sequence numbers count
-        up."""
+        """As `add_messages` for each row, the same bytes, faster; sequence counts up."""
         begun, (records, bounds) = self._chunk, rows.records(channels, times, sequence)
         n, width = records.shape
         data, each = memoryview(records.tobytes()), len(channels)

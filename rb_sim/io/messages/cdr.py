@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""ROS 2 message types (fields, type hashes) and their serialisation (CDR, OMG XTypes, encoding
-1)."""
+"""ROS 2 message types (fields, hashes) and their bytes (CDR, OMG XTypes, encoding 1)."""
 
 from __future__ import annotations
 
@@ -436,14 +435,12 @@ def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
 
 
 class Cursor:
-    """Sequential reader of the fields of a message. Raises ValueError if the message is too
-    short."""
+    """Sequential reader of a message's fields. Raises ValueError if it is too short."""
 
     def __init__(self, data: bytes, ros_type: str) -> None:
         self._data, self._type, self._at = data, ros_type, len(HEADER)
         self.fixed = np.ones(len(data), bool)
-        """mask of the bytes equal in all messages of this layout: all except padding and
-        numbers."""
+        """mask of the bytes equal in all messages of this layout: no padding, no values."""
 
     def take(self, alignment: int, size: int, *, numbers: bool = False) -> int:
         """Offset of the next `size` bytes. numbers: whether they are values, which vary."""

@@ -110,8 +110,7 @@ def pack_row(
 def pack_rows(
     rows, commands, centers, linear, energy, source, numbers, chosen, doubles, stamps, times
 ):
-    """Apply pack_row to each row: doubles of shape (n, size), times (seconds, rest) of shape (n,
-    2)."""
+    """Apply pack_row to each row: doubles (n, size), times (seconds, rest) (n, 2)."""
     for k in range(len(rows)):
         pack_row(
             rows[k],
@@ -199,8 +198,7 @@ def columns_of(layout: SampleLayout) -> SimpleNamespace:
 
 
 class Packer:
-    """Packs the messages of `topics`. center_of_mass: r_OC of each body, body axes, shape (N, 3)
-    [m]."""
+    """Packs messages of `topics`. center_of_mass: r_OC of each body, body axes, (N, 3) [m]."""
 
     def __init__(
         self, topics: Sequence[Topic], layout: SampleLayout, center_of_mass: Array
@@ -266,8 +264,7 @@ class Packer:
         return self._cut(self.fill(block, stamps)) if len(block) else []
 
     def fill(self, block: SampleBlock, stamps: NDArray[Any]) -> NDArray[np.uint8]:
-        """The messages of each sample in one array, shape (n, size); `bounds` are their positions
-        in a row."""
+        """The messages of each sample, shape (n, size); `bounds` are their positions in a row."""
         return self._filled(rows_of(block), block.command, stamps)
 
     def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
@@ -277,8 +274,7 @@ class Packer:
 
 
 def _aligned(end: int) -> int:
-    """Start of the next message such that its fields, behind its header, are aligned in the
-    buffer."""
+    """Start of the next message that aligns its fields, behind its header, in the buffer."""
     return end + (-end - len(HEADER)) % 8
 
 

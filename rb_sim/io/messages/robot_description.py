@@ -44,8 +44,7 @@ TURN = 2.0 * np.pi
 
 
 class JointTable:
-    """joint_states messages of successive samples. names: of the joints in order; units: of their
-    positions."""
+    """joint_states messages of successive samples. names: of the joints; units: of positions."""
 
     topics = ((JOINT_STATES, cdr.JOINT_STATE),)
     latched = True
@@ -175,8 +174,7 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
 
 
 def joints_above(scene: Scene) -> dict[str, tuple[str, Any]]:
-    """Constraint (name, spec) that becomes the joint of each body: the first that closes no
-    loop."""
+    """Constraint (name, spec) that becomes each body's joint: the first closing no loop."""
     found: dict[str, tuple[str, Any]] = {}
     specs: dict[str, Any] = dict(scene.constraints)
     for name, spec in specs.items():

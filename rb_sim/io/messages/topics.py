@@ -114,8 +114,7 @@ def event_message(event: ContactEvent) -> bytes:
 
 
 def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
-    """t [s], contact, kind and impulse [N s] of an event message. Raises ValueError for other
-    messages."""
+    """t [s], contact, kind, impulse [N s] of an event message. Raises ValueError for others."""
     _, contact, kind, values = cdr.read_diagnostic(data)
     try:
         numbers = [float(values[key]) for key in ("t", *_IMPULSE)]
@@ -160,8 +159,7 @@ class TopicTable:
         self._packer = Packer(self.topics, layout, self._center_of_mass)
 
     def warm(self, layout: SampleLayout) -> None:
-        """Compile the functions that `messages_of_rows` calls, so that no sample is delayed by
-        it."""
+        """Compile what `messages_of_rows` calls, so that no sample is delayed by it."""
         row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
         self.messages_of_rows([SampleRow(0.0, row, command)])
 
@@ -346,8 +344,7 @@ def latched_messages(
 
 
 def description(scene: Scene, record: Mapping[str, str] | None = None) -> str:
-    """Description of the scene as JSON. record: metadata record of a bag, read back by
-    `record_in`."""
+    """Description of the scene as JSON. record: of a bag, read back by `record_in`."""
     document = {
         "rb_sim": __version__,
         "scene": scene.name,

@@ -103,8 +103,7 @@ class Lengths:
         self._longest.add(longest[:, None])
 
     def per_metre(self, length: float) -> float:
-        """Metres of arrow per unit of the vector, such that the median arrow has length `length`
-        [m]."""
+        """Metres of arrow per unit of the vector; the median arrow has length `length` [m]."""
         return 1.0 / nice(middle(self._longest.rows) / length)
 
 

@@ -129,8 +129,7 @@ class RerunSink:
         self._rows = 0
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the file. The 3D view is set up with the first samples, which determine its
-        scale."""
+        """Create the file. The first samples later determine the scale of the 3D view."""
         self._scene, self._layout = scene, layout
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)

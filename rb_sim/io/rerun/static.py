@@ -191,13 +191,11 @@ ARROW = 2.5
 """Radius of an arrow [pixels], independent of the scale of its length."""
 
 MARKER = 5.0
-"""Radius [pixels] of the point at a body's centre of mass, visible even if the body is too small to
-see."""
+"""Radius [pixels] of the centre of mass, which shows bodies too small to see."""
 
 
 class Static:
-    """Logs the constant parts once, at the start of a recording. scales: of the arrows and the
-    camera."""
+    """Logs the constant parts once, at the start. scales: of arrows and camera."""
 
     def __init__(
         self,

@@ -159,8 +159,7 @@ class _Viewer:
         self._client: Any = None
 
     def ask(self, question: str, *arguments: Any, **options: Any) -> Any:
-        """Call a method of the viewer, repeated until it answers. Raises SinkError as `check`
-        does."""
+        """Call a method of the viewer until it answers. Raises SinkError as `check` does."""
         from rerun.experimental import ViewerClient
 
         while True:
