@@ -48,8 +48,7 @@ DEPTH = 10
 
 @dataclass(frozen=True)
 class Playing:
-    """Options of playback: simulated seconds per wall-clock second (0: no pacing), repeat, start
-    time [s]."""
+    """Playback: simulated seconds per wall-clock second (0: no pacing), repeat, start [s]."""
 
     rate: float = 1.0
     loop: bool = False
@@ -99,8 +98,7 @@ class Player:
         node.create_service(SetBool, "~/pause", self._pause)
 
     def run(self) -> None:
-        """Play the bag once, or repeatedly until a signal. Raises RbSimError if there is nothing to
-        play."""
+        """Play the bag, once or until a signal. Raises RbSimError if there is nothing to play."""
         say = self._node.get_logger().info
         rate = self._playing.rate
         pace = f"{rate:g} x real time" if rate else "no pacing"

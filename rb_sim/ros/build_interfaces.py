@@ -56,8 +56,7 @@ HEADERS = "include"
 
 
 def sources(package: str) -> dict[str, str]:
-    """Texts of the .msg and .srv files of `package`, by path. Raises RbSimError if they are not
-    installed."""
+    """Texts of the .msg and .srv files of `package`, by path. Raises RbSimError if missing."""
     if package == "tf2_msgs":
         return {"msg/TFMessage.msg": "\n".join(FIELDS[TF_MESSAGE]) + "\n"}
     for folder in (
@@ -84,15 +83,13 @@ def cache_folder(package: str) -> Path:
 
 
 def kept(package: str) -> Path | None:
-    """Folder of the package if it was built before; else None. Raises RbSimError if it cannot be
-    built."""
+    """Folder of the package if built before; else None. Raises RbSimError if it cannot be."""
     target = cache_folder(package)
     return target if (target / package / "__init__.py").is_file() else None
 
 
 def build(package: str) -> Path:
-    """Build the package unless cached; returns its folder. Raises RbSimError with the reason if it
-    fails."""
+    """Build the package unless cached; returns its folder. Raises RbSimError if it fails."""
     if (found := kept(package)) is not None:
         return found
     target = cache_folder(package)
@@ -269,8 +266,7 @@ class Builder:
 
 
 def main(arguments: list[str]) -> int:
-    """Build the named packages and print their folders; returns 1 if one cannot be built, with a
-    message."""
+    """Build the named packages and print their folders; returns 1 if one fails."""
     out = os.dup(1)
     os.dup2(2, 1)  # the generators print to stdout
     for package in arguments or ["rb_sim_interfaces", "tf2_msgs"]:
@@ -358,8 +354,7 @@ def _was_built(package: str) -> bool:
 
 
 def finish(builds: list[Build], say: Callable[[str], None]) -> None:
-    """Wait for the builds and make the packages importable; report missing features in one line
-    each."""
+    """Wait for the builds, make the packages importable, report missing features."""
     for package, process in builds:
         try:
             lines = process.communicate(timeout=LIMIT)[0].strip().splitlines()

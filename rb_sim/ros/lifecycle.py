@@ -168,8 +168,7 @@ class Aside:
 def simulate_managed(
     node: ManagedNode, asked: LiveSettings, stop: Interruption, began: float, presence: Presence
 ) -> int:
-    """Execute the transitions until shutdown, a signal, or the end of the duration; returns the
-    exit status.
+    """Execute transitions until shutdown, a signal or the duration; returns the exit status.
 
     Raises RbSimError if a running loop cannot continue and is to end then.
     """

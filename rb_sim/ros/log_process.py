@@ -306,8 +306,7 @@ class LogProcess:
             self._enqueue(frame(State(state)), 0)
 
     def tick(self) -> bool:
-        """To be called regularly: send a batch older than FLUSH_PERIOD; returns whether one was
-        due."""
+        """To be called regularly: send a batch older than FLUSH_PERIOD; whether one was due."""
         due = time.monotonic() - self._flushed >= FLUSH_PERIOD
         if due:
             self.flush()
@@ -339,8 +338,7 @@ class LogProcess:
     def close(
         self, summary: dict[str, Any] | None = None, *, patient: Callable[[], bool] = lambda: True
     ) -> None:
-        """Finish the logs. patient: whether to wait for slow ones (plots) too; evaluated
-        repeatedly."""
+        """Finish the logs. patient: whether to wait for slow ones (plots); called repeatedly."""
         self.flush()
         self._closing = True
         self._enqueue(frame(End(summary)), 0)

@@ -206,8 +206,7 @@ def _simulate_now(
     presence: Presence,
     standing: ExitStack,
 ) -> int:
-    """As `_simulate`, without a lifecycle. standing: publishes a clock at zero until it is
-    closed."""
+    """As `_simulate`, without a lifecycle. standing: keeps a clock at zero until closed."""
     from rb_sim.ros.services import Services
     from rb_sim.ros.serving import Serving
 

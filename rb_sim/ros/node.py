@@ -72,8 +72,7 @@ class Diagnostics:
     def __init__(
         self, node: Node, scene_name: str, monitored: Monitored, *, publish_clock: bool = False
     ) -> None:
-        """publish_clock: whether the node publishes /clock, so that other publishers are
-        reported."""
+        """publish_clock: whether the node does, so that other publishers are reported."""
         self._node, self._publish_clock = node, publish_clock
         self._scene_name = scene_name
         self._monitored = monitored
@@ -397,8 +396,7 @@ class SimulationLoop:
         self.left = True
 
     def reset(self) -> None:
-        """Make the initial state the next sample, at its due time. Raises RbSimError if the node is
-        ending."""
+        """Make the initial state the next sample, when due. Raises RbSimError while ending."""
         self._wait_for_next()
         self._stepper.reset()
         self._check_list.reset()
@@ -408,8 +406,7 @@ class SimulationLoop:
         self.failure = ""
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
-        """Set the state of bodies as the next sample, at its due time. Raises RbSimError if that is
-        impossible."""
+        """Make this state the next sample, when due. Raises RbSimError if impossible."""
         self._wait_for_next()
         self._stepper.set_state(bodies, project=project)
         self._check_list.reset()
@@ -430,8 +427,7 @@ class SimulationLoop:
             raise RbSimError(ENDING)
 
     def _wait_for_next(self) -> None:
-        """Wait until the next sample is due, while time runs, so that requests that make a sample
-        keep the pace.
+        """Wait until the next sample is due, so that requests for a sample keep the pace.
 
         Raises RbSimError if the node is ending."""
         self._refuse_if_ending()
@@ -489,8 +485,7 @@ class SimulationLoop:
         return self._stepper.is_over(self._settings.duration)
 
     def _rest(self) -> None:
-        """Do one background task between samples, after subscribers have had time to take the last
-        sample."""
+        """Do one background task between samples, after subscribers took the last one."""
         if (ahead := self._stepper.ahead.is_due) or self._is_time_to_report:
             self._pacer.give_way(self._stepper.t_next)
             with self.turns.own():

@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Pacing of simulated time by the wall clock: absolute deadlines, so that delays do not
-accumulate."""
+"""Pacing by the wall clock with absolute deadlines, so that delays do not accumulate."""
 
 from __future__ import annotations
 
@@ -51,7 +50,7 @@ class Priority:
         return f"{self._level} (SCHED_FIFO)" if self._before else "ordinary"
 
     def raised(self, wanted: bool) -> None:
-        """Raise the threads, or put them back."""
+        """Raise the priority of the threads, or restore it."""
         if wanted and self._level and not self._before and not self.refusal:
             self._raise(own_threads())
         elif not wanted:
@@ -90,8 +89,7 @@ class Priority:
 MAX_LAG = 0.25
 """[s] of wall-clock delay that a late loop makes up; the rest is dropped."""
 OVERRUN = ("catch_up", "slip")
-"""Reaction to delay: catch up, up to MAX_LAG, or keep the period and let simulated time fall
-behind."""
+"""Reaction to delay: catch up, up to MAX_LAG, or let simulated time fall behind."""
 HURRY, BURST = 2.0, 5
 """A late loop runs at most at this multiple of its pace, except for bursts of so many samples:
 subscribers typically keep the last ten messages, and would lose some of a longer burst."""
@@ -111,8 +109,7 @@ class Pacer:
         self.overruns = 0
         """number of samples more than one period late."""
         self.slips = 0
-        """number of times that delay was dropped, so that simulated time fell behind the wall
-        clock."""
+        """number of times that delay was dropped."""
         self.slipped = 0.0
         """total dropped delay [s] of wall-clock time."""
         self._overrun = overrun
@@ -130,8 +127,7 @@ class Pacer:
         return time.monotonic() - self._overloaded > RECOVERY
 
     def restart(self, t: float, real_time_factor: float) -> None:
-        """Make simulated time t [s] due now, and use this factor from here on (0: as fast as
-        possible)."""
+        """Make time t [s] due now, with this factor from here on (0: as fast as possible)."""
         if real_time_factor != self._factor:
             self._free = -math.inf  # the old value is for another pace
         self._factor = real_time_factor
@@ -144,8 +140,7 @@ class Pacer:
         return wall_0 + (t - t_0) / self._factor
 
     def left(self, t: float) -> float:
-        """Wall-clock time until simulated time t is due [s]; <= 0 if it is due, or without
-        pacing."""
+        """Wall-clock time until time t is due [s]; <= 0 if it is due, or without pacing."""
         return self._due(t) - time.monotonic() if self._factor else 0.0
 
     def give_way(self, t: float) -> None:
@@ -158,8 +153,7 @@ class Pacer:
             time.sleep(min(WAY * left, SLICE))
 
     def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:
-        """Sleep until simulated time t is due. False if `between` ended the wait or pacing was
-        restarted.
+        """Sleep until time t is due. False if `between` or a restart ended the wait.
 
         period: simulated time between samples [s]. between: called every SLICE while t is not due
         (it may take long); returns False to end the wait.

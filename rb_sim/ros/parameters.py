@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The node's parameters: one field each, with description, range, and whether it may change at run
-time."""
+"""The node's parameters: one field each, with description, range, and whether it is live."""
 
 from __future__ import annotations
 
@@ -193,8 +192,7 @@ class Settings:
 
     @property
     def split(self) -> dict[str, float | None]:
-        """Limits at which the bag is split, as in BagSink. Raises RbSimError if the size is too
-        small."""
+        """Limits at which the bag is split, as in BagSink. Raises RbSimError if too small."""
         if 0 < self.split_size < LEAST_SPLIT:
             raise RbSimError(
                 f"parameter split_size: got {self.split_size}; must be 0 (never) or at least"

@@ -7,8 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Preparation of the simulation loop from the parameters: logs, compilation, check for a twin
-node."""
+"""Preparation of the loop from the parameters: logs, compilation, check for a twin node."""
 
 from __future__ import annotations
 
@@ -56,8 +55,7 @@ def described(settings: Settings, presence: Presence) -> Scene:
 def prepared(
     node: Node, scene: Scene, discovery: float, began: float, stop: Interruption
 ) -> Simulation:
-    """The compiled simulation, after building the interfaces and checking for other nodes of this
-    name.
+    """The compiled simulation, with interfaces built and no other node of this name in sight.
 
     Nothing is compiled later in the loop. discovery: see the parameter [s]. began: when the node
     was created (time.monotonic) [s]. Raises RbSimError, also if a signal noted by `stop` ends it.
@@ -125,8 +123,7 @@ def settle_memory() -> None:
 
 
 def the_logs(node: Node, settings: Settings) -> LogProcess | None:
-    """The log process for bag, recording and plots according to the parameters; None without
-    logs."""
+    """Log process for bag, recording and plots by the parameters; None without logs."""
     if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
         return None
     plan = Plan(

@@ -389,8 +389,7 @@ class SetStateService:
 
 
 def _placement(one: Any) -> Placement:
-    """A BodyState as a placement, with the angular velocity in body axes. Raises RbSimError if
-    invalid."""
+    """A BodyState as placement (angular velocity in body axes). Raises RbSimError if invalid."""
     pose, twist = one.pose, one.twist
     q = np.array([getattr(pose.orientation, name) for name in "xyzw"])
     if not q.any():
@@ -428,8 +427,7 @@ TIME_GOES_ON = "simulated time goes on"
 
 
 class SimulationServices:
-    """Serves simulation_interfaces. may_quit: whether a request may end the node (not a lifecycle
-    node)."""
+    """Serves simulation_interfaces. may_quit: whether a request may end the node."""
 
     def __init__(self, node: Node, loop: Loop, *, may_quit: bool) -> None:
         from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
@@ -536,8 +534,7 @@ OWN = "rb_sim_interfaces"
 def offer_services(
     node: Node, loop: Loop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
 ) -> None:
-    """Create ~/advance and ~/set_state, and those of simulation_interfaces, if their types are
-    installed."""
+    """Create ~/advance, ~/set_state and simulation_interfaces' services, if their types exist."""
 
     def own() -> None:
         Lockstep(node, loop, simulation, stepper)

@@ -66,8 +66,7 @@ DEEPEST = 1_000_000
 
 
 def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False) -> Publisher:
-    """A publisher of messages of class `kind`. latched: late subscribers get the last `depth`
-    messages.
+    """A publisher of class `kind`. latched: late subscribers get the last `depth` messages.
 
     Raises RbSimError for an invalid override.
     """
@@ -161,8 +160,7 @@ SWITCH = 1e-4
 
 
 class Turns:
-    """A lock that the loop yields to requests: `with turns` in a request, `turns.own()` in the
-    loop."""
+    """A lock yielded to requests: `with turns` in a request, `turns.own()` in the loop."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -185,8 +183,7 @@ class Turns:
         self._lock.release()
 
     def own(self) -> threading.RLock:  # type: ignore[valid-type]
-        """The lock, once no request waits for it: a loop that never sleeps would otherwise keep
-        it."""
+        """The lock, once no request waits: a loop that never sleeps would else keep it."""
         while self._asking:
             time.sleep(1e-4)
         return self._lock

@@ -43,9 +43,8 @@ MOST = 32
 BUDGET = 2e-4
 """[s] of wall-clock time for one call, since a command has to wait for it."""
 QUIET = 4
-"""Minimum number of samples per call for prefetching before they are due: it implies that no
-command has come for some time, and otherwise one in 32 samples would be late by the duration of a
-call."""
+"""Minimum number of samples per call for computing before a sample is due: no command has come for
+some time then, and one in 32 samples would be late by the duration of a call."""
 
 
 class Ahead:
@@ -80,8 +79,7 @@ class Ahead:
         self._rows, self._taken, self._most = [], 0, 1
 
     def next(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> SampleRow | None:
-        """Sample k, the one after the last. None if the watch ended it; the last one remains the
-        last.
+        """Sample k, the one after the last; None if the watch ended it before.
 
         shift: stamp minus own time [s]. Raises SimulationError if the integration cannot continue.
         """
@@ -95,8 +93,7 @@ class Ahead:
 
     @property
     def is_due(self) -> bool:
-        """Whether `fill` would compute samples: none are left, and no command has come for a
-        while."""
+        """Whether `fill` would compute samples: none are left, and no recent command."""
         return self._taken == len(self._rows) and self._most >= QUIET
 
     def fill(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> None:
@@ -315,8 +312,7 @@ class Stepper:
         self.emit()
 
     def take_events(self) -> tuple[list[ContactEvent], int]:
-        """Contact events since the last call, at most MOST_RECENT, and the number of older ones
-        dropped."""
+        """Contact events since the last call, at most MOST_RECENT; number of older ones dropped."""
         events, forgotten = list(self._events), self._forgotten
         self._events.clear()
         self._forgotten = 0

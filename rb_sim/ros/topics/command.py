@@ -136,8 +136,7 @@ def _layout(frame_id: str, axes: str) -> tuple[bytes, int, str]:
 
 
 def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
-    """A command in "world" or "body" axes; a Refusal if a number is not finite or absurdly
-    large."""
+    """A command in "world" or "body" axes; a Refusal if a number is not finite or huge."""
     numbers = (*force, *torque)
     if not all(map(math.isfinite, numbers)):
         return Refusal(NOT_FINITE, "a component is not a finite number")
@@ -243,8 +242,7 @@ class Commands:
                 self.refused[OVERTAKEN] += 1
 
     def give(self, simulation: TakesWrench, body: str, command: Command, t: float) -> None:
-        """Let a command act from simulated time t [s] on. Raises RbSimError if the body takes no
-        commands."""
+        """Let a command act from time t [s] on. Raises RbSimError if the body takes none."""
         simulation.apply_wrench(body, command.force, command.torque, command.frame)
         self._since[body] = t
         self.held[body] = command, t
@@ -277,8 +275,7 @@ class Commands:
         return since is not None and timeout > 0 and t - since >= timeout - 0.5e-9
 
     def _count(self, body: str, refusal: Refusal, line: str) -> None:
-        """Count a refusal; log the first of each kind, then one per REMINDER with the number so
-        far."""
+        """Count a refusal; log the first of each kind, then one per REMINDER with the count."""
         self.refused[refusal.reason] += 1
         count, now = self.refused[refusal.reason], time.monotonic()
         # the text for a wrong frame is specific; that for a limit changes with every message

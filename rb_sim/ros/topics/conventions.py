@@ -179,8 +179,7 @@ class Sensor(NamedTuple):
 
 
 def read_sensors(text: str) -> list[Sensor]:
-    """Sensors in a text 'BODY' or 'BODY X Y Z', several separated by ';'. Raises RbSimError if
-    invalid."""
+    """Sensors in 'BODY' or 'BODY X Y Z', several separated by ';'. Raises RbSimError."""
     sensors = []
     for part in text.split(";"):
         name, *numbers = part.split() or [""]
@@ -201,8 +200,7 @@ def read_sensors(text: str) -> list[Sensor]:
 
 
 class Imu:
-    """Publishes the readings of the sensors. Raises RbSimError if a sensor's body is not in the
-    scene."""
+    """Publishes the readings of the sensors. Raises RbSimError for an unknown body."""
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings

@@ -43,8 +43,7 @@ if TYPE_CHECKING:
 
 
 EVENT_DEPTH = 10_000
-"""Number of contact events kept for slow subscribers, so that none of a cascade of impacts is
-lost."""
+"""Contact events kept for slow subscribers: enough for a cascade of impacts."""
 ASK = 1000
 """Number of messages sent before a topic is checked again for subscribers."""
 
@@ -79,8 +78,7 @@ class TopicSink:
         self.latest = Latest()
 
     def wait_until_received(self, seconds: float) -> None:
-        """Wait until reliable subscribers have received all messages, at most `seconds` for each
-        topic."""
+        """Wait until reliable subscribers have all messages, at most `seconds` per topic."""
         for publisher in filter(None, (*self._publishers, self._events)):
             publisher.wait_for_all_acked(Duration(seconds=seconds))
 
@@ -154,8 +152,7 @@ class TopicSink:
 
 
 class Latest:
-    """Repeats the last message of each topic for subscriptions that start while no samples are
-    published.
+    """Repeats the last message of each topic for new subscriptions while time stands.
 
     Most subscriptions are volatile (also those of tf), so that latching would not help them.
     Earlier subscribers receive that message twice.
