@@ -199,9 +199,7 @@ class Done(NamedTuple):
 
 
 class BatchRunner:
-    """Runs many points of a plan: in lanes if possible, else singly. lanes: False disables
-    lanes.
-    """
+    """Runs points of a plan: in lanes if possible, else singly. lanes: False disables lanes."""
 
     def __init__(self, runner: PlanRunner, lanes: bool = True) -> None:
         self.runner = runner
@@ -210,8 +208,7 @@ class BatchRunner:
     def rows(
         self, runs: Sequence[int], points: Sequence[Mapping[str, float]]
     ) -> Iterator[tuple[dict[str, Any], Trajectory | None]]:
-        """Yield (status, reason, steps and outputs; samples, if they are to be kept) of each
-        run."""
+        """Yield (status, reason, steps and outputs; samples to be kept or None) of each run."""
         kept = self.runner.loaded.plan.trajectories
         together = [i for i, run in enumerate(runs) if run >= kept]
         found: dict[int, dict[str, Any]] = {}

@@ -163,8 +163,7 @@ class Expression:
         return {x.id for x in found if id(x) not in called}
 
     def of_ends(self, numbers: Iterable[str]) -> bool:
-        """Whether only the first and the last sample matter. numbers: names that are not
-        samples."""
+        """Whether only first and last sample matter. numbers: names that are not samples."""
         known = {*numbers, *NAMES}
 
         def holds(node: ast.AST) -> bool:
@@ -233,8 +232,7 @@ class Expression:
         return np.asarray(names)[..., components.index(name)]
 
     def _indexed(self, value: Any, index: Any) -> Any:
-        """The entry with a string index; a numeric index would be ambiguous (component or
-        sample)."""
+        """The entry with a string index; a number could mean component or sample."""
         if isinstance(index, str):
             return self._named(value, index)
         allowed = "must be a name: components are .x, .y, .z, the ends of a run first() and last()"

@@ -558,8 +558,7 @@ def colour_of(row: Row) -> str:
 
 
 def draw_case(axes: Any, place: int, rows: Sequence[Row]) -> None:
-    """Draw a dot for each check of each run, large for the smallest margin; message checks as
-    text."""
+    """Draw a dot for each check, large for the smallest margin; message checks as text."""
     figures = sorted((row for row in rows if not is_words(row)), key=lambda row: row.margin)
     axes.plot([0.1, FARTHEST], [place, place], color="0.92", lw=0.6, zorder=1)
     for k, row in reversed([*enumerate(figures)]):

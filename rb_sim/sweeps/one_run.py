@@ -213,8 +213,7 @@ class PlanRunner:
         )
 
     def _known(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """The data with unchanged entries replaced by their validated objects, which saves
-        validation."""
+        """The data with unchanged entries replaced by validated objects, to save time."""
         known = dict(data)
         for section in SECTIONS.intersection(data):
             own, base, checked = (of[section] or {} for of in (data, self._base, self._checked))
@@ -257,8 +256,7 @@ class PlanRunner:
         return row, trajectory
 
     def _simulated(self, simulation: Simulation) -> tuple[Trajectory, bool]:
-        """Samples of a run, and whether it completed within its time limit, compilation
-        excluded."""
+        """Samples of a run, and whether it completed in time, compilation excluded."""
         options = simulation.scene.simulation
         began: float | None = None  # set at the first call, after compilation
         late = False

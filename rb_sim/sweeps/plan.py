@@ -39,8 +39,7 @@ from rb_sim.scene.load import OVERRIDES
 from rb_sim.scene.yaml_reader import validated
 
 MOST_RUNS = 10_000_000
-"""Maximum number of runs of a plan; more varied values would not fit into the memory of one
-process."""
+"""Maximum number of runs of a plan: the varied values of more do not fit into memory."""
 
 Sampling = Literal["random", "sobol", "latin_hypercube", "saltelli"]
 Pair = Annotated[tuple[Finite, Finite], Strict(False)]
@@ -375,8 +374,7 @@ def _unit_cube(plan: Plan, dimensions: int) -> np.ndarray:
 
 
 def _saltelli(plan: Plan, dimensions: int) -> np.ndarray:
-    """Saltelli's design for Sobol indices of first and total order (SALib), shape (runs,
-    dimensions)."""
+    """Saltelli's design for first-order and total Sobol indices (SALib), (runs, dimensions)."""
     try:
         from SALib.sample import sobol
     except ImportError as error:
@@ -395,8 +393,7 @@ def saltelli_problem(names: list[str]) -> dict[str, Any]:
 
 
 def _factor(plan: Plan, names: tuple[str, ...]) -> np.ndarray:
-    """Cholesky factor of the correlation matrix. Raises RbSimError if it is not positive
-    definite."""
+    """Cholesky factor of the correlations. Raises RbSimError if not positive definite."""
     matrix = np.eye(len(names))
     for pair in plan.correlations:
         i, j = (names.index(name) for name in pair.between)

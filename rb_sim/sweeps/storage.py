@@ -143,8 +143,7 @@ def plan_of(schema: pyarrow.Schema) -> LoadedPlan:
 
 
 def start_file(folder: Path) -> Path:
-    """File with the identifier of the sweep that is writing in the folder, which holds a lock on
-    it."""
+    """File with the identifier of the sweep that writes in the folder and locks the file."""
     return folder / ".start"
 
 

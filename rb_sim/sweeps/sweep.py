@@ -192,8 +192,7 @@ def run_batches(
 
 
 FEW, MOST, ONE_IN = 2, 8, 50
-"""Number of repeated runs: one in fifty, within these limits, which costs as much as checking all
-runs."""
+"""Number of repeated runs: one in fifty within these limits, as costly as checking all runs."""
 
 
 class Lost(NamedTuple):
@@ -254,8 +253,7 @@ LOOKS, MANY_LOOKS, CHEAP = 3, 64, 0.01
 """Number of runs timed to choose the batch size; MANY_LOOKS if a run costs less than CHEAP [s]."""
 
 MANY_CHECKS = 64
-"""Number of runs tried at the start, of which one must start: an error of all is one of the
-plan."""
+"""Number of runs tried at the start; if none starts, the plan is wrong."""
 
 LARGEST_BATCH = 2000
 """Maximum number of runs per batch; a worker keeps the rows of one batch in memory."""
@@ -274,9 +272,9 @@ class SweepResult(NamedTuple):
     reused: int
     """Runs that the folder had already."""
     failed: int
-    """Runs of now that failed; their rows have the reason."""
+    """Runs of this call that failed; their rows have the reason."""
     looked_at: int = 0
-    """Runs of now that were repeated with all accuracy checks."""
+    """Runs of this call that were repeated with all accuracy checks."""
     lost: tuple[Lost, ...] = ()
     """Accuracy checks that failed in the repeated runs."""
 
@@ -295,10 +293,11 @@ def sweep(
     lanes: bool = True,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run a scene many times with varied numbers; runs that `out` has already are not repeated.
+    """Run a scene many times with varied numbers; runs already in `out` are not repeated.
 
-    At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks; those that fail are
-    AccuracyWarnings and in the result's `lost`. A run that fails has its reason in its row.
+    At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks; failed checks are
+    issued as AccuracyWarnings and listed in the result's `lost`. A failed run has the reason in its
+    row.
 
     Args:
         plan: Plan file (YAML), name of a shipped plan, or mapping.
@@ -407,8 +406,7 @@ def _missing(
 def _batch_size(
     runner: BatchRunner, values: dict[str, np.ndarray], todo: np.ndarray, workers: int
 ) -> int:
-    """Number of runs per batch, from the measured cost of a few; every worker gets several
-    batches."""
+    """Runs per batch, from the measured cost of a few; every worker gets several batches."""
 
     def cost(runs: list[int]) -> float:
         """Wall-clock time per run [s]."""

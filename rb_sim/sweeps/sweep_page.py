@@ -158,8 +158,7 @@ def distributions(table: RunTable, outputs: list[str]) -> str:
 
 
 def scatter_matrix(table: RunTable, names: list[str], columns: int, most: int) -> str:
-    """HTML with a scatter plot of every pair of `names`, out of `columns` columns, for at most
-    `most` runs."""
+    """HTML with a scatter plot of every pair of `names` (of `columns`), for `most` runs."""
     from plotly import graph_objects as go
 
     picked = slice(None, None, max(1, len(table) // most))
@@ -303,8 +302,7 @@ MOST_IN_SCATTER = 6
 """Maximum number of columns of the scatter matrix."""
 
 MOST_WITH_EXTREMES = 40
-"""Maximum number of outputs with listed extremes; the final state of many bodies has more
-columns."""
+"""Maximum number of outputs with listed extremes (final states have many columns)."""
 
 MOST_POINTS = 5000
 """Maximum number of points in a scatter plot."""
