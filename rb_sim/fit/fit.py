@@ -79,8 +79,7 @@ FEW = 16
 SYSTEMATIC = 0.5
 """Correlation of neighbours above which residuals are not noise."""
 ROUNDING = 1e-7
-"""Residuals below this, relative to the largest displacement, are due to rounding and
-tolerances."""
+"""Residuals below this, relative to the largest displacement, are rounding."""
 
 
 def correlation(columns: Iterable[np.ndarray]) -> float:
@@ -267,11 +266,10 @@ def fit(
     keys: Sequence[str],
     noise: tuple[float, float] | None = None,
 ) -> Fitted:
-    """Fit the numbers `keys` of the scene. data: the scene's mapping; noise: (m, rad), None:
-    estimated.
+    """Fit the numbers `keys` of the scene. data: its mapping; noise: (m, rad) or None.
 
-    Raises RbSimError for invalid keys, SimulationError if the scene cannot be simulated at the
-    start.
+    None: the noise is estimated. Raises RbSimError for invalid keys, SimulationError if the scene
+    cannot be simulated at the start.
     """
     problem = _Problem(recording, scene, data, free_numbers(data, keys))
     x = start_of(problem.free)
@@ -327,8 +325,7 @@ class _Problem:
         return max(rms[0], floor), max(rms[1], floor)
 
     def raw(self, x: np.ndarray) -> np.ndarray:
-        """Residuals [m, rad], (position, rotation) of each pose in turn; NaN if the simulation
-        fails."""
+        """Residuals [m, rad], (position, rotation) of each pose; NaN if the simulation fails."""
         self.runs += 1
         try:
             tracks = self._simulate(x)
@@ -363,8 +360,7 @@ class _Problem:
         return self._usable_rows(differences(self.raw, x))
 
     def _usable_rows(self, J: np.ndarray) -> np.ndarray:
-        """Weighted rows of J in use, with zero columns for numbers whose effect is below
-        rounding."""
+        """Weighted rows of J in use; columns with an effect below rounding are zero."""
         size = np.where(self._is_angle, 1.0, self._way or 1.0)[:, None]
         effect = np.sqrt(np.mean((J / size)[self._follow] ** 2, axis=0))
         J = np.where(effect > negligible(self.smooth), J, 0.0) / self._sigma[:, None]
@@ -449,8 +445,7 @@ class _Problem:
 
     @property
     def _way(self) -> float:
-        """Largest displacement [m] or rotation [rad] of a body from its first pose (its origin may
-        be fixed)."""
+        """Largest displacement [m] or rotation [rad] of a body from its first pose."""
         seen = [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
         gone = [np.abs(track.position - track.position[0]).max() for track in seen]
         turned = [angle_between(track.orientation[:1], track.orientation).max() for track in seen]

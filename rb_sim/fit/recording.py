@@ -91,8 +91,8 @@ def pairs_of(
 ) -> tuple[dict[str, str], list[str]]:
     """Name of the poses of each body, as matched or by name, and lines on excluded bodies.
 
-    match: texts NAME=BODY, poses and body; the reverse order is accepted if unambiguous. Raises
-    RbSimError if no body is found.
+    match: texts NAME=BODY, poses and body; the reverse order is accepted if this one does not
+    match. Raises RbSimError if no body is found.
     """
     names, option = ", ".join(tracks.bodies), "--match NAME=BODY"
     given = {}
@@ -138,8 +138,7 @@ def recorded_by_others(
 
 @dataclass
 class _Signal:
-    """Commands of one topic for a body: times [s], wrenches (n, 6), and a mask of those in body
-    axes."""
+    """Commands of one topic for a body: times [s], wrenches (n, 6), mask of body axes."""
 
     t: np.ndarray
     values: np.ndarray
@@ -176,8 +175,7 @@ class _Acting:
         """by body and topic."""
 
     def choose(self, wrenches: Sequence[str]) -> list[str]:
-        """Use the named wrenches, or unambiguous ones; returns lines on the wrenches used and not
-        used."""
+        """Use the named, or unambiguous, wrenches; returns lines on those used and not used."""
         if wrenches and list(wrenches) != ["none"]:
             for text in wrenches:
                 self._take_named(text)
@@ -246,8 +244,7 @@ class _Acting:
         self._signals.setdefault(body, {})[topic] = signal
 
     def _in_axes_of(self, body: str, wrench: Wrenches) -> np.ndarray | None:
-        """Wrenches about the body's origin in its axes; None if their frame is not fixed to the
-        body."""
+        """Wrenches about the body's origin in its axes; None if their frame is another."""
         if wrench.frame in self._frames[body]:
             return wrench.values
         carrier = self._tracks.fixed.carrier(wrench.frame, self._frames[body])

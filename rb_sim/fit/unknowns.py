@@ -59,8 +59,7 @@ class Free(NamedTuple):
 
 
 def free_numbers(data: Mapping[str, Any], keys: Sequence[str]) -> list[Free]:
-    """Free numbers for all components of the keys. Raises RbSimError if a key is not a number or
-    vector."""
+    """Free numbers for all components of the keys. Raises RbSimError for other values."""
     found: list[Free] = []
     for key in keys:
         if key.endswith(".orientation"):
@@ -92,8 +91,7 @@ def _with_shares(free: list[Free]) -> list[Free]:
 
 
 def _other(key: str, names: Mapping[str, str]) -> str:
-    """Key of the number in the same section that `names` assigns to this one; "" if there is
-    none."""
+    """Key in the same section that `names` assigns to this one; "" if there is none."""
     head, _, last = key.rpartition(".")
     return f"{head}.{names[last]}" if last in names else ""
 
@@ -269,8 +267,7 @@ def moving(J: np.ndarray) -> np.ndarray:
 
 
 def negligible(exact: bool) -> float:
-    """Singular value of J, relative to the largest, at or below which a combination is
-    undetermined."""
+    """Relative singular value of J at or below which a combination is undetermined."""
     return WRITTEN_ROUNDING if exact else UNDETERMINED
 
 
