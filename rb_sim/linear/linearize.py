@@ -70,13 +70,13 @@ class Equations(NamedTuple):
     """The equations as lists of numbers or symbols."""
 
     push: list[Any]
-    """f + G^T lambda, 6 N."""
+    """generalised force f + G^T lambda, 6 N."""
     bias: list[Any]
-    """bias + G du/dt of each row."""
+    """acceleration residual bias + G du/dt of each row."""
     error: list[Any]
-    """g of each row; 0 if it is not holonomic."""
+    """position error g of each row; 0 if it is not holonomic."""
     slip: list[Any]
-    """G u - b of each row."""
+    """velocity error G u - b of each row."""
     along: list[Any]
     """G c of each row."""
     reactions: list[Any]
@@ -152,8 +152,7 @@ def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equation
 
 
 class Derivatives(NamedTuple):
-    """Derivatives of each list of Equations by the state (rows, 13 N) and by the inputs (rows,
-    m)."""
+    """Derivatives of each list of Equations by state (rows, 13 N) and by inputs (rows, m)."""
 
     by_state: dict[str, Array]
     by_input: dict[str, Array]
@@ -396,8 +395,7 @@ def implicit(
 def free_deviations(
     system: MultiBody, G: Array, y: Array, slip: Array, to_z: Array
 ) -> tuple[Array, list[int]]:
-    """(Z (12 N, n), indices of the states in z): basis of the deviations compatible with the
-    constraints."""
+    """(Z (12 N, n), indices of the states in z): deviations compatible with the constraints."""
     bodies = len(system.bodies)
     half = 6 * bodies
     turns = [rotation(state_of(y, i).q_WB).T for i in range(bodies)]
@@ -436,8 +434,7 @@ def allowed(rows: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
 
 
 def bound_by(rows: Array) -> list[int]:
-    """Columns determined by the others through the rows: those of the last bodies if their pivots
-    are good."""
+    """Columns determined by the others; those of the last bodies if well conditioned."""
     left, bound = rows.copy(), list[int]()
     largest = float(np.linalg.norm(left, axis=0).max())
 

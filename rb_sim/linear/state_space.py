@@ -82,8 +82,7 @@ class LinearModel:
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Eigenvalues with frequency and damping; a complex pair counts once, zeros
-        individually."""
+        """Eigenvalues with frequency and damping; one entry per complex pair and per zero."""
         found = []
         for value, state in self._eigen:
             if value.imag >= 0.0:
@@ -148,8 +147,7 @@ class LinearModel:
         return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
 
     def as_dict(self) -> dict[str, Any]:
-        """A, B, C, D as lists with their names, t and the modes; None for undefined values of a
-        mode."""
+        """A, B, C, D as lists with their names, t and the modes; None for undefined values."""
         plain: dict[str, Any] = {"t": self.t}
         plain |= {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
         plain |= {name: getattr(self, name).tolist() for name in "ABCD"}
@@ -270,8 +268,8 @@ class Response(NamedTuple):
 
 
 def frequencies(model: LinearModel) -> np.ndarray:
-    """Frequencies [rad/s] from a tenth of the slowest pole to ten times the fastest, denser near
-    each pole."""
+    """Frequencies [rad/s], 0.1 times the slowest to 10 times the fastest pole, denser near
+    poles."""
     sizes = np.abs(model.eigenvalues)
     sizes = (
         sizes[sizes > WRITTEN_ROUNDING * model.fastest] if model.fastest > 0.0 else np.array([1.0])
@@ -340,8 +338,7 @@ def bode(name: str, model: LinearModel) -> Figure | None:
 
 
 def _styles(outputs: list[str]) -> dict[str, dict[str, Any]]:
-    """Line styles: positions solid, angles dashed; for a single body x, y and z have their axis
-    colours."""
+    """Line styles: positions solid, angles dashed; axis colours for a single body."""
     one_body = len({output.rpartition("/")[0] for output in outputs}) == 1
     found = {}
     for k, output in enumerate(outputs):
@@ -352,7 +349,6 @@ def _styles(outputs: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def phase(values: np.ndarray) -> np.ndarray:
-    """Phase of a response over increasing frequencies, continuous, starting in (-270, 90]
-    [degrees]."""
+    """Continuous phase over increasing frequencies, starting in (-270, 90] [degrees]."""
     turned = np.degrees(np.unwrap(np.angle(values)))
     return turned - 360.0 * np.ceil((turned[0] - 90.0) / 360.0)
