@@ -229,9 +229,7 @@ LOWEST_FRICTION = 1e-3
 
 
 class Reduced(NamedTuple):
-    """The scaled system after elimination of the balance equations: u unknowns, r rows, k = u -
-    rank.
-    """
+    """The scaled system without the balance equations: u unknowns, r rows, k = u - rank."""
 
     force: float
     """unit of force [N]: the largest load (force, or torque over lever); 1 without loads."""
@@ -312,8 +310,7 @@ def _share(cone: Cone) -> float:
 
 
 class AdmissibleSet:
-    """The set {x = x0 + Z y : tensions and normal forces >= 0, within friction}, optionally
-    relaxed.
+    """{x = x0 + Z y : tensions and normal forces >= 0, within friction}, optionally relaxed.
 
     relax: scaled force by which every tension and normal force may violate its bound (0: none).
     """
@@ -358,8 +355,7 @@ class AdmissibleSet:
         return Cones(x[self.one_way] + self.relax, z[self.one_way], soc_h, soc_G)
 
     def slack(self, x: Array) -> Array:
-        """Distance of each one-way or frictional support from its bound, scaled force, in the order
-        of `owners`."""
+        """Distance of each support in `owners` from its bound, scaled force."""
         plain = x[self.one_way]
         round_ = []
         for cone in self.cones:
@@ -381,8 +377,7 @@ class AdmissibleSet:
         return self._noted(moderate(self.program, y))
 
     def shortest(self, inside: Array) -> Array:
-        """The x of minimum Euclidean norm in SI units (N and N m). inside: a strictly
-        admissible y."""
+        """The x of minimum norm in SI units (N and N m). inside: a strictly admissible y."""
         if self.freedom == 0:
             return self.reduced.particular
         weight = self.reduced.unit / self.reduced.force

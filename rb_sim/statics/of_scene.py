@@ -108,8 +108,7 @@ def touching_elements(standing: Standing) -> Found:
 
 
 def points_of(standing: Standing) -> Iterator[Point]:
-    """Contact points, also open ones; for two boxes the corners of the common area of their
-    faces."""
+    """Contact points, also open ones; for two boxes the corners of the common face area."""
     spec, B, A = standing.spec, standing.B, standing.A
     boxes = box_sizes(spec, standing.place)
     if boxes is not None:
@@ -163,8 +162,7 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
 
 
 def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:
-    """Bounds proportional to the normal force. Unknowns: N (if unknown), two tangential forces,
-    torques."""
+    """Bounds by the normal force. Unknowns: N (if unknown), two tangential forces, torques."""
     found: list[Bound] = []
     k = 0 if law.compliant else 1
     if law.static > 0.0:
@@ -338,8 +336,7 @@ class Load(NamedTuple):
     torque: Array
     """about the point, world axes [N m], (3,)."""
     pushes: bool
-    """whether it is a force applied at a point, drawn towards it; else drawn away from it, like a
-    weight."""
+    """whether it is a force at a point, drawn towards it; else drawn away, like a weight."""
 
 
 def active_loads(scene: Scene, place: InitialPlace, states: dict[str, BodyState]) -> Iterator[Load]:

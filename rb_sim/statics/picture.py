@@ -293,8 +293,7 @@ class _Canvas:
                 self._text(self.flat(point), text, TEXT)
 
     def reactions(self) -> None:
-        """Draw reactions as red arrows from the anchor, tensions blue, with their values and
-        ranges."""
+        """Draw reactions as red arrows, tensions as blue ones, with values and ranges."""
         strongest = self._strongest()
         for name, reaction in self.result.reactions.items():
             span = self.result.ranges[name]
@@ -328,8 +327,7 @@ class _Canvas:
     def _arrow(
         self, point: Array, force: Array, colour: str, pushes: bool = False
     ) -> tuple[Array, Array]:
-        """Draw a force away from the point, or towards it (`pushes`); returns tail and tip, (2,)
-        each."""
+        """Draw a force from the point, or towards it (`pushes`); returns tail and tip, (2,)."""
         share = max(LONGEST * float(np.linalg.norm(force)) / self._strongest(), SHORTEST)
         step = share * self.size * (self.view @ (force / np.linalg.norm(force)))
         start = self.flat(point) - (step if pushes else 0.0)
@@ -375,7 +373,7 @@ class _Canvas:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
             self.axes.grid(alpha=0.25)
-            self.axes.spines[:].set_visible(False)  # labels lie across a frame
+            self.axes.spines[:].set_visible(False)  # labels may cross a frame
         else:
             self.axes.set_axis_off()
             self._triad()

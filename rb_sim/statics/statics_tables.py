@@ -49,8 +49,7 @@ class Reaction:
     direction: Array | None
     """normal of a contact, direction of a string or rod away from the body; world, (3,)."""
     along: float | None
-    """component of the force along `direction`: normal force, or tension (negative in compression)
-    [N]."""
+    """force along `direction`: normal force, or tension (negative in compression) [N]."""
     friction: float | None
     """coefficient of friction; inf for rough, None without friction."""
 
