@@ -80,8 +80,7 @@ COARSER_STEP, COARSER_TOLERANCE, LOOSEST = SHORTER**-3, 100.0, 1e-3
 """Factors of the coarser run, and the largest tolerance for which one is made."""
 
 MOST = 4096
-"""Maximum number of instants kept for the comparison; of more only every second, fourth, ... is
-kept."""
+"""Maximum number of instants compared; of more only every second, fourth, ... is kept."""
 
 BETWEEN, FEW = 256, 32
 """Maximum number of instants compared in addition to the samples. The run itself is repeated at all
@@ -220,8 +219,7 @@ class SecondRun:
             return None
 
     def _by_coarser(self, limit: float) -> GlobalError | None:
-        """The difference from a coarser run, an upper bound of the error; None if it is above
-        BOUND."""
+        """The difference from a coarser run, a bound of the error; None if above BOUND."""
         other = _coarser(self._simulation, self._compiled)
         if other is None:
             return None
@@ -250,8 +248,7 @@ class SecondRun:
         return found
 
     def _by(self, other: SecondMotion, limit: float, *, whole: bool = False) -> GlobalError:
-        """The error of the run from another motion, up to the time that it reaches within the limit
-        [s].
+        """The error of the run from another motion, up to the time reached within the limit [s].
 
         whole: require the other motion to reach the end, and raise its errors. Raises
         WatchEndedError, and with `whole` SimulationError.
@@ -471,8 +468,7 @@ def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
 
 
 def _cut_between(compiled: Compiled, times: int) -> Compiled:
-    """The compiled scene with additional breakpoints, so that steps that end at one are shorter
-    too."""
+    """The compiled scene with additional breakpoints, so that steps up to one are shorter."""
     if not compiled.breakpoints:
         return compiled
     ends = np.array([0.0, *compiled.breakpoints])
