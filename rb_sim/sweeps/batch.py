@@ -124,7 +124,7 @@ class LaneRunner:
                 continue
             if compiled.laws is not family.laws or compiled.breakpoints or instants > MOST_NUMBERS:
                 continue
-            if compiled.absolute:  # lanes have one tolerance for all components
+            if compiled.absolute:  # lanes do not support tolerances of single bodies
                 continue
             self._layout = compiled.layout
             given = family.laws.inputs.values(compiled.system, 0.0)
