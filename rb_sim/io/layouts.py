@@ -73,7 +73,7 @@ class Shown(NamedTuple):
     states: tuple[tuple[str, str], ...]
     """title and topic of each point of contact."""
     joints: tuple[str, ...]
-    """joint names in joint_states."""
+    """names of the hinges in joint_states."""
     events: str | None
     center: tuple[float, float, float]
     size: float
