@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Recorded bags: what is in them, the run again, two of them beside each other."""
+"""Recorded bags: contents, analysis, re-simulation, and comparison of two motions."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""One motion on the times of another: interpolation, offset and drift between two clocks."""
+"""Alignment of two recorded motions: interpolation in time, clock offset and clock drift."""
 
 from __future__ import annotations
 
@@ -26,61 +26,61 @@ from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import angle_between, continuous, norms, turn_between, unit
 
 ALIGN = ("none", "first", "offset", "clock")
-"""Clocks as recorded; first stamps together; the offset that lays B best onto A;
-that and a drift."""
+"""Ways to align the clocks of A and B: as recorded; equal first stamps; estimated offset; estimated
+offset and drift."""
 MOST_DRIFT = 1e-4
-"""Largest drift of a clock that is estimated: quartz keeps to 1e-4. A wrong motion would else be
-laid onto the right one by bending its time."""
+"""Largest clock drift that is estimated: quartz is accurate to 1e-4. A larger limit would let a
+wrong motion be fitted by stretching its time."""
 BENT = 0.5
-"""Largest drift that is looked for to judge an estimated offset: motions that no clock lays onto
-each other want different offsets at their ends."""
+"""Largest drift allowed when an estimated offset is checked: two different motions need different
+offsets at their start and end."""
 SURE = 3.0
-"""Standard errors by which that drift must be beyond MOST_DRIFT to be one of the motions."""
+"""Standard errors by which that drift must exceed MOST_DRIFT to mean that the motions differ."""
 TOGETHER = 0.5
-"""Part of the shorter motion that lies within the other one for every offset that is tried."""
+"""Fraction of the shorter motion that must overlap with the other one at every offset tried."""
 FEW = 4
-"""Samples below which nothing can be laid beside another motion."""
+"""Minimum number of samples of a motion for interpolation."""
 SEARCHED = 2000
-"""Samples at most that the search for offset and drift looks at."""
+"""Maximum number of samples used in the search for offset and drift."""
 LEAST = 3
-"""Samples of a stretch, below which nothing is made up between them."""
+"""Minimum number of samples of a stretch (no gap, no restart) for interpolation between them."""
 FAST = 2.0
-"""[rad]: where a body turns by more between two samples, its attitude in between may be any."""
+"""[rad]: if a body turns by more between two samples, its attitude in between is unknown."""
 NEAR = 3.0
-"""Samples beside a jump that the second search for offset and drift leaves out."""
+"""Distance from a jump, in sample periods, within which the second search ignores samples."""
 
 NEXT = 5
-"""Order of the splines beside which those of order 3 are laid, to tell how good they are."""
+"""Order of the splines that are compared with cubic ones to estimate the interpolation error."""
 
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
 class Clocks(NamedTuple):
-    """t_B = t_A + offset + drift (t_A - start)."""
+    """Clock relation t_B = t_A + offset + drift (t_A - start); times in s."""
 
     offset: float = 0.0
     """[s]."""
     drift: float = 0.0
     start: float = 0.0
     drift_error: float = 0.0
-    """Standard error of the drift, 0 where none was estimated."""
+    """Standard error of the drift, 0 if no drift was estimated."""
     offset_error: float = 0.0
-    """Standard error of the offset [s], 0 where none was estimated."""
+    """Standard error of the offset [s], 0 if no offset was estimated."""
 
     def of(self, t: np.ndarray) -> np.ndarray:
-        """Times of A on the clock of B."""
+        """Times on A's clock converted to B's clock [s]."""
         return t + self.offset + self.drift * (t - self.start)
 
     @property
     def back(self) -> Clocks:
-        """From B to A."""
+        """The inverse relation, from B's clock to A's."""
         drift = 1.0 / (1.0 + self.drift) - 1.0
         return Clocks(-self.offset, drift, self.start + self.offset)
 
 
 class Interpolated:
-    """A track as a function of time: cubic splines, exact at the samples themselves, one for each
-    stretch without a gap in which the motion does not begin anew."""
+    """A track as a function of time: cubic splines, exact at the samples, one for each stretch
+    without a gap or restart."""
 
     def __init__(self, track: Track) -> None:
         if len(track.t) < FEW:
@@ -94,7 +94,7 @@ class Interpolated:
         self._count = np.array([part.stop - part.start for part in self._stretches])
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position (n, 3) and quaternion (n, 4) at times within the track."""
+        """Position (n, 3) and quaternion (n, 4) at n times within the track."""
         same = self.same(t)
         if same is not None:
             return self.track.position[same], self.q[same]
@@ -102,12 +102,12 @@ class Interpolated:
         return both[:, :3], unit(both[:, 3:])
 
     def doubt(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far position [m] and attitude [rad] may be off at these times, (n,) each.
+        """Estimated interpolation error of position [m] and attitude [rad], shape (n,) each.
 
-        By how much splines of the next order differ, which is the error where that order falls
-        off: below about 1.5 rad of turn, or 0.8 rad of an oscillation, between samples. Both pass
-        through zero, at other instants: it is the largest in the interval of the track and those
-        beside it, but at the samples, where nothing is interpolated.
+        Difference between cubic splines and those of order NEXT. It equals the error if higher
+        orders converge: below about 1.5 rad of turn, or 0.8 rad of an oscillation, between samples.
+        Difference and error vanish at different instants, so the maximum over the sample interval
+        and its two neighbours is taken; it is 0 at a sample.
         """
         if self.same(t) is not None:
             return np.zeros(len(t)), np.zeros(len(t))
@@ -118,7 +118,7 @@ class Interpolated:
         return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
     def doubt_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The same of `of`, the length of each three of its k components, shape (n, k // 3)."""
+        """Estimated error of `of`: norm of each 3 of the k columns, shape (n, k // 3)."""
         if self.same(t) is not None:
             return np.zeros((len(t), values.shape[1] // 3))
         other = self._along(self._curves(values, _next), values.shape[1], t)
@@ -126,7 +126,7 @@ class Interpolated:
         return np.stack([self._around(each, t) for each in np.linalg.norm(off, axis=2).T], axis=1)
 
     def _around(self, off: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The largest in the interval of each time, and in those beside it; that of a sample."""
+        """Maximum of `off` over the sample interval and its neighbours; at a sample its own."""
         after = np.searchsorted(self.track.t, t - WRITTEN_ROUNDING)
         most = np.zeros(len(self.track.t) + 3)
         np.maximum.at(most, after + 1, off)
@@ -134,7 +134,7 @@ class Interpolated:
         return np.where(self._own(t), off, near)
 
     def _own(self, t: np.ndarray) -> np.ndarray:
-        """Which times are those of samples."""
+        """Mask of the times that coincide with samples."""
         after = np.minimum(
             np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), len(self.track.t) - 1
         )
@@ -142,8 +142,10 @@ class Interpolated:
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """How far the body turns from each sample to the next [rad]: by its attitudes, and by its
-        spin where that is known, as whole turns do not show in attitudes; shape (n - 1,)."""
+        """Rotation between successive samples [rad], shape (n - 1,).
+
+        The larger of the change of attitude and, if known, the mean spin times the period, which
+        counts whole turns."""
         turn, w = angle_between(self.q[1:], self.q[:-1]), self.track.angular_velocity
         if w is None:
             return turn
@@ -151,29 +153,29 @@ class Interpolated:
         return np.maximum(turn, 0.5 * (speed[1:] + speed[:-1]) * np.diff(self.track.t))
 
     def _interval(self, t: np.ndarray) -> np.ndarray:
-        """The sample before each time."""
+        """Index of the last sample not after each time."""
         last = len(self.track.t) - 2
         return np.clip(np.searchsorted(self.track.t, t, side="right") - 1, 0, last)
 
     @cached_property
     def _pose(self) -> list[Curve]:
-        """Position and quaternion; a search for the clocks asks for them again and again."""
+        """Splines of position and quaternion, cached for the search of the clocks."""
         return self._curves(np.hstack([self.track.position, self.q]))
 
     def known(self, t: np.ndarray) -> np.ndarray:
-        """Which of the times lie within a stretch, or at a sample of one that is too short."""
+        """Mask of the times within a stretch of at least LEAST samples, or at a sample."""
         k = self._stretch(t)
         within = (t >= self._first[k] - WRITTEN_ROUNDING) & (t <= self._last[k] + WRITTEN_ROUNDING)
         return within & ((self._count[k] >= LEAST) | self._own(t))
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
-        """Indices of the samples at these times, if each is one."""
+        """Indices of the samples at these times; None unless every time is that of a sample."""
         k = np.clip(np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), 0, len(self.track.t) - 1)
         return k if np.all(np.abs(self.track.t[k] - t) <= WRITTEN_ROUNDING) else None
 
     def of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Values (m, k) on the track's times, at the times t; between two stretches, where they
-        are not known, the last of the one before."""
+        """Values (m, k) at the track's samples, interpolated at the times t; between two stretches
+        the last value before the gap."""
         same = self.same(t)
         if same is not None:
             return values[same]
@@ -182,7 +184,7 @@ class Interpolated:
     def _curves(
         self, values: np.ndarray, spline: Callable[..., Curve] = CubicSpline
     ) -> list[Curve]:
-        """The values as a function of time in each stretch."""
+        """One interpolating function of time for each stretch."""
         return [
             spline(self.track.t[part], values[part])
             if part.stop - part.start > 1
@@ -198,35 +200,35 @@ class Interpolated:
         return found
 
     def _stretch(self, t: np.ndarray) -> np.ndarray:
-        """The last stretch that has begun at each time."""
+        """Index of the last stretch that starts at or before each time."""
         k = np.searchsorted(self._first, t + WRITTEN_ROUNDING, side="right") - 1
         return np.maximum(k, 0)
 
 
 def _next(t: np.ndarray, values: np.ndarray) -> Curve:
-    """A spline of order NEXT; straight lines where that takes more samples than there are."""
+    """Spline of order NEXT; linear if there are too few samples."""
     return make_interp_spline(t, values, k=NEXT if len(t) > NEXT else 1)
 
 
 def _standing(values: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """The one sample of a stretch at all times."""
+    """Constant function of time: the only sample of a stretch."""
     return np.repeat(values, len(t), axis=0)
 
 
 def stretches(track: Track) -> list[slice]:
-    """The samples between gaps and beginnings anew."""
+    """Slices of samples without a gap or restart in between."""
     edges = sorted({0, *track.anew, *after_gaps(track.t).tolist(), len(track.t)})
     return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
 
 def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:
-    """Which samples of A lie within B."""
+    """Mask of the samples of A that lie within the time span of B."""
     t = clocks.of(a.t)
     return (t >= b.t[0] - WRITTEN_ROUNDING) & (t <= b.t[-1] + WRITTEN_ROUNDING)
 
 
 def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
-    """The clocks of a mode of ALIGN. Raises RbSimError for another one."""
+    """Clock relation for a mode of ALIGN. Raises RbSimError for an unknown mode."""
     if mode == "none":
         return Clocks()
     if mode == "first":
@@ -237,8 +239,11 @@ def clocks_for(mode: str, a: Track, b: Track) -> Clocks:
 
 
 def wanted_at_ends(a: Track, b: Track) -> list[Clocks]:
-    """The offsets that lay B onto A at the first and at the last instant of A, if they differ by
-    more than clocks do: then the motions differ, and an offset between the two hides how much."""
+    """Best offsets at the first and the last instant of A, if they differ by more than clocks
+    drift.
+
+    Else an empty list. If they do, the motions differ, and one mean offset would hide by how much.
+    """
     bent = estimated(a, b, BENT)
     if not abs(bent.drift) > MOST_DRIFT + SURE * bent.drift_error:
         return []
@@ -247,15 +252,14 @@ def wanted_at_ends(a: Track, b: Track) -> list[Clocks]:
 
 
 def estimated(a: Track, b: Track, most_drift: float = 0.0) -> Clocks:
-    """The offset that lays B best onto A, and the drift, at most `most_drift`: position by its
-    spread, attitude in radians.
+    """Least-squares clock offset, and drift up to `most_drift`, between A and B.
 
-    Where the motion repeats itself or stands still they are not determined; the least ones that
-    the search finds are given.
+    The residuals are positions relative to A's extent and attitudes in rad. A periodic or resting
+    motion does not determine them; the result is then the best local minimum found.
     """
     shift = float(b.t[0] - a.t[0])
     stride = max(1, len(a.t) // SEARCHED)
-    # times from the start of each: at 1.7e9 s a float tells no less than a quarter of a microsecond
+    # times from the start of each: at 1.7e9 s a double resolves only 0.24 microseconds
     t, p, q = (a.t - a.t[0])[::stride], a.position[::stride], a.orientation[::stride]
     own = b.t - b.t[0]
     other = Interpolated(Track(own, b.position, b.orientation, anew=b.anew))
@@ -283,13 +287,13 @@ def estimated(a: Track, b: Track, most_drift: float = 0.0) -> Clocks:
 
     tries = [-shift] if overlap(a, b, Clocks()).mean() > TOGETHER else []
     tries += [_lag(a, b), 0.0]
-    # where a search along the clock ends depends on where it begins: the best of all
+    # the search finds local minima: take the best of several starts
     starts = [np.array([min(max(x, low), high), 0.0][: len(scales)]) for x in tries]
     best = min(map(searched, starts), key=lambda result: result.cost)
     x = best.x
     slower = 1.0 + (x[1] if drifts else 0.0)
     jumps = np.concatenate([_begun(a) - a.t[0], (_begun(b) - b.t[0] - x[0]) / slower])
-    if len(jumps):  # beside a jump the misfit jumps with the clock: once more, without
+    if len(jumps):  # the misfit is discontinuous at a jump: repeat without samples near it
         near = NEAR * max(float(np.median(np.diff(t))), float(np.median(np.diff(own))))
         used = np.abs(t[:, None] - jumps).min(axis=1) > near
         best = searched(x)
@@ -300,7 +304,7 @@ def estimated(a: Track, b: Track, most_drift: float = 0.0) -> Clocks:
 
 
 def _standard_errors(found: OptimizeResult) -> list[float]:
-    """Of the numbers of a least-squares fit; infinite where they are not determined."""
+    """Standard errors of least-squares parameters; infinite if they are not determined."""
     freedom = max(1, len(found.fun) - len(found.x))
     normal = found.jac.T @ found.jac
     try:
@@ -311,7 +315,7 @@ def _standard_errors(found: OptimizeResult) -> list[float]:
 
 
 def moved(track: Track, within: np.ndarray) -> float:
-    """Part of the way of a motion, or of its turn if it has none, that lies `within`."""
+    """Fraction of a motion's path length (or rotation, if it stays in place) within the mask."""
     for steps in (
         np.linalg.norm(np.diff(track.position, axis=0), axis=1),
         angle_between(track.orientation[1:], track.orientation[:-1]),
@@ -322,14 +326,13 @@ def moved(track: Track, within: np.ndarray) -> float:
 
 
 def _begun(track: Track) -> np.ndarray:
-    """Times of the first samples after a gap or of a motion that begins anew [s]."""
+    """Times of the first samples after a gap or restart [s]."""
     return track.t[[part.start for part in stretches(track)[1:]]]
 
 
 def _lag(a: Track, b: Track) -> float:
-    """The offset, each from its start, at which the speeds are most alike (correlation's peak).
-
-    Where one is a single sample they start together.
+    """Offset between the two starts that maximises the correlation of the speeds [s]; 0 if a track
+    has only one sample.
     """
     if min(len(a.t), len(b.t)) < 2:
         return 0.0
@@ -341,10 +344,10 @@ def _lag(a: Track, b: Track) -> float:
 
 
 def _activity(track: Track, step: float) -> np.ndarray:
-    """Speed plus rate of turning on a grid, about its mean."""
+    """Normalised speed plus angular speed on a uniform time grid, mean removed."""
     grid = np.arange(track.t[0], track.t[-1], step)
     dt = np.diff(track.t)
-    dt[[part.start - 1 for part in stretches(track)[1:]]] = np.inf  # a jump is no speed
+    dt[[part.start - 1 for part in stretches(track)[1:]]] = np.inf  # no speed across a jump
     speed = np.linalg.norm(np.diff(track.position, axis=0), axis=1) / dt
     speed = speed / max(float(speed.max()), 1e-12)
     turning = angle_between(track.orientation[1:], track.orientation[:-1]) / dt

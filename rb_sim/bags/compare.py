@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Two motions beside each other: how far apart they are, since when, and how fast they part."""
+"""Comparison of two motions: differences, time of divergence, and growth rate."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from rb_sim.bags.alignment import (
 from rb_sim.bags.tracks import Track, Tracks, Wrenches, floors
 from rb_sim.base.errors import RbSimError
 
-# Whether one of two motions is in other units than metres: where it is the other one, enlarged.
+# Detects a motion that is not in metres: it is a scaled copy of the other one.
 
 
 ENLARGEMENTS = {100.0: "cm", 1000.0: "mm"}
 NEAR = 0.1
-"""Of the larger motion: what the smaller one, enlarged, leaves of it at most (RMS)."""
+"""Maximum RMS residual, relative to the larger motion, after scaling the smaller one."""
 
 
 def unit_note(a: np.ndarray, b: np.ndarray) -> str:
-    """A line where positions b are those of a a hundred or a thousand times, or the other way
-    round, each about its mean; shapes (n, 3). Else ""."""
+    """A line if positions b are 100 or 1000 times positions a (or the reverse), about their means;
+    else "". Shapes (n, 3)."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     for (one, small), (two, large) in ((("A", a), ("B", b)), (("B", b), ("A", a))):
         size = np.linalg.norm(large)
@@ -55,55 +55,54 @@ def unit_note(a: np.ndarray, b: np.ndarray) -> str:
 UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
          "force": "N", "torque": "N m"}  # fmt: skip
 DIVERGED = 1e-3
-"""Of the size of a quantity: where no bound is given, more than this is a divergence, unless it is
-less than rounding makes (see `floors`)."""
+"""Relative difference that counts as divergence without a bound, if above rounding (`floors`)."""
 CALENDAR = 1e6
-"""[s]."""
+"""[s]: start times beyond it count from an epoch."""
 DOUBTFUL = 0.1
-"""Part of a difference above which a note says that interpolation may cause it."""
+"""Fraction of a difference that interpolation may cause before a note says so."""
 SURELY = 1.5
-"""Times what interpolation may have made, beyond which a difference is one of the motions: the
-estimate is short by a third at 2 rad between samples."""
+"""Safety factor on the interpolation error, which is a third too low at 2 rad per sample."""
 GROWING = 10
-"""Samples at least that a growth rate is taken from."""
+"""Minimum number of samples for a growth rate."""
 
 
 @dataclass
 class Differences:
-    """What differs between A and B, on the times of A."""
+    """Differences between A and B at the times of A."""
 
     clocks: Clocks
-    """the offset and drift that were applied."""
+    """the offset and drift applied."""
     align: str
-    """how they were found, one of ALIGN."""
+    """how they were found: one of ALIGN."""
     t: dict[str, np.ndarray]
-    """times of each body or reaction."""
+    """times of each body or reaction [s], on A's clock."""
     series: dict[str, dict[str, np.ndarray]]
-    """by body or reaction, by quantity as in UNITS: size of the difference at each time."""
+    """by body or reaction, by quantity as in UNITS: magnitude of the difference at each time."""
     scales: dict[str, dict[str, float]]
-    """largest value of the quantity itself in A."""
+    """largest magnitude of the quantity in A."""
     floors: dict[str, float]
-    """by quantity: what is below is rounding."""
+    """by quantity: differences below are rounding."""
     pairs: dict[str, str]
     """name in A: name in B."""
     left_out: dict[str, int] = field(default_factory=dict)
-    """by body or reaction: instants of A between the ends of B at which nothing is known of B."""
+    """by body or reaction: number of instants of A at which B has a gap."""
     doubts: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
-    """as `series`: what interpolation of B between its samples may have made of it."""
+    """as `series`: estimated interpolation error of B."""
     units: dict[str, str] = field(default_factory=dict)
-    """by body: a line where one of both is in other units, as it seems."""
+    """by body: a line if A or B seems to be in other units than metres."""
     unaligned: tuple[Differences, ...] = ()
-    """with the offsets that the motions want at their ends, if an offset was estimated and these
-    differ by more than clocks do: no bound is passed by an offset in between."""
+    """the differences with the best offsets at either end, if an offset was estimated and these
+    differ by more than clocks drift: a bound must hold with them too."""
     shared: float = 1.0
-    """part of the way of the motion of which more is compared, if an offset was estimated."""
+    """fraction of the motion (the larger of A's and B's) that overlaps after an estimated
+    offset."""
 
     guessed: tuple[str, ...] = ()
-    """bodies of a scene that were compared with one of another name, since each scene has one."""
+    """bodies of a scene compared with one of another name, because each side has only one."""
 
     @property
     def notes(self) -> list[str]:
-        """What was not compared, or is not known well."""
+        """Lines on what was not compared, or is uncertain."""
         lines = [
             f"{name}: compared with {self.pairs[name]}, the only body of B; if that is another "
             "body, B is the wrong recording or scene"
@@ -131,14 +130,14 @@ class Differences:
         return lines
 
     def _matters(self, name: str, quantity: str) -> float:
-        """Difference above which a note names interpolation as its cause."""
+        """Interpolation error above which a note names it."""
         largest = float(self.series[name][quantity].max())
         return max(DOUBTFUL * largest, DIVERGED * self.scales[name][quantity])
 
     @property
     def start(self) -> float:
-        """From where times are shown [s]: 0, or the first one where it is of a calendar, of which
-        a few digits do not tell samples apart."""
+        """Origin of displayed times [s]: 0, or the first time if it counts from an epoch, whose
+        leading digits would hide the differences between samples."""
         first = min(float(t[0]) for t in self.t.values())
         return first if abs(first) > CALENDAR else 0.0
 
@@ -146,9 +145,10 @@ class Differences:
 def differences(
     a: Tracks, b: Tracks, *, align: str | None = None, match: Mapping[str, str] | None = None
 ) -> Differences:
-    """Lay B beside A. align: one of ALIGN; None: "none" if the times overlap, else "offset".
+    """Compare B with A.
 
-    match: name in A to name in B. Raises RbSimError where no body or no time is in both.
+    align: one of ALIGN; None: "none" if the times overlap, else "offset". match: name in A to name
+    in B. Raises RbSimError if they have no body or no time in common.
     """
     pairs = _pairs(a, b, dict(match or {}))
     first, second = next(iter(pairs.items()))
@@ -157,7 +157,7 @@ def differences(
         align = "none" if together else "offset"
     clocks = clocks_for(align, a.bodies[first], b.bodies[second])
     result = _with_clocks(a, b, clocks, align, pairs)
-    if not match and a.length and b.length:  # scenes name bodies; a recording may name anything
+    if not match and a.length and b.length:  # between scenes; names in recordings are arbitrary
         result.guessed = tuple(name for name, other in pairs.items() if name != other)
     if align in ("offset", "clock"):
         one, two = a.bodies[first], b.bodies[second]
@@ -201,8 +201,8 @@ def _pairs(a: Tracks, b: Tracks, match: dict[str, str]) -> dict[str, str]:
 
 
 def _named(a: Tracks, b: Tracks) -> dict[str, str]:
-    """Name in A to name in B where the one is the body that the other's topic or frame names, or
-    each has one body."""
+    """Name in A to name in B, by the body that the other side's topic or frame names, or if each
+    has only one body."""
     pairs = {name: body for body, name in a.pairs_for(b.bodies)[0].items()}
     return pairs or b.pairs_for(a.bodies)[0]
 
@@ -236,8 +236,7 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
 
 
 def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
-    """At which samples of A something is known of B; those between its ends where nothing is are
-    counted."""
+    """Mask of the samples of A at which B is known; counts the other ones within B's time span."""
     within = overlap(a, b.track, result.clocks)
     known = within & b.known(result.clocks.of(a.t))
     if lost := int(within.sum() - known.sum()):
@@ -270,9 +269,9 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
 
 
 def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """RMS, largest, first divergence and growth of each difference; plain data.
+    """RMS, maximum, first divergence and growth of each difference, as plain data.
 
-    bounds: largest difference allowed, by quantity; `exceeded` lists those that are larger.
+    bounds: largest allowed difference, by quantity; `exceeded` lists violations.
     """
     given = dict(bounds or {})
     table: dict[str, Any] = {}
@@ -317,17 +316,17 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
 
 
 def shown_offset(offset: float) -> str:
-    """An offset of clocks in words, to a microsecond if it is that of a calendar."""
+    """A clock offset as text, to a microsecond if it contains an epoch."""
     return f"{offset:.6f} s" if abs(offset) > CALENDAR else f"{offset:.6g} s"
 
 
 def _largest(found: Differences, name: str, quantity: str) -> float:
-    """The largest difference; 0 where there is no instant in both."""
+    """Largest difference; 0 if A and B have no instant in common."""
     return float(found.series.get(name, {}).get(quantity, np.zeros(1)).max())
 
 
 def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:
-    """What of the largest difference interpolation may have made, if it is worth a word."""
+    """Text with the share of interpolation in the largest difference; "" if negligible."""
     made = float(doubt[int(np.argmax(values))])
     return (
         f" (of which interpolation up to {made:.2g} {unit})"
@@ -355,16 +354,15 @@ def _figures(
 
 
 def _of_motions(values: np.ndarray, sure: np.ndarray, floor: float) -> bool:
-    """Whether what is more than rounding is mostly more than interpolation makes, too; where the
-    latter passes through zero, so does its estimate, but not at the same instant."""
+    """Whether most differences above rounding also exceed the interpolation error."""
     return bool(2 * np.count_nonzero(sure[values > floor] > 0.0) > np.count_nonzero(values > floor))
 
 
 def growth_rate(t: np.ndarray, values: np.ndarray) -> float | None:
-    """Rate of exponential growth [1/s] of a difference until it is as large as it gets.
+    """Exponential growth rate [1/s] of a difference, until it saturates.
 
-    The slope of its logarithm between ten times the least and a tenth of the largest difference;
-    None where fewer than GROWING samples lie there.
+    Slope of its logarithm between ten times the least and a tenth of the largest difference; None
+    if fewer than GROWING samples lie in that range.
     """
     positive = values[values > 0]
     if not len(positive):

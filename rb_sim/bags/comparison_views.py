@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Pictures of two motions: one over the other with their differences, and as a Rerun recording."""
+"""Plots of two motions and their differences, as a picture and as a Rerun recording."""
 
 from __future__ import annotations
 
@@ -32,42 +32,42 @@ from rb_sim.io.panels import LEAST_DRAWN
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
 
-# Two motions over time, one laid over the other, and their differences, as a picture.
+# Picture: two motions over time in the same panels, with their differences below.
 
 
 CURVE_POINTS = 4000
 MOST_BODIES = 3
-"""Laid over each other in the picture: those that differ most."""
+"""Maximum number of bodies whose motion is plotted: those that differ most."""
 
 
 FLIP = 90.0
-"""[degrees]: by more no angle changes between samples; roll and yaw jump where the pitch is 90."""
+"""[degrees]: larger steps between samples break the curve; roll and yaw jump at a pitch of 90."""
 
 WRAP = 130
-"""Characters in a line of the title."""
+"""Characters per line of the title."""
 
 
 class Overlaid(NamedTuple):
-    """A panel with a component of A and of B."""
+    """A panel with one component of A and of B."""
 
     label: str
     a: tuple[np.ndarray, np.ndarray]
-    """times and values, with a NaN where the curve is broken."""
+    """times and values, with a NaN at each break of the curve."""
     b: tuple[np.ndarray, np.ndarray]
     size: float
-    """by which its change counts as motion."""
+    """reference magnitude for `moves`."""
 
     @property
     def moves(self) -> bool:
-        """Whether A or B is seen to move in it."""
+        """Whether A or B visibly changes in this panel."""
         return any(
             np.nanmax(y) - np.nanmin(y) > NEGLIGIBLE * self.size for _, y in (self.a, self.b)
         )
 
 
 def picture(found: Differences, a: Tracks, b: Tracks, path: Path) -> None:
-    """Write A and B over each other (x, y, z; roll, pitch, yaw) and below, on logarithmic axes, the
-    sizes of their differences. Curves end at gaps, and where a motion begins anew."""
+    """Write a picture of A and B (x, y, z; roll, pitch, yaw), with the magnitudes of their
+    differences on logarithmic axes below. Curves are broken at gaps and restarts."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -120,7 +120,7 @@ def picture(found: Differences, a: Tracks, b: Tracks, path: Path) -> None:
 
 
 def _worst_bodies(found: Differences) -> list[str]:
-    """The bodies that differ most, at most MOST_BODIES, in the order of A."""
+    """The MOST_BODIES bodies that differ most, in the order of A."""
     bodies = [name for name in found.pairs if name in found.t]
 
     def most(name: str) -> float:
@@ -133,7 +133,7 @@ def _worst_bodies(found: Differences) -> list[str]:
 
 
 def _overlaid(found: Differences, a: Track, b: Track) -> list[Overlaid]:
-    """Panels of the positions and then of the angles that move; x if nothing does."""
+    """Panels of the positions and angles that move; only x if none does."""
     shift, clock = found.start, _on_clock(b, found).t
     p_a, p_b = (_lines(t - shift, track.position, track) for t, track in ((a.t, a), (clock, b)))
     first = attitude_angles(a)
@@ -152,20 +152,20 @@ def _overlaid(found: Differences, a: Track, b: Track) -> list[Overlaid]:
 def _lines(
     t: np.ndarray, values: np.ndarray, track: Track, most: float = np.inf
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Each column over time, broken at gaps, where the motion begins anew, at leaps by `most`."""
+    """Each column over time, broken at gaps, restarts, and jumps larger than `most`."""
     begins = [part.start for part in stretches(track)[1:]]
     return [_curve(t, column, begins, most) for column in values.T]
 
 
 def broken(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The curve, thinned, with a NaN in each interval that is LONG."""
+    """The curve, thinned, with a NaN in each LONG interval."""
     return _curve(t, values, after_gaps(t))
 
 
 def _curve(
     t: np.ndarray, values: np.ndarray, begins: Any, most: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The curve, thinned, with a NaN before the samples `begins` and at leaps by `most`."""
+    """The curve, thinned, with a NaN before samples `begins` and at jumps above `most`."""
     new = np.zeros(len(t), bool)
     new[begins] = True
     kept = new.copy()
@@ -178,8 +178,8 @@ def _curve(
 def attitude_angles(track: Track, near: np.ndarray | None = None) -> np.ndarray:
     """Roll, pitch and yaw [degrees], shape (n, 3).
 
-    Of both triples of an attitude, and of whole turns, that is taken which is nearest to `near`;
-    without, to the sample before.
+    Of the two equivalent triples, and of whole turns, the one nearest to `near` is chosen; without
+    it, nearest to the preceding sample.
     """
     angles = roll_pitch_yaw(track.orientation)
     if near is None:
@@ -191,7 +191,7 @@ def attitude_angles(track: Track, near: np.ndarray | None = None) -> np.ndarray:
 
 
 def _apart(found: Differences) -> tuple[list[str], list[str]]:
-    """The quantities whose differences have a panel, and what is to be said of the others."""
+    """Quantities whose differences are plotted, and captions for those equal to rounding."""
     drawn, same = [], []
     for quantity in UNITS:
         sizes = [s[quantity].max() for s in found.series.values() if quantity in s]
@@ -206,7 +206,7 @@ def _apart(found: Differences) -> tuple[list[str], list[str]]:
 
 
 def _open(axis: Any, label: str) -> Any:
-    """An axis that is in use."""
+    """Activate an axis and give it a label."""
     axis.set_axis_on()
     axis.set_ylabel(label, fontsize=9)
     axis.tick_params(which="both", labelsize=8)
@@ -217,13 +217,13 @@ def _open(axis: Any, label: str) -> Any:
 
 
 def _lowest(grid: np.ndarray) -> list[Any]:
-    """The lowest axis of each column that is in use."""
+    """The lowest used axis of each column."""
     used = [[axis for axis in column if axis.axison] for column in grid.T]
     return [column[-1] for column in used if column]
 
 
 def _shade_rounding(axis: Any, floor: float) -> bool:
-    """Grey below the floor, if it is in view: what lies there is the same motion."""
+    """Shade the range below the rounding floor grey; returns whether it is in view."""
     low, high = axis.get_ylim()
     axis.set_ylim(low, high)
     if not 0.0 < floor or low >= floor:
@@ -233,26 +233,26 @@ def _shade_rounding(axis: Any, floor: float) -> bool:
 
 
 def _above_floor(values: np.ndarray) -> np.ndarray:
-    """The values; NaN, thus a hole, for those too small to draw, but a line there if all are."""
+    """The values with NaN (a break) for those too small to plot; a flat line if all are."""
     hole = LEAST_DRAWN if (values <= LEAST_DRAWN).all() else np.nan
     return np.where(values > LEAST_DRAWN, values, hole)
 
 
-# Motions as frames and trails in a Rerun recording: those of a bag of somebody else, or two beside
-# each other, A in blue, B in orange, on the clock of A.
+# Rerun recordings with frames and trails: of a foreign bag, or of two motions on A's clock, A in
+# blue, B in orange.
 
 
 TIMELINE = "sim_time"
 TRAIL_POINTS = 20_000
-"""Of a trail."""
+"""Maximum number of points of a trail."""
 FRAME = 0.2
-"""Length of the axes of a frame, in sizes of the motion."""
+"""Length of a frame's axes, relative to the extent of the motion."""
 EYE = np.array([0.9, -1.35, 0.85])
-"""From the middle of the motion to the eye, in sizes of the motion."""
+"""Vector from the middle of the motion to the camera, relative to its extent."""
 
 
 def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
-    """Write FILE.rrd: frames and trails of both, and the differences as plots.
+    """Write FILE.rrd with frames and trails of both motions, and plots of their differences.
 
     Raises MissingExtraError without rerun-sdk.
     """
@@ -265,13 +265,13 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
         if name not in found.t:
             continue
         on_clock = _on_clock(b.bodies[other], found)
-        # axes of unequal length: neither hides the other
+        # axes of different length, so that neither hides the other
         _motion(rr, recording, f"world/A/{name}", a.bodies[name], rgb(MOTIONS["A"]), 0.25 * size)
         _motion(rr, recording, f"world/B/{name}", on_clock, rgb(MOTIONS["B"]), 0.2 * size)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
-            if values.max() <= found.floors[quantity]:  # else an axis of the noise
+            if values.max() <= found.floors[quantity]:  # the axis would scale to the noise
                 entity, values = f"{entity}_rounding", np.zeros(len(values))
             times = rr.TimeColumn(TIMELINE, duration=found.t[name])
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
@@ -284,11 +284,11 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
 
 
 def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float:
-    """Write FILE.rrd: frames and trails of the poses in a bag, and all numbers as plots; its span
-    [s]. motion_only: lay out nothing but the 3D view.
+    """Write FILE.rrd with frames and trails of the poses in a bag, and plots of all values; returns
+    its time span [s].
 
-    Of frames in a tree of transforms those in its root, without those that static ones hold.
-    Raises MissingExtraError without rerun-sdk.
+    motion_only: show only the 3D view. Frames of a tree of transforms are drawn in its root,
+    without static ones. Raises MissingExtraError without rerun-sdk.
     """
     rr, rrb = _rerun("a recording for Rerun")
     recording = rr.RecordingStream("rb_sim")
@@ -333,7 +333,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
 
 
 def drawn(tracks: Tracks) -> list[str]:
-    """The poses that are drawn, all in one world: those of frames that do not stand in another."""
+    """Names of the poses to draw, all in one world: none relative to a moving frame."""
     outer = [name for name in tracks.bodies if name not in tracks.composed]
     return [name for name in outer if not is_static(name)] or outer
 
@@ -367,14 +367,14 @@ def _end(recording: Any, rrb: Any, layout: Any) -> None:
 
 
 def _extent(tracks: Iterable[Track]) -> tuple[np.ndarray, float]:
-    """Middle and size [m] of motions; at least 0.1 m, for bodies that only turn."""
+    """Middle and extent [m] of motions; at least 0.1 m, for bodies that only rotate."""
     places = np.concatenate([track.position for track in tracks])
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     return (low + high) / 2.0, max(float((high - low).max()), 0.1)
 
 
 def _on_clock(track: Track, found: Differences) -> Track:
-    """The track with its times on the clock of A."""
+    """The track with its times on A's clock."""
     clocks = found.clocks
     t = clocks.start + (track.t - clocks.offset - clocks.start) / (1.0 + clocks.drift)
     return Track(t, track.position, Interpolated(track).q, anew=track.anew)

@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What is in a bag: its run, its topics with their rates, and whether it is whole.
+"""Contents of a bag: its run, its topics with their rates, and damage.
 
-Times of a stream of messages (order, rates, gaps, clock jumps) are counted in bounded memory.
+Rates, gaps and clock jumps of message times are computed in bounded memory.
 """
 
 from __future__ import annotations
@@ -37,57 +37,57 @@ from rb_sim.scene import yaml_reader
 
 
 def forward(t: Array) -> NDArray[np.bool_]:
-    """Which times are later than all before them; a reset or a clock set back leaves out some."""
+    """Mask of the times later than all before them (False e.g. after a reset)."""
     return np.concatenate([[True], t[1:] > np.maximum.accumulate(t)[:-1]]) if len(t) else t > 0
 
 
 def joined(times: Iterable[Array], rows: Iterable[Array]) -> tuple[Array, Array]:
-    """Parts in a row, without the readings whose time goes back."""
+    """Concatenated times and rows, without the readings whose time goes back."""
     t = np.concatenate(list(times))
     kept = forward(t)
     return t[kept], np.concatenate(list(rows))[kept]
 
 
 def linear(t: Array, times: Array, rows: Array, outside: float | None = None) -> Array:
-    """Rows (m, k) at the times t, linear in between; outside: what holds before and after."""
+    """Rows (m, k) interpolated at times t; outside: value beyond the ends, None: the nearest."""
     columns = [np.interp(t, times, column, left=outside, right=outside) for column in rows.T]
     return np.stack(columns, axis=1)
 
 
-# Rates and gaps of a stream of times, in bounded memory.
+# Rates and gaps of a stream of times.
 
 
 FIRST = 4096
-"""Intervals whose median tells which others are gaps; the rate is the mean of the rest."""
+"""Number of intervals whose median is the period by which gaps are judged."""
 LOST = 1.5
-"""An interval longer than this many periods lacks a message."""
+"""An interval longer than this many periods means a lost message."""
 GAP = 2.5
-"""An interval longer than this many periods is a gap: more than one message lacks."""
+"""An interval longer than this many periods is a gap: several messages are missing."""
 LONG = 10.0
-"""An interval of more periods says nothing of the motion in it."""
+"""An interval longer than this many periods is not interpolated."""
 KEPT = 20
-"""Gaps that are kept one by one."""
+"""Maximum number of gaps listed individually."""
 
 
 def after_gaps(t: Array) -> NDArray[np.intp]:
-    """Which times come after an interval that is LONG."""
+    """Indices of the times that follow a LONG interval."""
     steps = np.diff(t)
     return 1 + np.flatnonzero(steps > LONG * np.median(steps) if len(steps) else steps)
 
 
 class Rates:
-    """Counts, rate, jitter and gaps of times [s] that come in pieces."""
+    """Count, rate, jitter and gaps of times [s] that arrive in pieces."""
 
     def __init__(self) -> None:
         self.count = 0
         self.first = self.last = np.nan
         self.longest = 0.0
         self.backwards = 0
-        """times that are before the one before them."""
+        """number of times earlier than the one before."""
         self.gaps: list[tuple[float, float]] = []
         self.gap_count = 0
         self.lost = 0
-        """single messages that lack."""
+        """number of single missing messages."""
         self._sum = self._squares = 0.0
         self._regular = 0
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
@@ -95,7 +95,7 @@ class Rates:
         self._period: float | None = None
 
     def add(self, t: np.ndarray) -> None:
-        """The next times [s], in the order of the stream."""
+        """Append times [s], in the order of the stream."""
         if not len(t):
             return
         steps = np.diff(t, prepend=self.last) if self.count else np.diff(t)
@@ -156,33 +156,32 @@ class Rates:
         }
 
 
-# One growing time for readings whose stamps go back: a clock that was set, a looped bag.
+# A monotonic time for readings whose stamps go back: a clock that was set, a looped bag.
 
 
 APART = 1000.0
-"""Between the stretches before and after a jump on the growing time [s]; sources may reach the
+"""Gap between the stretches before and after a jump on the growing time [s]; sources may reach the
 jump at instants that differ by less."""
 
 
 class _Jump(NamedTuple):
-    """The time of all sources goes back."""
+    """A step back in the time of all sources."""
 
     source: str
-    """the one that showed it first."""
+    """the source that showed it first."""
     old: float
     new: float
-    """its last stamp before and its first one after [s]."""
+    """last stamp before and first stamp after the jump [s]."""
     offset: float
-    """growing time less stamp from here on [s]."""
+    """growing time minus stamp after the jump [s]."""
     border: float
-    """on the growing time [s]; what comes later is after the jump."""
+    """growing time [s] beyond which a reading is after the jump."""
 
 
 class GrowingTime:
-    """Turns the stamps of several sources into one time that never goes back.
+    """Maps the stamps of several sources to one time that never decreases.
 
-    The n-th jump back of every source is the same jump. What is joined across no gap is not joined
-    across a jump either, as APART lies between.
+    The n-th jump back of each source is taken as the same jump. APART makes every jump a gap.
     """
 
     def __init__(self) -> None:
@@ -191,7 +190,7 @@ class GrowingTime:
         self._latest: dict[str, float] = {}
 
     def jump(self, source: str, old: float, new: float) -> None:
-        """The stamps of a source go back from `old` to `new` [s]."""
+        """Register that the stamps of a source go back from `old` to `new` [s]."""
         count = self._count[source] = self._count.get(source, 0) + 1
         if count > len(self._jumps):
             before = self._offset(count - 1)
@@ -199,11 +198,11 @@ class GrowingTime:
             self._jumps.append(_Jump(source, old, new, offset, old + before + 0.5 * APART))
 
     def of(self, source: str, t: Array) -> Array:
-        """The growing time of stamps of a source, all after its last jump."""
+        """Growing time of stamps of a source, all after its last jump."""
         return t + self._offset(self._count.get(source, 0))
 
     def found(self, source: str, t: Array, late: float) -> Array:
-        """As `of`, where the jumps are to be found: steps back by more than `late` [s]."""
+        """Like `of`, but detects the jumps: steps back by more than `late` [s]."""
         parts, latest = [], self._latest.get(source, -np.inf)
         while len(t):
             highest = np.maximum.accumulate(np.append(latest, t))
@@ -217,12 +216,12 @@ class GrowingTime:
         return np.concatenate(parts) if parts else t
 
     def stamps(self, t: Array) -> Array:
-        """The stamps of instants of the growing time."""
+        """Stamps that correspond to growing times t."""
         count = np.searchsorted([jump.border for jump in self._jumps], t, side="right")
         return t - np.array([0.0, *(jump.offset for jump in self._jumps)])[count]
 
     def notes(self) -> list[str]:
-        """A line for each jump, the first few of them."""
+        """A line for each of the first few jumps."""
         lines = [
             f"{jump.source}: time goes back from {jump.old:.6g} s to {jump.new:.6g} s: the balance "
             "starts again there"
@@ -237,19 +236,19 @@ class GrowingTime:
 
 NANO = 1e-9
 MOST_RESETS = 1000
-"""Resets whose times are kept."""
+"""Maximum number of resets whose times are kept."""
 
 
 def info(bag: Path) -> dict[str, Any]:
-    """Read all of a bag, ours or anybody's, and say what is in it; plain data.
+    """Contents of any bag, as plain data; reads the whole bag.
 
-    Raises SinkError for what is no bag.
+    Raises SinkError if it is not a bag.
     """
     return _Info(bag_paths(Path(bag))).read() | {"notes": unlisted(Path(bag))}
 
 
 class _Info:
-    """What is gathered while the files are read."""
+    """Collects the contents while the files are read."""
 
     def __init__(self, paths: list[Path]) -> None:
         self.paths = paths
@@ -264,7 +263,7 @@ class _Info:
         self.library = self.profile = ""
         self.start: int | None = None
         self.first, self.last = np.inf, -np.inf
-        """least and largest log time, from `start` [s]: files of others may come in any order."""
+        """least and largest log time, relative to `start` [s]: files may come in any order."""
 
     def read(self) -> dict[str, Any]:
         for path in self.paths:
@@ -286,7 +285,7 @@ class _Info:
         }
         recorded = recorded or converted
         run = None if recorded is None else run_of(recorded, summary, self.damage)
-        # what converts a bag keeps its messages, and with them no summary
+        # converters keep only messages, and thus no summary
         ended = run is None or run["summarised"] or converted is not None
         return {
             "path": str(self.paths[0]),
@@ -333,7 +332,7 @@ class _Info:
             self.library, self.profile = scan.header.library, scan.header.profile
 
     def _add(self, scan: Scan, topic: str, parts: list[Messages]) -> None:
-        """The messages of a topic, which may lie in several channels, in the order of the file."""
+        """Add the messages of a topic, which may have several channels, in file order."""
         if self.start is None:
             self.start = scan.missing.start or 0
         times = np.concatenate([messages.log_time for messages in parts])
@@ -354,7 +353,7 @@ class _Info:
 
 
 def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:
-    """What the record of a bag of rb_sim says, and its summary; None if it is damaged."""
+    """Metadata record and summary of an rb_sim bag as plain data; None if it is damaged."""
     if record.get("sha256", checksum(record)) != checksum(record):
         damage.append("the record of the simulation is damaged (wrong checksum)")
         return None
@@ -377,7 +376,9 @@ def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str,
 
 
 def parts_of(scene: str, name: str) -> dict[str, Any]:
-    """Kinds of the bodies, constraints and effects in the text of a scene, by their names."""
+    """Types of the bodies, constraints and effects in the text of a scene, by name.
+
+    Raises SinkError if the text cannot be parsed."""
     try:
         data = yaml_reader.parse(scene, name)
     except SceneError as error:

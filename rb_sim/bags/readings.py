@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The readings in any ROS 2 bag: poses, twists, wrenches, accelerations, by what they are of."""
+"""Readings of any ROS 2 bag: poses, twists, wrenches, accelerations and scalars, by source."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ if TYPE_CHECKING:
     from mcap.records import Channel
 
 
-# Messages of any ROS 2 bag as arrays of numbers, by the schema in the file.
+# Messages of any ROS 2 bag as arrays, decoded by the schema in the file.
 
 
-# Where the fields of a message lie, by the schema in the file that holds it.
+# Position of the fields in a message, by the schema in the file that holds it.
 #
-# A type may have other fields than the one of that name that this program knows: an older or newer
-# release, somebody's own copy. Fields that are not needed are passed over; a needed one that is
-# missing, or no double, is an error. The form is that of ROS 2's .msg files, concatenated (MCAP,
-# "ros2msg"): the type itself first, then each that it uses behind a line of = and "MSG: ...".
+# A type may differ from the one of that name known here (other release, private copy). Fields that
+# are not needed are skipped; a needed field that is missing or not a double is an error. The format
+# is concatenated ROS 2 .msg files (MCAP "ros2msg"): the type itself, then each type used in it,
+# after a line of = and "MSG: ...".
 
 
 NEEDED: dict[str, tuple[str, ...]] = {
@@ -69,9 +69,9 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "std_msgs/msg/Float64": ("data",),
     "tf2_msgs/msg/TFMessage": ("transforms",),
 }
-"""Fields of each type that are read, all that is in them; they come in this order."""
+"""Fields of each type that are read completely, in this order."""
 INNER = {"tf2_msgs/msg/TFMessage": "geometry_msgs/msg/TransformStamped"}
-"""Types that are a sequence of another one."""
+"""Types that consist of a sequence of another type."""
 SIZES = {
     "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4,
     "uint32": 4, "float32": 4, "int64": 8, "uint64": 8, "float64": 8,
@@ -80,22 +80,22 @@ TIMES = ("builtin_interfaces/Time", "builtin_interfaces/msg/Time", "time")
 _FIELD = re.compile(r"([\w/]+)(?:<=\d+)?(\[(?:<=)?(\d*)\])?\s+(\w+)")
 _PART = re.compile(r"^=+\s*$", re.MULTILINE)
 DEEPEST = 16
-"""Types within types."""
+"""Maximum nesting depth of types."""
 
 
 class _Leaf(NamedTuple):
     path: str
     kind: str
-    """a primitive, "string" or "time"."""
+    """a primitive type, "string" or "time"."""
     count: int
-    """1, of a fixed array its length; -1 of a sequence."""
+    """1; length of a fixed array; -1 for a sequence."""
 
 
 @cache
 def layout_of(ros_type: str, text: str) -> str:
-    """The layout of messages of a type by its schema, as `templates.LAYOUTS` has it.
+    """Layout string (see LAYOUTS) of a message type, from its schema.
 
-    Raises ValueError in one line for a schema that lacks what is needed.
+    Raises ValueError if the schema lacks a needed field or cannot be decoded.
     """
     types = _types(text)
     inner = INNER.get(ros_type)
@@ -108,7 +108,7 @@ def layout_of(ros_type: str, text: str) -> str:
 
 
 def _types(text: str) -> dict[str, list[tuple[str, int, str]]]:
-    """Fields (type, count as of a leaf, name) of each type by its short name; "" is the first."""
+    """Fields (type, count as in `_Leaf`, name) of each type by short name; "": the main type."""
     found: dict[str, list[tuple[str, int, str]]] = {}
     for part in _PART.split(text):
         lines = [line.split("#")[0].strip() for line in part.splitlines()]
@@ -131,7 +131,7 @@ def _short(name: str) -> str:
 
 
 def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
-    """The primitives of a type in their order."""
+    """Primitive fields of a type, in order."""
     fields = types.get(_short(name))
     if fields is None:  # within a package names may stand without it
         fields = next((v for k, v in types.items() if k.rpartition("/")[2] == name), None)
@@ -150,7 +150,7 @@ def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
 
 
 def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
-    """What the cursor of `templates` is to do, field by field."""
+    """Tokens of the layout string, field by field."""
     order = {path: k for k, path in enumerate(NEEDED[ros_type])}
     seen: list[int] = []
     parts: list[tuple[str, int]] = []
@@ -194,15 +194,15 @@ def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
             yield f"{kind}{sum(counts)}"
 
 
-# ROS 2 messages of anybody as numbers, many at a time.
+# Decoding of many messages at once.
 #
-# Messages of one topic mostly differ in stamps and numbers only: strings and lengths are read once,
-# and the numbers of all messages with the same ones are taken as columns. Alignment counts from
-# after the four bytes of the encapsulation header (OMG XTypes, encoding version 1, little endian).
+# Messages of one topic mostly differ only in stamps and numbers: strings and lengths are read once,
+# and the numbers of all messages that share them are read as columns. Alignment is counted from the
+# end of the 4-byte encapsulation header (OMG XTypes, encoding version 1, little endian).
 
 
 _MOST = 10_000
-"""Transforms in one message; more are taken for damage."""
+"""Maximum number of transforms in one message; more is taken as damage."""
 
 LAYOUTS: dict[str, str] = {
     "geometry_msgs/msg/PoseStamped": "T S 7",
@@ -218,26 +218,25 @@ LAYOUTS: dict[str, str] = {
     "std_msgs/msg/Float64": "1",
     "tf2_msgs/msg/TFMessage": "(T S S 7)",
 }
-"""What each type consists of: T stamp, S string, n doubles, _n doubles to pass over, () many. Of
-other schemas (`schemas.layout_of`) also, to pass over: s string, -n a number of n bytes, [n a
-sequence of such numbers."""
+"""Layout of each type: T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Those
+from schemas (`layout_of`) also skip: s string, -n a number of n bytes, [n a sequence of these."""
 
 
 class Group(NamedTuple):
-    """n readings with the same strings."""
+    """n readings whose messages have the same strings."""
 
     which: np.ndarray
-    """index of the message of each, shape (n,)."""
+    """index of each reading's message, shape (n,)."""
     names: tuple[str, ...]
-    """frame_id, and child_frame_id where the type has one."""
+    """frame_id, and child_frame_id if the type has one."""
     stamp: np.ndarray | None
-    """[ns], shape (n,); None for a type without one."""
+    """[ns], shape (n,); None for a type without a stamp."""
     values: np.ndarray
     """shape (n, m)."""
 
 
 def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
-    """The readings in the messages of one topic; counts those that are not of that type, by why."""
+    """Readings in the messages of one topic; undecodable messages are counted in `wrong`."""
     rest = np.arange(len(messages.start))
     while len(rest):
         first = messages.data(int(rest[0]))
@@ -260,8 +259,7 @@ def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) 
 def _parse(
     layout: str, data: bytes, ros_type: str
 ) -> tuple[list[tuple[tuple[str, ...], Codec]], np.ndarray]:
-    """Strings and numbers of each reading in a message, and which bytes are the same in all like
-    it."""
+    """(strings, codec) of each reading in a message, and a mask of the constant bytes."""
     if len(data) < len(HEADER):
         raise ValueError(f"a message of {len(data)} bytes is not a {ros_type}")
     if data[:2] != HEADER[:2]:
@@ -276,7 +274,7 @@ def _parse(
 
 
 def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, ...], Codec]:
-    """The strings of the next reading, and where its stamp and numbers are."""
+    """Strings of the next reading, and the codec for its stamp and numbers."""
     names: list[str] = []
     stamps: list[int] = []
     runs: list[tuple[int, str, int]] = []
@@ -286,7 +284,7 @@ def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, 
         elif part in ("S", "s"):
             text = cursor.text("replace")
             names += [text] if part == "S" else []
-        elif part[0] in "-[":  # a sequence has one length in all alike
+        elif part[0] in "-[":  # messages of one group have sequences of equal length
             size, count = int(part[1:]), 1 if part[0] == "-" else cursor.count()
             if count:
                 cursor.take(size, size * count, numbers=True)
@@ -297,30 +295,30 @@ def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, 
     return tuple(names), Codec(data, stamps, runs)
 
 
-# Whether the header stamps of several sources are of one clock, judged by when they were logged.
+# Check that the header stamps of all sources come from one clock, by comparison with log times.
 
 
 APART = 0.5
-"""[s]: a message is rarely logged so much later than another one of its instant."""
+"""[s]: larger differences of the delay between stamp and log time indicate different clocks."""
 FIRST = 8
-"""Readings of a source that are asked."""
+"""Number of readings of a source that are used."""
 
 
 class Clocks:
-    """Follows by how much the log's time is ahead of each source's stamps."""
+    """Difference between log time and stamp of each source."""
 
     def __init__(self) -> None:
         self._ahead: dict[str, float] = {}
 
     def add(self, piece: Piece) -> None:
-        """The next readings; the first ones of a source tell."""
+        """Append readings; only the first ones of a source are used."""
         if piece.source not in self._ahead and not is_static(piece.source):
             ahead = piece.log[:FIRST] - piece.t[:FIRST]
             self._ahead[piece.source] = float(np.median(ahead))
 
     @property
     def note(self) -> str:
-        """A line where the clocks differ, with the two that do most; or ""."""
+        """A line with the two most different sources if the clocks differ; else ""."""
         if not self._ahead:
             return ""
         first = min(self._ahead, key=lambda source: self._ahead[source])
@@ -334,30 +332,29 @@ class Clocks:
         )
 
 
-# Stamps whose `nanosec` holds microseconds or milliseconds, recognised by the times of the log.
+# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times.
 #
-# Such a stamp leaves each second by a thousandth or a millionth of what passes: the steps between
-# stamps are so many times shorter than those between the times at which they were logged.
+# Within each second such stamps advance 1000 or 1e6 times more slowly than the log times.
 
 
 NANO = 1_000_000_000
 UNITS = {1_000: "microseconds", 1_000_000: "milliseconds"}
-"""Nanoseconds in the unit that `nanosec` holds."""
+"""Nanoseconds per unit that `nanosec` may hold."""
 LEAST = 8
-"""Readings of a source by which it is decided."""
+"""Minimum number of readings of a source for a decision."""
 NEAR = 4.0
-"""Times by which steps of the log may differ from those of the stamps in their unit."""
+"""Maximum ratio between steps of the log times and of the rescaled stamps, either way."""
 
 
 class Fractions:
-    """Gives stamps their nanoseconds; `notes` names the sources that hold another unit."""
+    """Rescales stamps to nanoseconds; `notes` names the sources with another unit."""
 
     def __init__(self) -> None:
         self._factor: dict[str, int] = {}
         self.notes: list[str] = []
 
     def learn(self, pieces: list[Piece]) -> None:
-        """Decide by the first readings of each source."""
+        """Determine the unit of each source from its first readings."""
         known: dict[str, list[Piece]] = {}
         for piece in pieces:
             if piece.source not in self._factor:
@@ -384,7 +381,7 @@ class Fractions:
 
 
 def _factor(stamp: np.ndarray, log: np.ndarray) -> int:
-    """How many nanoseconds one of `nanosec` is: 1, or as in UNITS."""
+    """Nanoseconds per unit of `nanosec`: 1, or a key of UNITS."""
     steps, logged = np.diff(stamp), np.diff(log)
     if not ((steps > 0).any() and (logged > 0).any()):
         return 1
@@ -410,21 +407,21 @@ KINDS = {
     "std_msgs/msg/Float64": SCALAR,
 }
 UNIT = 1e-3
-"""Distance from unit length beyond which a quaternion is reported."""
+"""Deviation from unit length above which a quaternion is reported."""
 HUGE = 1e100
-"""Readings beyond are damage, as those that are not finite: their squares overflow."""
+"""Larger values count as damage, like non-finite ones: their squares would overflow."""
 AHEAD = 1 << 23
-"""Bytes of readings that are read ahead to learn which transforms there are."""
+"""Bytes of readings read ahead to find the transforms."""
 MOST_WRONG = 10_000
-"""Messages of a topic that are not of its type; after so many the rest is left out."""
+"""Number of undecodable messages of a topic above which the rest is skipped."""
 
 
 class Readings:
-    """All readings of a bag; iterate over `pieces` once, then `notes` tells what is wrong in it.
+    """All readings of a bag; iterate over `pieces` once, afterwards `notes` lists problems.
 
-    topics: only these; None: all of a known type. frames: those whose poses are wanted in the root
-    of their tree of transforms even where they are fixed to their parent (of all that move relative
-    to it they are made). Raises SinkError for what is no bag.
+    topics: only these; None: all of a known type. frames: frames whose poses are wanted in the root
+    of their tree of transforms even if they are fixed to their parent (others are composed if they
+    move). Raises SinkError if the file is not a bag.
     """
 
     def __init__(
@@ -436,10 +433,9 @@ class Readings:
         self.paths = bag_paths(Path(bag))
         self._unlisted = unlisted(Path(bag))
         self.composed: dict[str, str] = {}
-        """sources whose poses come in the root of their tree, too, and under which name; known with
-        the first piece."""
+        """name of the composed source (in the tree's root) by original source."""
         self.inner: set[str] = set()
-        """the frames in which those poses come at first; they stand in another one."""
+        """reference frames of those original poses, which are not the root."""
         self.fixed = FixedFrames()
         """the static transforms; known with the first piece."""
         self._frames = frames
@@ -458,7 +454,7 @@ class Readings:
         self._unknown: dict[str, str] = {}
 
     def pieces(self) -> Iterator[Piece]:
-        """The readings, chunk by chunk, and after each what the tree of transforms makes of it."""
+        """Yield the readings, chunk by chunk, each chunk followed by the poses composed from it."""
         batches = self._batches()
         first = _ahead(batches)
         self._fractions.learn([piece for batch in first for piece in batch])
@@ -496,7 +492,7 @@ class Readings:
 
     @property
     def notes(self) -> list[str]:
-        """One line for each thing that a reader of the numbers should know."""
+        """One line for each problem in the bag."""
         lines = [*self._unlisted, *self._damage, *self._sources.notes]
         lines += [] if self._tree is None else self._tree.notes
         lines += self._fractions.notes
@@ -514,12 +510,12 @@ class Readings:
 
     @property
     def other_topics(self) -> dict[str, str]:
-        """Topics that hold no readings, with their types."""
+        """Topics without readings, with their types."""
         return dict(self._unknown)
 
     def _batch(self, scan: Scan, batch: Batch) -> Iterator[Piece]:
-        """The readings of a batch, of each source in the order of the file: a source may lie in
-        several channels, and in messages with other strings between them."""
+        """Readings of a batch, in the order of the file for each source (which may have several
+        channels, or messages of other sources in between)."""
         parts: dict[str, list[tuple[np.ndarray, Piece]]] = {}
         for number, messages in batch.items():
             for which, piece in self._channel(scan, number, messages):
@@ -530,7 +526,7 @@ class Readings:
     def _channel(
         self, scan: Scan, number: int, messages: Messages
     ) -> Iterator[tuple[np.ndarray, Piece]]:
-        """Readings, and the index of the message of each."""
+        """Readings of a channel, and the index of each one's message."""
         channel = scan.channels[number]
         topic = channel.topic
         schema = scan.schemas.get(channel.schema_id)
@@ -574,7 +570,7 @@ class Readings:
         yield Piece(source, kind, names[0], names[1], t, log, values, stamp, is_transform)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
-        """Without readings that are no numbers, whose quaternion is none; all counted."""
+        """The reading without rows that are not finite, huge, or have a zero quaternion."""
         counts = self._counts.setdefault(piece.source, Counter())
         good = np.isfinite(piece.values).all(axis=1)
         if not good.all():
@@ -585,7 +581,7 @@ class Readings:
             good &= ~beyond
         if piece.kind == POSE:
             q = piece.values[:, 3:7].copy()
-            q[~good] = 0.0  # else the squares overflow
+            q[~good] = 0.0  # avoids overflow of the squares
             length = np.linalg.norm(q, axis=1)
             zero = good & (length < UNIT)
             if zero.any():
@@ -602,7 +598,7 @@ _COLUMNS = ("t", "log", "values", "stamp")
 
 
 def _ahead(batches: Iterator[list[Piece]]) -> list[list[Piece]]:
-    """The first batches."""
+    """The first batches, up to AHEAD bytes."""
     first, size = [], 0
     for batch in batches:
         first.append(batch)
@@ -613,13 +609,13 @@ def _ahead(batches: Iterator[list[Piece]]) -> list[list[Piece]]:
 
 
 def _handed_over(batches: list[list[Piece]]) -> Iterator[list[Piece]]:
-    """Each batch in turn, which is kept no longer."""
+    """Yield and release each batch."""
     while batches:
         yield batches.pop(0)
 
 
 def _in_order(parts: list[tuple[np.ndarray, Piece]]) -> Piece:
-    """Readings of one source as one piece, in the order of their places in the file."""
+    """Readings of one source merged into one piece, in the order of the file."""
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([start for start, _ in parts]), kind="stable")

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The run of a bag once more, and whether it is the same byte for byte."""
+"""Re-simulation of a recorded run, and byte-for-byte comparison of two bags."""
 
 from __future__ import annotations
 
@@ -31,37 +31,37 @@ from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
 from rb_sim.trajectory.record import accelerating
 
-# Are two bags of one scene the same, byte for byte? Where they part first, and by how much.
+# Byte-for-byte comparison of two bags of one scene: first difference and its size.
 
 
 class FirstDifference(NamedTuple):
-    """The first sample that is not the same."""
+    """The first sample that differs."""
 
     number: int
     t: float
     """[s]."""
     topic: str
     size: float
-    """largest difference of a number in that message; 0.0 where only bytes differ."""
+    """largest difference of a value in that message; 0.0 if only bytes differ."""
 
 
 class Identity(NamedTuple):
-    """How far the payloads of two bags agree."""
+    """Result of the comparison of the payloads of two bags."""
 
     samples: int
-    """that are in both."""
+    """number of samples in both."""
     only_in: tuple[int, int]
-    """samples that only one of them has."""
+    """number of samples in only one of them."""
     identical: int
     sha256: tuple[str, str]
-    """of the payloads of those samples, topic by topic."""
+    """of the payloads of the common samples, topic by topic."""
     first: FirstDifference | None
     largest: dict[str, float]
-    """difference of a number over the whole run, by topic, where there is any."""
+    """largest difference of a value over the run, by topic, if there is any."""
 
     @property
     def same(self) -> bool:
-        """True if every sample of the one is in the other, bit for bit."""
+        """True if both bags have the same samples, bit for bit."""
         return self.sha256[0] == self.sha256[1] and self.only_in == (0, 0)
 
     def as_dict(self) -> dict[str, Any]:
@@ -71,7 +71,9 @@ class Identity(NamedTuple):
 
 
 def identity(a: BagReader, b: BagReader) -> Identity:
-    """Compare two bags with the same topics, sample by sample. Raises SinkError for other ones."""
+    """Compare two bags of the same topics, sample by sample.
+
+    Raises SinkError if their bodies, reactions or contacts differ."""
     if a.layout != b.layout:
         raise SinkError(f"{b.path}: its bodies, reactions or contacts are not those of {a.path}")
     codecs = {topic.name: topic.codec for topic in a.topics}
@@ -113,7 +115,9 @@ Part = tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 def _aligned(a: Iterator[Rows], b: Iterator[Rows], counts: list[int]) -> Iterator[Part]:
-    """The samples with equal numbers: (numbers, data of a, data of b). counts: of each side."""
+    """Yield samples with equal numbers: (numbers, data of a, data of b).
+
+    counts: number of samples of a and of b, updated."""
     waiting: Rows | None = None
     for one in a:
         counts[0] += len(one.number)
@@ -142,22 +146,22 @@ def _joined(a: Rows, b: Rows) -> Rows:
     return Rows(np.concatenate([a.number, b.number]), data, [], [])
 
 
-# The run of a bag once more: scene, settings, commands and resets come out of the bag.
+# Re-simulation: scene, settings, commands and resets come from the bag.
 
 
 BATCH = 256
-"""Samples that are written at once."""
+"""Samples written at once."""
 
 Inputs = dict[int, list[Input]]
-"""By the number of the sample that they come before."""
+"""Inputs by the number of the sample that they precede."""
 
 
 def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, ...]:
-    """Simulate `scene` as the bag's run went, and record it in `folder`; what the checks found.
+    """Repeat the recorded run with `scene`, recorded in `folder`; returns the checks' findings.
 
-    The steps are those of the program that recorded it: a node advances from sample to sample, a
-    run samples its steps.
-    Raises RbSimError where the scene takes no such command, SimulationError, SinkError.
+    The steps are those of the recording program: a node advances from sample to sample, `run`
+    samples within steps. Raises RbSimError if the scene does not accept a recorded command;
+    SimulationError, SinkError.
     """
     inputs, count = inputs_of(reader)
     if not count:
@@ -186,9 +190,9 @@ def resimulate(reader: BagReader, scene: Scene, folder: Path) -> tuple[Finding, 
 
 
 def inputs_of(reader: BagReader) -> tuple[Inputs, int]:
-    """Commands and resets of a bag, and how many samples its run had.
+    """Commands and resets of a bag, and its number of samples.
 
-    Raises SinkError where a node's log lacks samples, and what was commanded at them.
+    Raises SinkError if a node's log lacks samples, since their commands are lost too.
     """
     inputs: Inputs = defaultdict(list)
     count = 0
@@ -206,7 +210,8 @@ def inputs_of(reader: BagReader) -> tuple[Inputs, int]:
 
 
 def _refuse_dropped(reader: BagReader, number: np.ndarray, t: np.ndarray, rate: float) -> None:
-    """Samples that found the queue of the logs full have no number: the next one has it."""
+    """Raise SinkError if the log queue overflowed: dropped samples have no number, so times run
+    ahead of numbers."""
     lacking = np.round(t * rate).astype(np.int64) - number
     if lacking.any():
         first = int(np.argmax(lacking != 0))
@@ -221,7 +226,7 @@ def _refuse_dropped(reader: BagReader, number: np.ndarray, t: np.ndarray, rate: 
 def blocks(
     simulation: Simulation, inputs: Inputs, count: int, *, node: bool
 ) -> Iterator[SampleBlock]:
-    """The first `count` samples, with the inputs before them."""
+    """The first `count` samples, simulated with their inputs."""
     if node:
         yield from _batches(_as_node(simulation, inputs, count), simulation)
     else:
@@ -229,7 +234,7 @@ def blocks(
 
 
 def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[SampleBlock]:
-    """From sample to sample, as rb_sim.ros.stepper goes."""
+    """Sample to sample, as in rb_sim.ros.stepper."""
     rate = simulation.scene.simulation.rate
     started = 0  # sample at which the simulation's own time was zero
     for k in range(count):
@@ -253,7 +258,7 @@ def _as_node(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[Sam
 
 
 def _as_run(simulation: Simulation, inputs: Inputs, count: int) -> Iterator[SampleBlock]:
-    """In one go, or in as many as there are commands in between (Simulation.run in turns)."""
+    """In one call of Simulation.blocks, or one for each interval between commands."""
     options = simulation.scene.simulation
     stops = sorted({k for k in inputs if 0 < k < count})
     done = 0

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Motions to lay beside each other: from a bag of rb_sim or of anybody, a scene, or a CSV file."""
+"""Motions to compare: read from an rb_sim bag, a foreign bag, samples, or a CSV file."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Poses of a scene's bodies from the joint states in a bag of anybody (sensor_msgs/JointState).
+# Poses of a scene's bodies from recorded joint states (sensor_msgs/JointState).
 #
-# Positions are counted from the pose in the scene file, as those of our own `joint_states` and of
-# the joints of `robot_description` are: a hinge turns its body about its axis by the angle [rad], a
-# linear guide carries it along by the way [m], and what hangs on a body moves with it.
+# Joint positions are relative to the pose in the scene file, as in rb_sim's `joint_states` and
+# `robot_description`: a hinge rotates its body about its axis by the angle [rad], a linear guide
+# translates it by the displacement [m], and child bodies move along.
 
 
 class Poses(NamedTuple):
-    """Of one body's origin, world axes."""
+    """Poses of one body's origin, world axes."""
 
     t: Array
     """increasing [s], shape (n,)."""
@@ -60,8 +60,9 @@ class Poses(NamedTuple):
 
 
 def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
-    """The poses of the bodies that the joint states of a bag place, and a line if none do although
-    there are some; ({}, "") in a bag without joint states."""
+    """Poses of bodies determined by joint states, and a line if these match no joint.
+
+    ({}, "") for a bag without joint states."""
     found = _positions(bag)
     above = joints_above(scene)
     joints = {ros_name(name): name for name, spec in above.values() if spec.type != "weld"}
@@ -94,7 +95,7 @@ def _positions(bag: Path) -> dict[str, tuple[Array, Array]]:
                 for k in range(len(whole.start)):
                     try:
                         stamp, names, position = cdr.read_joint_state(whole.data(k))
-                    except ValueError:  # damage: the messages beside it stand
+                    except ValueError:  # damaged message: skip it
                         continue
                     for name, value in zip(names, position, strict=False):
                         rows.setdefault(name, []).append((stamp * 1e-9, value))
@@ -107,13 +108,13 @@ def _positions(bag: Path) -> dict[str, tuple[Array, Array]]:
 
 
 def _chain(body: str, above: Mapping[str, tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """The joints and welds from the world, or a free body, to a body."""
+    """Joints and welds from the world to a body; empty if it hangs on a free body."""
     chain: list[tuple[str, Any]] = []
     at: str | None = body
     while at is not None and at in above:
         chain.insert(0, above[at])
         at = getattr(above[at][1], "parent", None)
-    # on a body that is free nothing is placed
+    # the pose of a free body is unknown
     return [] if at is not None else chain
 
 
@@ -124,7 +125,7 @@ def _placed(
     first, last = max(t[0] for t, _ in series), min(t[-1] for t, _ in series)
     t = series[0][0]
     t = t[(t >= first) & (t <= last)]
-    # what the joints so far do to a point of the world at the start: turn, then shift
+    # displacement of a world point by the joints so far: rotation, then translation
     turn, shift = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)), np.zeros((len(t), 3))
     for name, spec in chain:
         if spec.type == "weld":
@@ -143,27 +144,27 @@ def _placed(
 
 
 def _start(scene: Scene, body: str) -> tuple[Array, Array]:
-    """Position and orientation in the scene file."""
+    """Position and orientation of a body in the scene file."""
     spec = scene.bodies[body]
     return np.array(spec.position, dtype=float), np.array(spec.orientation, dtype=float)
 
 
-# How large the quantities of two motions are, and what of their difference is rounding.
+# Reference magnitudes of the quantities of two motions, and the rounding of their differences.
 
 
 ROUNDING = 1e-11
-"""Of the size of a quantity: what rounding makes of two runs of the same motion, or less."""
+"""Upper bound of relative rounding differences between two runs of the same motion."""
 
 
 def length_of(bodies: Iterable[Any]) -> float:
-    """How far a body of a scene reaches from its origin at most [m]."""
+    """Largest distance of a point of a scene's bodies from its body's origin [m]."""
     return max((hypot(*body.center_of_mass) + reach_of(body) for body in bodies), default=0.0)
 
 
 def floors(a: Tracks, b: Tracks) -> dict[str, float]:
-    """By quantity, the difference below which two motions are the same: ROUNDING of the largest
-    in both, where quantities that belong together lend each other their size (a torque that
-    vanishes is small against force times length)."""
+    """By quantity, the difference below which two motions count as equal: ROUNDING times magnitude.
+
+    Related quantities share a magnitude: a vanishing torque is compared with force times length."""
     tracks = [*a.bodies.values(), *b.bodies.values()]
     covered = _largest(np.ptp(track.position, axis=0) for track in tracks)
     length = max(a.length, b.length, covered if covered > ROUNDING else 0.0) or 1.0
@@ -188,16 +189,16 @@ def _present(values: Iterable[np.ndarray | None]) -> Iterable[np.ndarray]:
 
 
 def _largest(values: Iterable[np.ndarray]) -> float:
-    """The largest number of all that are finite; 0 of none."""
+    """Largest absolute finite value; 0 if there is none."""
     finite = (np.abs(value[np.isfinite(value)]) for value in values)
     return max((float(value.max(initial=0.0)) for value in finite), default=0.0)
 
 
-# Which bodies an impact of a run of ours strikes: all that constraints join to those it is of.
+# Bodies affected by an impact in an rb_sim run: all that constraints connect to its body.
 
 
 class Impacts:
-    """The bodies of each constraint, and those that others join to them."""
+    """Groups of bodies connected by constraints, to find the bodies that an impact affects."""
 
     def __init__(self, scene: Scene) -> None:
         self._joined = {name: {name} for name in scene.bodies}
@@ -210,7 +211,7 @@ class Impacts:
                 self._joined |= dict.fromkeys(whole, whole)
 
     def times(self, events: Iterable[ContactEvent]) -> dict[str, np.ndarray]:
-        """When each body is struck [s], those that are."""
+        """Impact times of each affected body [s]."""
         found: dict[str, set[float]] = {}
         for event in events:
             if any(event.impulse):
@@ -224,7 +225,7 @@ Array = np.ndarray
 
 @dataclass
 class Track:
-    """The pose of one body over time: of its frame's origin, in world axes."""
+    """Motion of one body: pose and velocities of its frame's origin, world axes, over time."""
 
     t: Array
     """increasing [s], shape (n,)."""
@@ -237,44 +238,43 @@ class Track:
     angular_velocity: Array | None = None
     """world axes [rad/s], shape (n, 3)."""
     anew: tuple[int, ...] = ()
-    """samples to which no smooth motion leads from the one before: a reset, a state that was set,
-    an impact."""
+    """indices of samples after a discontinuity: a reset, a set state, or an impact."""
     frame: str = ""
-    """in which the poses are, and which is the body's; "" where the source does not tell it."""
+    """reference frame of the poses, and child frame; "" if unknown."""
     child: str = ""
 
 
 class Wrenches(NamedTuple):
-    """A reaction over time, or any wrench in a bag of somebody else."""
+    """A reaction, or any foreign wrench, over time."""
 
     t: Array
     """increasing [s], shape (n,)."""
     values: Array
-    """force [N] and torque [N m], shape (n, 6), in world axes, or in those of `frame`."""
+    """force [N] and torque [N m], shape (n, 6), in world axes or those of `frame`."""
     anew: tuple[int, ...] = ()
-    """as of a Track."""
+    """as in Track."""
     frame: str = ""
-    """of the messages of somebody else."""
+    """frame of foreign messages."""
 
 
 @dataclass
 class Tracks:
-    """What was read of one source."""
+    """Motions and wrenches read from one source."""
 
     name: str
     bodies: dict[str, Track]
     reactions: dict[str, Wrenches] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     length: float = 0.0
-    """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
+    """largest distance of a body's points from its origin [m]; 0 without a scene."""
     composed: dict[str, str] = field(default_factory=dict)
-    """sources whose poses come in the root of their transforms, too, and under which name."""
+    """composed source (poses in the root of the transforms) by original source."""
     fixed: FixedFrames = field(default_factory=FixedFrames)
     """the static transforms."""
 
     def pairs_for(self, bodies: Iterable[str]) -> tuple[dict[str, str], dict[str, list[str]]]:
-        """By body the name of its poses, as topic or frame tells it, or as there is but one of
-        each; and the names of those bodies of which several may be the poses, which differ."""
+        """Name of the poses of each body, by topic or frame, or because there is only one of each;
+        and, for bodies with several differing candidates, their names."""
         pairs: dict[str, str] = {}
         several: dict[str, list[str]] = {}
         wanted = list(bodies)
@@ -287,7 +287,7 @@ class Tracks:
                 several[body] = found
         counts = Counter(pairs.values())
         for body, name in list(pairs.items()):
-            if counts[name] > 1:  # a topic that names two bodies is of none of them for sure
+            if counts[name] > 1:  # a topic that matches two bodies is ambiguous
                 several[body] = [pairs.pop(body)]
         outer = [name for name in self.bodies if name not in self.composed]
         if not (pairs or several) and len(wanted) == len(outer) == 1:
@@ -295,8 +295,8 @@ class Tracks:
         return pairs, several
 
     def _named(self, body: str) -> list[str]:
-        """The poses of that name; else those whose frame has it, or their topic where the frame is
-        not given; else those whose topic or frame has it among its parts."""
+        """Candidate poses for a body: of that name; else with that child frame, or (without a
+        frame) with the name in the topic; else with the name anywhere in topic or frame."""
         child = {name: track.child for name, track in self.bodies.items()}
         found = [name for name in child if name == body]
         found = found or [
@@ -307,8 +307,10 @@ class Tracks:
 
 
 def tracks_of_bag(bag: Path, scene: Scene | None = None) -> Tracks:
-    """The motion in a bag. scene: whose bodies the joint states of somebody else's place, those
-    that no pose in it is of. Raises SinkError where there is no pose in it."""
+    """The motions in a bag.
+
+    scene: used for foreign bags, to place bodies without poses by joint states. Raises SinkError if
+    the bag has no poses."""
     reader = reader_of(bag, unfinished=True)
     if reader is None:
         return _of_anybody(bag, scene)
@@ -316,7 +318,7 @@ def tracks_of_bag(bag: Path, scene: Scene | None = None) -> Tracks:
 
 
 def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None = None) -> Tracks:
-    """The motion in samples; `reader` tells what was missing in them."""
+    """The motions in samples; `reader` reports what was missing in them."""
 
     block = concatenate(blocks, layout)
     if not len(block):
@@ -351,7 +353,7 @@ def tracks_of_blocks(blocks, scene, layout, name: str, reader: BagReader | None 
 
 
 def _beside(t: Array, struck: Array) -> tuple[int, ...]:
-    """The first samples after these instants, and those at them: the velocity jumps there."""
+    """Indices of the samples at and just after the impact times `struck`."""
     cuts = np.searchsorted(t, [struck - WRITTEN_ROUNDING, struck + WRITTEN_ROUNDING]).ravel()
     return tuple(sorted({k for k in cuts.tolist() if 0 < k < len(t)}))
 
@@ -405,9 +407,8 @@ def _track(parts: list[Piece]) -> Track:
 
 
 def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
-    """Give a twist to the pose of the same name, in the axes that its frame says: those of the
-    poses, or of the body, as in an Odometry. Returns a line where that cannot be determined, or
-    ""."""
+    """Assign a twist to the poses of its body, converted from the axes of its frame (that of the
+    poses, or of the body as in an Odometry). Returns a line if that is not possible; else ""."""
     t, twist = _joined(sources[source])
     names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
@@ -428,15 +429,14 @@ def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source
 
 
 def poses_of(twist: str, names: Iterable[str]) -> list[str]:
-    """The poses that a twist may be of: those of its own message, else all in the folder of its
-    topic."""
+    """Candidate poses of a twist: those of its own message; else all in the folder of its topic."""
     own, known = twist.removesuffix(":twist"), list(names)
     folder = own.rpartition("/")[0]
     return [own] if own in known else [n for n in known if n.rpartition("/")[0] == folder]
 
 
 def axes_of(twist: Piece, pose: Piece) -> str:
-    """Axes of a twist beside the poses of its body: "body", "world" (that of the poses), or ""."""
+    """Axes of a twist: "body", "world" (those of the poses), or "" if unknown."""
     frame = plain(twist.frame)
     if twist.source.endswith(":twist") or frame in {plain(pose.child), *words(pose.source)} - {""}:
         return "body"
@@ -444,11 +444,11 @@ def axes_of(twist: Piece, pose: Piece) -> str:
 
 
 def tracks_of_csv(path: Path) -> Tracks:
-    """The poses in a text file: columns t, x, y, z, qx, qy, qz, qw (and vx, vy, vz, wx, wy, wz,
-    body) by the names in its header, or in this order without a header (the format of TUM).
+    """Poses in a text file: columns t, x, y, z, qx, qy, qz, qw (and vx, vy, vz, wx, wy, wz, body)
+    by the names in its header, or in this order without a header (TUM format).
 
-    A header may begin with # and name units, as that of EuRoC: p_RS_R_x [m], q_RS_w []. Times are
-    in the unit that it names, else in the one in which they make sense. Raises RbSimError.
+    A header may start with # and state units, as in EuRoC files: p_RS_R_x [m], q_RS_w []. Without a
+    unit, that of the times is guessed from their values. Raises RbSimError.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -496,15 +496,15 @@ _MEANS = (
     (re.compile("body"), "body"),
     (re.compile("nano_?sec(?:onds)?|nsec"), NANOSECONDS),
 )
-"""Names of columns in headers, lower case, and which of COLUMNS they are with their component."""
+"""Patterns of lower-case column names, and the column of COLUMNS (a group is its component)."""
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "ns": 1e-9}
 _METRES = {"mm": 1e-3, "cm": 1e-2}
 _TODAY = 1e8, 1e10
-"""Between these [s] lie the years 1973 to 2286 of calendar times."""
+"""Range of calendar times [s]: years 1973 to 2286."""
 _RATE = 100.0
-"""[Hz]: the unit of times that count from 0 is that in which their rate is nearest to it."""
+"""[Hz]: for times that start at 0, the unit is chosen whose sample rate is nearest to this."""
 _LONG_STEP = 1.5
-"""Between two samples, in the file's unit: not in seconds."""
+"""Step between samples above which the unit cannot be seconds."""
 
 
 def _cells(line: str) -> list[str]:
@@ -512,14 +512,14 @@ def _cells(line: str) -> list[str]:
 
 
 def _header(line: str) -> list[tuple[str, str]] | None:
-    """The `_columns` of a line that names some, else None: a comment."""
+    """`_columns` of a line with column names; None for a comment."""
     found = _columns(line)
     given = {name for name, _ in found}
     return found if {"x", "y", "z"} <= given or {"t", "x"} <= given else None
 
 
 def _columns(line: str) -> list[tuple[str, str]]:
-    """(column, unit) of each cell of a header, "" for unknown ones."""
+    """(column, unit) of each cell of a header; "" if unknown."""
     found = []
     for cell in _cells(line.lstrip("# ")):
         name, _, unit = cell.replace("(", "[").lower().partition("[")
@@ -534,7 +534,7 @@ def _columns(line: str) -> list[tuple[str, str]]:
 
 
 def _in_seconds(t: Array, unit: str) -> tuple[Array, list[str]]:
-    """(times [s], a note on the unit if it is another one)."""
+    """Times [s], and a note if the file's unit is another one."""
     if unit in _SECONDS:
         note = [f"times are in {unit}, as its header says"]
         return t * _SECONDS[unit], note if _SECONDS[unit] != 1.0 else []
@@ -554,7 +554,7 @@ def _in_seconds(t: Array, unit: str) -> tuple[Array, list[str]]:
 def _table(
     header: list[tuple[str, str]] | None, rows: list[str], path: Path
 ) -> tuple[list[str], list[str], Array, dict[str, str]]:
-    """(names of the columns, body of each row, numbers, units in the header by column)."""
+    """Names of the columns, body of each row, numbers, and unit by column."""
     cells = [_cells(row) for row in rows]
     given = [(name, "") for name in COLUMNS[: len(cells[0])]] if header is None else header
     found = [name for name, _ in given]
@@ -587,7 +587,7 @@ def _is_number(text: str) -> bool:
 
 
 def _same(one: Track, other: Track) -> bool:
-    """Whether both say the same, at the instants that both have, at least half of the fewer."""
+    """Whether two tracks agree at common instants, which must be half of the shorter one."""
     _, i, j = np.intersect1d(one.t, other.t, return_indices=True)
     if 2 * len(i) < min(len(one.t), len(other.t)):
         return False

@@ -22,50 +22,50 @@ from rb_sim.base.names import first_few
 from rb_sim.numerics.rotations import angle_between, cross, rotate, unit
 from rb_sim.numerics.rotations import product as turned
 
-# What a bag gives at once of one source: times and numbers, by what they are of.
+# Kinds of readings.
 
 
 POSE, TWIST, WRENCH, IMU, SCALAR = "pose", "twist", "wrench", "imu", "scalar"
 
 
 class Piece(NamedTuple):
-    """Readings of one source, in the order of the file."""
+    """Consecutive readings of one source, in the order of the file."""
 
     source: str
-    """the topic; of transforms TOPIC:CHILD; of the twist of an Odometry TOPIC:twist; others under
-    that name as `Sources` has it."""
+    """the topic; TOPIC:CHILD for transforms; TOPIC:twist for the twist of an Odometry; if ambiguous
+    a name made by `Sources`."""
     kind: str
     """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR."""
     frame: str
     child: str
     t: np.ndarray
-    """header stamp, or log time where the type has none [s], shape (n,)."""
+    """header stamp, or log time if the type has no stamp [s], shape (n,)."""
     log: np.ndarray
     """log time [s], shape (n,)."""
     values: np.ndarray
-    """shape (n, size of the kind)."""
+    """shape (n, number of columns of the kind)."""
     stamp: np.ndarray
-    """t as integers [ns], exact since the epoch, too, shape (n,)."""
+    """t as integers [ns], exact also since the epoch, shape (n,)."""
     transform: bool = False
-    """whether it is of a tree of transforms."""
+    """whether it belongs to a tree of transforms."""
 
 
-# Names of what readings are of: two frames or two types under one topic are two sources.
+# Names of sources: different frames or types under one topic are different sources.
 #
 # A topic may carry poses of one body in several frames, transforms from several parents to one
-# child, or messages of several types. Joined to one curve they would be a motion that nothing made.
+# child, or messages of several types, which must not be joined into one motion.
 
 
 MOST_FRAMES = 16
-"""Sources of one name; more are taken for a name that changes with every message."""
+"""Maximum number of sources of one name; more mean a name that changes with every message."""
 MOST_OF_TOPIC = 1000
 WORLD = ("", "world", "map", "odom")
-"""Frames that are the world's, besides that of the poses."""
+"""Frame names that count as the world, besides the reference frame of the poses."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped")
 
 
 class Origin(NamedTuple):
-    """What tells readings under one name apart."""
+    """Key that distinguishes the readings under one name."""
 
     ros_type: str
     frame: str
@@ -73,8 +73,8 @@ class Origin(NamedTuple):
 
 
 class Sources:
-    """Gives each origin a name: the topic (of transforms TOPIC:CHILD) to the first one, and the
-    same with what is different in brackets to others."""
+    """Assigns a name to each origin: the topic (TOPIC:CHILD for transforms) to the first, for later
+    ones with the difference in brackets."""
 
     def __init__(self) -> None:
         self._named: dict[str, dict[Origin, str]] = {}
@@ -83,7 +83,7 @@ class Sources:
 
     @property
     def notes(self) -> list[str]:
-        """A line for each name that is not of one thing."""
+        """A line for each name with several origins, and each source with several channels."""
         lines = []
         for base, named in self._named.items():
             others = list(named.values())[1:]
@@ -97,7 +97,7 @@ class Sources:
         ]
 
     def name(self, topic: str, ros_type: str, frame: str, child: str, channel: int = 0) -> str:
-        """The source of readings. ValueError where a topic has too many."""
+        """Name of the source of these readings. Raises ValueError if a topic has too many."""
         origin = Origin(ros_type, frame.removeprefix("/"), child.removeprefix("/"))
         base = f"{topic}:{child}" if ros_type in TRANSFORMS else topic
         named = self._named.setdefault(base, {})
@@ -123,52 +123,52 @@ class Sources:
 
 
 def words(source: str) -> set[str]:
-    """The parts of a source's name that may be the name of a body."""
+    """Parts of a source's name that may be the name of a body."""
     plain = topic_of(source)
     return {source, plain, *plain.replace(":", "/").split("/")}
 
 
 def topic_of(source: str) -> str:
-    """The name of a source without what tells it from others of the same topic."""
+    """Name of a source without the brackets that distinguish it."""
     return source.partition(" (")[0]
 
 
-# Which frame stands in which in the transforms of a bag, and the way from a frame to its root.
+# Tree of transforms: parents of frames, and the chain from a frame to its root.
 #
 # A robot's transforms form a tree (`map` to `odom` to `base_link`): the pose of a frame in the root
-# is the product of the transforms on the way. Each namespace (`/robot1/tf` with
-# `/robot1/tf_static`) has a tree of its own.
+# is the product of the transforms along the chain. Each namespace (`/robot1/tf` with
+# `/robot1/tf_static`) has its own tree.
 
 
 Links = dict[str, dict[str, str]]
-"""Source of the transform by its parent frame, by child frame."""
+"""Source of the transform by parent frame, by child frame."""
 
 
 class Chain(NamedTuple):
-    """How the pose of a frame in the root of its tree is made.
+    """Recipe for the pose of a frame in the root of its tree.
 
     root_child = before[-1] ... before[0] driver after[0] ... after[-1], by names of sources.
     """
 
     name: str
-    """of what is made."""
+    """name of the composed source."""
     driver: str
-    """the source at whose stamps it is made."""
+    """source whose stamps the composed poses have."""
     before: tuple[str, ...]
-    """the transforms from the frame of the driver's poses up to the root."""
+    """transforms from the reference frame of the driver up to the root."""
     after: tuple[str, ...]
-    """the static transforms from the driver's own frame down to the child."""
+    """static transforms from the driver's child frame down to the child."""
     root: str
     child: str
     replaced: str
-    """the source whose poses are of the same child, but not in the root."""
+    """source with the same child, whose poses are not in the root."""
 
 
 def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
-    """What can be made of the first readings of a bag.
+    """Chains that can be composed, found in the first readings of a bag.
 
-    wanted: names of frames whose poses are made even where they are fixed to their parent. Frames
-    with two parents, and those in a circle, have no place in a tree: nothing is made through them.
+    wanted: frames whose poses are composed even if fixed to their parent. Frames with two parents
+    or in a cycle are not part of a tree and are excluded.
     """
     trees: dict[str, Links] = {}
     firsts: dict[str, Piece] = {}
@@ -183,24 +183,24 @@ def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
 
 
 def plain(frame: str) -> str:
-    """The frame's name without the slash that ROS 1 put before it."""
+    """The frame's name without the leading slash of ROS 1."""
     return frame.removeprefix("/")
 
 
 def is_static(source: str) -> bool:
-    """Whether a source of transforms is one that holds for all times."""
+    """Whether a source of transforms is static."""
     return source.partition(":")[0].endswith("/tf_static")
 
 
 def namespace(source: str) -> str:
-    """What stands before /tf or /tf_static in the name of a source of transforms."""
+    """Prefix before /tf or /tf_static in the name of a source of transforms."""
     return source.partition(":")[0].rpartition("/")[0]
 
 
 def _chain(
     piece: Piece, trees: dict[str, Links], firsts: dict[str, Piece], wanted: frozenset[str]
 ) -> Chain | None:
-    """The chain of a source of poses, if it has one."""
+    """The chain of a source of poses; None if it needs none or is undefined."""
     links, driver = _tree_of(piece, trees), piece
     after: list[str] = []
     while driver.transform and is_static(driver.source):
@@ -220,7 +220,7 @@ def _chain(
 
 
 def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
-    """The tree of a transform; of other poses the only one that knows their frame, if there is."""
+    """Tree of a transform; for other poses the only tree with their frame, if unique."""
     if piece.transform:
         return trees[namespace(piece.source)]
     known = [links for links in trees.values() if plain(piece.frame) in links]
@@ -228,7 +228,7 @@ def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
 
 
 def _way(frame: str, links: Links) -> tuple[tuple[str, ...], str] | None:
-    """The transforms from a frame up to the root, and the root; None where that is not clear."""
+    """Transforms from a frame up to the root, and the root; None if ambiguous."""
     way: list[str] = []
     while frame in links:
         parents = links[frame]
@@ -240,35 +240,35 @@ def _way(frame: str, links: Links) -> tuple[tuple[str, ...], str] | None:
 
 
 def _is_nothing(piece: Piece) -> bool:
-    """Whether a transform is static and turns and moves nothing."""
+    """Whether a transform is static and the identity."""
     value = piece.values[0]
     return is_static(piece.source) and not np.any(value[:6]) and bool(value[6])
 
 
-# Poses in the root of a tree of transforms, made of the transforms on the way.
+# Composition of poses in the root of a tree of transforms.
 #
 #     p_RC = p_RP + R(q_RP) p_PC        q_RC = q_RP q_PC        (root R, parent P, child C)
 #
-# at the stamps of the lowest transform that is not static. A parent's transform between two stamps
-# is taken as tf2 does: positions linear, attitudes turning evenly about one axis (slerp: Shoemake,
-# Animating rotation with quaternion curves, 1985).
+# at the stamps of the lowest transform that is not static. A parent's transform is interpolated as
+# in tf2: positions linearly, attitudes by slerp (Shoemake, Animating rotation with quaternion
+# curves, 1985).
 
 
 APART = 1.0
-"""[s]: no transform is made between two stamps that lie further apart, unless they mostly do."""
+"""[s]: largest interval in which a transform is interpolated, unless usual ones are longer."""
 USUAL = 3.0
-"""Times the median of the intervals of a transform, up to which one is not further apart."""
+"""Multiple of a transform's median interval that is still interpolated."""
 BACK = 1.0
-"""[s]: stamps that step back by more are of a clock that was set; by less they are late."""
+"""[s]: a larger step back of the stamps is a set clock, a smaller one a late message."""
 MOST = 100_000
-"""Poses that wait for the transforms of their parents, and transforms that wait for poses."""
+"""Maximum number of poses waiting for their parents' transforms, and of transforms kept."""
 MOST_NAMED = 4
 
 
 class Composed:
-    """Makes the poses of `chains` out of readings that come in pieces; bounded memory.
+    """Composes the poses of `chains` from readings that arrive in pieces; bounded memory.
 
-    known: the readings that the chains were found in, with the static transforms.
+    known: the readings in which the chains were found, with the static transforms.
     """
 
     def __init__(self, chains: list[Chain], known: Iterable[Piece] = ()) -> None:
@@ -282,7 +282,7 @@ class Composed:
         self._drivers = {chain.driver for chain in chains}
         self._waiting: dict[str, list[tuple[Array, Piece]]] = {c.name: [] for c in chains}
         self._reached = {chain.name: -np.inf for chain in chains}
-        """latest time up to which the poses of a chain were made."""
+        """latest time up to which each chain was composed."""
         self._time = GrowingTime()
         self._start: int | None = None
         self._lost: Counter[str] = Counter()
@@ -293,7 +293,7 @@ class Composed:
                 self.add(piece)
 
     def add(self, piece: Piece) -> None:
-        """The next readings of a source."""
+        """Append readings of a source."""
         if piece.source not in self._links and piece.source not in self._drivers:
             return
         if is_static(piece.source) and piece.source in self._links:
@@ -311,7 +311,7 @@ class Composed:
                 self._waiting[chain.name].append((t, piece))
 
     def ready(self, *, last: bool = False) -> Iterator[Piece]:
-        """The poses that all transforms on their way have reached; all that wait at the end."""
+        """Yield the poses whose transforms are all available; with `last` all remaining ones."""
         for chain in self._chains:
             yield from self._take(chain, last)
         for source, history in self._histories.items():
@@ -319,7 +319,7 @@ class Composed:
 
     @property
     def notes(self) -> list[str]:
-        """What was made, and what could not be."""
+        """Lines on what was composed, and what was not possible."""
         roots: dict[str, list[str]] = {}
         for chain in self._chains:
             if self._made[chain.name]:
@@ -356,7 +356,7 @@ class Composed:
         self._waiting[chain.name] = rest
 
     def _made_of(self, chain: Chain, t: Array, piece: Piece) -> Iterator[Piece]:
-        """The poses of a chain at times t of its driver."""
+        """Composed poses of a chain at times t of its driver."""
         pose, known, between = _unit(piece.values), np.ones(len(t), bool), np.zeros(len(t), bool)
         for source in chain.after:
             pose = product(pose, _unit(self._static[source]))
@@ -382,7 +382,7 @@ class Composed:
 
 
 class _History:
-    """Poses of one transform over a growing time."""
+    """Poses of one transform over growing time."""
 
     def __init__(self) -> None:
         self._t, self._poses = np.empty(0), np.empty((0, 7))
@@ -390,11 +390,11 @@ class _History:
 
     @property
     def last(self) -> float:
-        """The latest time known; -inf before the first."""
+        """Latest time; -inf if empty."""
         return float(self._t[-1]) if len(self._t) else -np.inf
 
     def add(self, t: Array, poses: Array) -> None:
-        """The next poses; those that are not later than all before are left out."""
+        """Append poses; those not later than all before are dropped."""
         later = t > np.maximum.accumulate(np.append(self.last, t))[:-1]
         self._t = np.concatenate([self._t, t[later]])[-MOST:]
         self._poses = np.concatenate([self._poses, _unit(poses[later])])[-MOST:]
@@ -402,7 +402,7 @@ class _History:
             self._apart = max(APART, USUAL * float(np.median(np.diff(self._t))))
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Poses (n, 7) at times t, which of them are known, and which lie between two stamps."""
+        """Poses (n, 7) at times t; masks of the known and of the interpolated ones."""
         if not len(self._t):
             return np.tile([0.0] * 6 + [1.0], (len(t), 1)), np.zeros(len(t), bool), t < -np.inf
         upper = np.clip(np.searchsorted(self._t, t), 0, len(self._t) - 1)
@@ -415,19 +415,19 @@ class _History:
         return poses, same | inside, inside
 
     def forget(self, before: float) -> None:
-        """Drop what is not needed for times from `before` on."""
+        """Drop poses not needed from time `before` on."""
         first = max(0, int(np.searchsorted(self._t, before, side="right")) - 1)
         self._t, self._poses = self._t[first:], self._poses[first:]
 
 
 def product(parent: Array, child: Array) -> Array:
-    """The pose of a child in the frame in which the parent's pose is; shapes (n, 7) or (1, 7)."""
+    """Pose of a child in the parent's reference frame; shapes (n, 7) or (1, 7)."""
     p, q = parent[:, :3], parent[:, 3:]
     return np.hstack([p + rotate(q, child[:, :3]), turned(q, child[:, 3:])])
 
 
 def interpolated(a: Array, b: Array, part: Array) -> Array:
-    """The poses at a part, 0 to 1, of the way from a to b; shapes (n, 7), (n,)."""
+    """Poses at fraction `part` (0 to 1) between a and b; shapes (n, 7), (n,)."""
     p, q, u = a[:, 3:], b[:, 3:], part[:, None]
     q = np.where(np.sum(p * q, axis=1, keepdims=True) < 0, -q, q)
     angle = 0.5 * angle_between(p, q)[:, None]
@@ -452,12 +452,12 @@ def _some(names: list[str]) -> str:
     )
 
 
-# Frames that static transforms hold together: where one of them lies in another, at all times.
+# Frames connected by static transforms.
 
 
 Array = np.ndarray
 HERE = np.array([0.0] * 6 + [1.0])
-"""The pose of a frame in itself."""
+"""The identity pose."""
 
 
 class _Link(NamedTuple):
@@ -467,8 +467,8 @@ class _Link(NamedTuple):
 
 
 class FixedFrames:
-    """The static transforms of a bag. A child with two parents, or whose transform changes, is
-    fixed to nothing."""
+    """Static transforms of a bag; children with two parents or a changing transform are
+    excluded."""
 
     def __init__(self, pieces: Iterable[Piece] = ()) -> None:
         self._trees: dict[str, dict[str, _Link | None]] = {}
@@ -484,9 +484,9 @@ class FixedFrames:
                 links[child] = None
 
     def carrier(self, frame: str, bodies: Container[str]) -> tuple[str, Array] | None:
-        """The nearest of the frames above that is one of `bodies`, and the pose in it, (7,).
+        """Nearest ancestor of a frame among `bodies`, and the frame's pose in it, (7,).
 
-        None where there is none, or where trees of several namespaces say different things.
+        None if there is none, or if the trees of several namespaces disagree.
         """
         found = [way for links in self._trees.values() if (way := _up(frame, links, bodies))]
         same = all(f == found[0][0] and np.array_equal(p, found[0][1]) for f, p in found)
@@ -497,7 +497,7 @@ def _up(
     frame: str, links: dict[str, _Link | None], bodies: Container[str]
 ) -> tuple[str, Array] | None:
     at, pose = plain(frame), HERE
-    for _ in range(len(links) + 1):  # a circle ends, too
+    for _ in range(len(links) + 1):  # also ends in a cycle
         if at in bodies and pose is not HERE:
             return at, pose
         link = links.get(at)
@@ -508,8 +508,8 @@ def _up(
 
 
 def carried_over(wrench: Array, pose: Array) -> Array:
-    """Forces and torques about a frame's origin, in its axes, as about the origin and in the axes
-    of the frame in which it has that pose; shapes (n, 6) and (7,).
+    """Wrenches (n, 6) about a frame's origin, in its axes, transformed to the frame in which it has
+    the given pose (7,): about that frame's origin, in its axes.
 
         F_B = R F_S        K_B = R K_S + r x F_B
     """

@@ -7,33 +7,35 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The global error of a run: the whole run is made again, finer, and the poses are compared.
+"""The global error of a run, estimated by a second, finer run whose poses are compared.
 
-The second run takes steps that are shorter by the golden section, r = 0.618, also of those that
-end at the points of a table; or a tenth of the tolerance.  Two runs of order p in steps h and r h
-are apart by 1 - r^p of the error of the first, and two runs in which the error is as the tolerance
-by 0.9 of it.  A load that oscillates a whole number of times in h/2 is the same at all steps of h
-and of h/2, and two such runs would agree on a wrong motion; no number of oscillations is nearly
-whole in h and in r h.  Fixed steps with contacts may come ever nearer to another motion, as where a
-slip that stops in a step is taken for one that goes on, or be the same between two events at h and
-r h: there the second run is one of dopri853 from event to event at the default tolerance, and its
-difference the error; of time stepping with so many contacts that this takes too long it takes
-shorter steps.  The error at an instant is the largest of
+The second run uses steps shorter by the golden section, r = 0.618, including those that end at the
+points of a table, or a tenth of the tolerance. Two runs of order p with steps h and r h differ by 1
+- r^p of the error of the first; two runs whose error is proportional to the tolerance, by 0.9 of
+it. With h/2 instead of r h, a load with a whole number of periods in h/2 would have the same phase
+at all steps of both runs, which would then agree on a wrong motion; no number of periods is nearly
+whole in both h and r h.
+
+Fixed steps with contacts may converge to a wrong motion (e.g. if a slip that stops within a step is
+continued), or agree between two events at h and r h. The second run is then one of dopri853 with
+event detection at the default tolerance, and the difference is the error; for time stepping with so
+many contacts that this takes too long, the second run uses shorter steps.
+
+The error at an instant is the maximum over the bodies of
 
     |x - x'| / S,   A turn / S,   turn / 1 rad
 
-over the bodies, with A^2 = largest moment / mass and S the largest |x - x_0| or A turn_0 of any
-body over the run, in the run or in the second one, whichever is smaller: of two runs of which one
-has exploded the other tells how large the motion is.  Commands act in the second run when they did
-in the first, and bodies whose state was set get the same one.
+with A^2 = largest principal moment / mass and S the largest |x - x_0| or A turn_0 of any body over
+the run. S is taken from the run or the second one, whichever is smaller: if one of them diverges,
+the other gives the size of the motion. Commands act in the second run at the same times as in the
+first, and states that were set are set again.
 
-A run that takes long is made again in larger steps first, which costs a part of it: if the two
-agree within BOUND the error is smaller than their difference, and no finer run is made.  How long
-a run takes is counted (accuracy/choice), not timed, so that a run has the same summary on every
-machine.
+For a long run a coarser run is made first, which costs a fraction of it: if the two agree within
+BOUND, the error is smaller than their difference, and no finer run is made. The cost of a run is
+counted (accuracy/choice), not timed, so that a run has the same summary on every machine.
 
-It cannot see what both runs share: a law that is not the one that was meant, and a choice that the
-laws leave open and both runs make alike.
+Errors common to both runs are not detected: wrong laws, and a choice that the laws leave open and
+that both runs make alike.
 """
 
 from __future__ import annotations
@@ -63,57 +65,55 @@ if TYPE_CHECKING:
     from rb_sim.scene.compiled import Compiled
 
 BOUND = 1e-2
-"""Global error, as a share of the motion, above which a run is reported."""
+"""Global error relative to the motion above which a run is reported."""
 
 AFFORDED, LONGEST = 1.0, 20.0
-"""Counted time [s] of the steps of a run up to which it is made again finer without being asked; up
-to which it is made again coarser, and finer only where these two differ.  Of a longer one as much
-is made again as the second run comes to in AFFORDED."""
+"""Counted time [s] of the steps of a run: up to AFFORDED a finer run is made unasked; up to LONGEST
+a coarser run, and a finer one only if these two differ. Of a longer run only the beginning is
+repeated, as much as takes AFFORDED."""
 
 SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
-"""Step of the second run over that of the run: the number that is farthest from all fractions, so
-that no load is at the same phase in all steps of both."""
+"""Step of the second run relative to that of the run: the number hardest to approximate by
+fractions, so that no load has the same phase in all steps of both."""
 
 COARSER_STEP, COARSER_TOLERANCE, LOOSEST = SHORTER**-3, 100.0, 1e-3
-"""Factors of the coarser run, and the tolerance up to which there is one: a looser one tells
-nothing of the motion."""
+"""Factors of the coarser run, and the largest tolerance for which one is made."""
 
 MOST = 4096
-"""Instants of a run that are kept to be compared; of more every second, fourth, ... is kept."""
+"""Maximum number of instants compared; of more only every second, fourth, ... is kept."""
 
 BETWEEN, FEW = 256, 32
-"""Instants at which the second run is looked at besides the samples, at most; the run itself is
-made once more at all of them where samples are fewer than FEW, or show less than half of the
-motion."""
+"""Maximum number of instants compared in addition to the samples. The run itself is repeated at all
+of them if there are fewer than FEW samples, or they show less than half of the motion."""
 
 PATIENCE, GRACE = 8.0, 0.5
-"""The second run may take this many times the counted time of the first, and so much more [s]."""
+"""The second run may take this many times the counted time of the first, plus GRACE [s]."""
 
 PIECE = 32
-"""Instants between two looks at what the second run has taken, at most."""
+"""Maximum number of instants between two checks of the second run's counted time."""
 
 
 DOUBTFUL = 0.1 * BOUND
-"""Error above which one within BOUND is found once more, finer still: near an instability a finer
-run may be wrong by as much as the run."""
+"""Error above which one within BOUND is estimated again by a still finer run: near an instability a
+finer run may be as wrong as the run."""
 
 REFINED = 4
-"""Times that the second run is made finer still because it took no more steps than the first."""
+"""Maximum number of further refinements if the second run took no more steps than the first."""
 
 
 class _Change(NamedTuple):
-    """What came from outside during a run."""
+    """A change of commands or state during a run."""
 
     t: float
     """[s]."""
     law: Any
-    """the system that holds from then on, with its commands."""
+    """the system from then on, with its commands."""
     states: tuple[Input, ...]
-    """that bodies were given."""
+    """states that bodies were given."""
 
 
 class SecondRun:
-    """Keeps the poses of a run as its samples come, and makes the second run at its end."""
+    """Collects the poses of a run, and makes the second run at its end."""
 
     def __init__(self, simulation: Any) -> None:
         """simulation: at the start of the run."""
@@ -125,24 +125,24 @@ class SecondRun:
         self._turns = motion.kept.copy()
         self._before = motion.steps, self._counted(motion)
         self._steps, self._took = 0, 0.0
-        """what the run has taken: steps, and counted time [s]."""
+        """cost of the run so far: steps, and counted time [s]."""
         self._second_steps = 0
-        """what the last second run has taken."""
+        """number of steps of the last second run."""
         self.exchanged = 0.0
-        """energy that the motion exchanges, also between samples [J], once there is a result."""
+        """energy exchanged by the motion, also between samples [J]; set with the result."""
         self._rows: list[tuple[Array, Array]] = []
         self._count, self._stride, self._seen, self._reset = 0, 1, 0, False
         self._look: Callable[[], None] | None = None
         self._end = math.inf
 
     def add(self, block: SampleBlock) -> None:
-        """The next samples of the run."""
+        """Append samples of the run."""
         motion, before = self._simulation.motion, self._before
         if block.inputs and self._seen:
             states = tuple(given for given in block.inputs if given.state)
             self._reset |= any(not given.body for given in block.inputs)
             self._laws.append(_Change(block.inputs[-1].t, motion.system, states))
-            before = (0, 0.0) if states else before  # a motion that is put elsewhere counts anew
+            before = (0, 0.0) if states else before  # setting a state restarts the counters
         self._before = motion.steps, self._counted(motion)
         self._steps += self._before[0] - before[0]
         self._took += self._before[1] - before[1]
@@ -169,9 +169,9 @@ class SecondRun:
     ) -> GlobalError:
         """The global error of the run so far, or up to a singular configuration at `singular` [s].
 
-        always: make the finer run whatever it costs (True), or no second run (False); None: as
-        AFFORDED and LONGEST say. look: called now and then meanwhile; it may raise WatchEndedError.
-        within: counted time that each run made for it may take [s].
+        always: make the finer run at any cost (True), or no second run (False); None: as AFFORDED
+        and LONGEST define. look: called regularly meanwhile; it may raise WatchEndedError. within:
+        limit of the counted time of each run made [s].
         """
         motion = self._simulation.motion
         if always is False:
@@ -199,8 +199,9 @@ class SecondRun:
         return found._replace(upto=singular, why="not known beyond the singular configuration")
 
     def _by_events(self, limit: float) -> GlobalError | None:
-        """The difference of fixed steps with contacts from the motion by events, which is all of
-        their error; None of others, and of time stepping where that comes to no end in time [s].
+        """The error of fixed steps with contacts, as the difference from an event-driven run.
+
+        None for other runs, and for time stepping if the event-driven run exceeds the limit [s].
         """
         motion = self._simulation.motion
         step = getattr(self._simulation.method, "step", None)
@@ -211,15 +212,14 @@ class SecondRun:
         try:
             return self._by(_sharp(self._simulation, self._compiled), limit, whole=True)
         except RbSimError:
-            return None  # too many bodies, or an event that cannot be decided
+            return None  # too many bodies, or an undecidable event
         except WatchEndedError:
             if self._look is not None:
                 self._look()
             return None
 
     def _by_coarser(self, limit: float) -> GlobalError | None:
-        """The difference from a coarser run, which is more than the error of the run; None where
-        it is above BOUND."""
+        """The difference from a coarser run, a bound of the error; None if above BOUND."""
         other = _coarser(self._simulation, self._compiled)
         if other is None:
             return None
@@ -230,7 +230,7 @@ class SecondRun:
         return found._replace(below=True) if found.relative <= BOUND else None
 
     def _by_finer(self, limit: float) -> GlobalError:
-        """The error by the finer run, over what it comes to within the limit [s].
+        """The error from the finer run, up to the time that it reaches within the limit [s].
 
         Raises WatchEndedError.
         """
@@ -248,10 +248,10 @@ class SecondRun:
         return found
 
     def _by(self, other: SecondMotion, limit: float, *, whole: bool = False) -> GlobalError:
-        """The error of the run by the other motion, over what that comes to within the limit [s].
+        """The error of the run from another motion, up to the time reached within the limit [s].
 
-        whole: whether it has to come to the end, and what it cannot do is an error.
-        Raises WatchEndedError, and with `whole` SimulationError.
+        whole: require the other motion to reach the end, and raise its errors. Raises
+        WatchEndedError, and with `whole` SimulationError.
         """
         simulation, run = self._simulation, self._simulation.motion
         (times, poses), layout = self._kept(), run.layout
@@ -262,7 +262,7 @@ class SecondRun:
             if whole:
                 raise
             return GlobalError(math.inf, other.motion.time, "", math.inf, other.by)
-        if upto is not None:  # in time it came so far only
+        if upto is not None:  # the limit ended it at this time
             grid = grid[: len(rows)]
             times = times[: np.searchsorted(times, upto, side="right")]
             poses = poses[: len(times)]
@@ -274,12 +274,12 @@ class SecondRun:
         at = np.searchsorted(grid, times)
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
-            # the run once more, to see it between its samples
+            # repeat the run itself, for poses between its samples
             rows, *_ = self._carried(motion_of(self._compiled, simulation.method), grid, math.inf)
             times, poses = grid, _poses(rows, len(layout.bodies))
         else:
             second = second[at]
-        # beyond a singular configuration there are several motions, and two runs may err alike
+        # beyond a singular configuration the motion is not unique, and both runs may err alike
         before = times <= max(self._end, times[1])
         found = apart(times[before], poses[before], second[before], simulation)
         why = "use --check for the whole run" if upto is not None else ""
@@ -287,8 +287,8 @@ class SecondRun:
         return found._replace(relative=relative, by=other.by, upto=upto, why=why)
 
     def _between(self, times: Array) -> Array:
-        """Instants between the samples: where steps of the run end, if they are fixed ones. Any
-        other instant costs one step more, and of a run of few steps there are more instants."""
+        """Instants between the samples: ends of the run's steps if these are fixed. Other instants
+        cost an additional step each, and a run of few steps then has more instants."""
         step = getattr(self._simulation.method, "step", None)
         if step is None:
             return np.linspace(times[0], times[-1], BETWEEN)
@@ -297,8 +297,8 @@ class SecondRun:
         return ends[(ends >= times[0]) & (ends <= times[-1])]
 
     def _carried(self, trial: Motion, grid: Array, limit: float) -> tuple[Array, float | None, int]:
-        """Rows of the trial at the instants, where it was at the limit [s] (None: at its end), and
-        its steps.
+        """Rows of the trial at the instants, the time at which the limit [s] ended it (None: it
+        completed), and its number of steps.
 
         Raises SimulationError.
         """
@@ -341,7 +341,7 @@ class SecondRun:
 
 
 def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
-    """The largest difference of two runs of the simulation's scene, poses (n, bodies, 7)."""
+    """Largest difference between two runs of the simulation's scene; poses (n, bodies, 7)."""
     layout, radius = simulation.layout, _radii(simulation)
     least = SOLVED_IN_CONTACT * float(radius.max()) if layout.contacts else 0.0
     share, pose, i, body = motions_apart(one, two, radius, least)
@@ -349,20 +349,20 @@ def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
 
 
 def _poses(rows: Array, bodies: int) -> Array:
-    """Poses (n, bodies, 7) in the rows of samples."""
+    """Poses (n, bodies, 7) from rows of samples."""
     return rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, :7]
 
 
 def _radii(simulation: Any) -> Array:
-    """The largest radius of gyration of each body [m]."""
+    """Largest radius of gyration of each body [m], (bodies,)."""
     bodies = [simulation.scene.bodies[name] for name in simulation.layout.bodies]
     return np.array([math.sqrt(np.linalg.norm(b.inertia, 2) / b.mass) for b in bodies])
 
 
 def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
-    """What the global error is reported as; None where it is within its bound or not known.
+    """The finding for a global error; None if it is within its bound or unknown.
 
-    The bound is BOUND, and the tolerance where `auto` has chosen the setting to keep it.
+    The bound is BOUND, and the requested tolerance if `auto` chose the settings.
     """
     choice = simulation.choice
     if choice is not None and not choice.reached:
@@ -392,34 +392,36 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 
 def is_decided(finding: Finding) -> bool:
-    """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
-    motion, or leaps over turns, of which a shorter step shows others.  Not a choice in contact:
-    of what the laws leave open both runs choose alike, and of a slow slip both lag alike."""
+    """Whether an agreeing second run refutes the finding: a fixed step too large for the motion, or
+    for counting turns, which a shorter step would show.
+
+    Not for choices in contact, where both runs choose alike, or slow slips, where both lag alike.
+    """
     return finding.watch in ("step", "turn")
 
 
 class SecondMotion(NamedTuple):
-    """What a run is compared with."""
+    """The motion with which a run is compared."""
 
     motion: Motion
     by: str
-    """how it differs from the run, in words."""
+    """text on its difference from the run."""
     share: float
-    """of the error of the run that the two differ by."""
+    """fraction of the run's error by which the two differ."""
     last: bool = False
-    """whether none follows that is finer by the same rule."""
+    """whether it cannot be refined further by the same rule."""
 
 
 def _sharp(simulation: Any, compiled: Compiled) -> SecondMotion:
-    """The adaptive motion by events. Raises SceneError where the scene allows none."""
+    """The adaptive event-driven motion. Raises SceneError if the scene does not support it."""
     sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
     method = sharp.build(simulation.scene.simulation.duration)
     return SecondMotion(motion_of(compiled, method), str(sharp), 1.0)
 
 
 def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:
-    """A motion of SHORTER steps, or a tenth of the tolerance, taken so many times; the last one is
-    of a looser tolerance, where a tighter one is below rounding."""
+    """A motion with steps SHORTER, or a tenth of the tolerance, to the power `times`; the last one
+    has a larger tolerance, if a smaller one would be below rounding."""
     method = simulation.method
     if getattr(method, "tolerance", None) is None:
         part = SHORTER**times
@@ -435,8 +437,8 @@ def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:
 
 
 def _coarser(simulation: Any, compiled: Compiled) -> SecondMotion | None:
-    """A motion of longer steps or a looser tolerance; None where that would tell nothing, or `auto`
-    has measured the error of a coarser setting."""
+    """A motion with longer steps or larger tolerance; None if that is useless, or `auto` has
+    measured the error of a coarser setting."""
     method = simulation.method
     if simulation.choice is not None:
         return None
@@ -452,10 +454,10 @@ def _coarser(simulation: Any, compiled: Compiled) -> SecondMotion | None:
 
 
 def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
-    """A motion like that of the simulation at so many times its tolerance."""
+    """A motion like that of the simulation with `factor` times its tolerance."""
     first = simulation.method
     options = simulation.scene.simulation
-    if simulation.choice is None:  # as the simulation was made: of small motions in two turns
+    if simulation.choice is None:  # as the simulation was made: small motions in two stages
         first = compile_method(at_its_size(simulation.scene).simulation, options.duration)
     trial = motion_of(compiled, first._replace(tolerance=factor * first.tolerance))
     if trial.held and simulation.choice is None:
@@ -466,7 +468,7 @@ def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
 
 
 def _cut_between(compiled: Compiled, times: int) -> Compiled:
-    """The same with further breakpoints, so that the steps that end at one are shorter as well."""
+    """The compiled scene with additional breakpoints, so that steps up to one are shorter."""
     if not compiled.breakpoints:
         return compiled
     ends = np.array([0.0, *compiled.breakpoints])

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Models that follow recordings: parameters and initial state by least squares."""
+"""Fit of scene parameters and initial states to recordings, by least squares."""
 
 import sys
 

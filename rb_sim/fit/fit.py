@@ -7,16 +7,17 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Parameters and initial state that make a simulation follow a recording, by least squares.
+"""Least-squares fit of parameters and initial state to a recording.
 
     minimise  sum |p_sim - p|^2 / s_p^2 + |turn(q, q_sim)|^2 / s_q^2
 
-over the free numbers, with the poses of the bodies' origins at the recorded instants. Where the
-noise s_p [m], s_q [rad] is not given, a first fit estimates it from what it leaves. With the
-Jacobian J of the weighted residuals r at the solution, cov = (J^T J)^-1 |r|^2 / (n - p), its roots
-are the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7). J is exact where the
-motion is smooth (rb_sim.simulation.sensitivity), else it is taken by differences: central ones,
-and to one side where the scene refuses the other. What lies at such a limit at the end is named.
+over the free numbers, with the poses of the bodies' origins at the recorded instants. If the noise
+s_p [m], s_q [rad] is not given, it is estimated from the residuals of a first fit. With the
+Jacobian J of the weighted residuals r at the solution, the covariance is (J^T J)^-1 |r|^2 / (n -
+p), and its diagonal gives the standard errors (Bard, Nonlinear Parameter Estimation, 1974, ch. 7).
+J is exact if the motion is smooth (rb_sim.simulation.sensitivity), else it comes from central
+differences, or one-sided ones if the scene is invalid on one side. Numbers that end at such a limit
+are reported.
 """
 
 from __future__ import annotations
@@ -65,24 +66,24 @@ from rb_sim.scene.schema import Scene, SimulationOptions
 from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
 from rb_sim.simulation.simulation import Simulation
 
-# Whether what a fit leaves is noise: neighbours in time are then independent.
+# Test whether the residuals are noise, i.e. uncorrelated in time.
 #
 #     rho = sum r_k r_k+1 / sum r_k^2
 #
-# is about 0 for noise, with a standard deviation of 1 / sqrt(n), and near 1 for what a wrong model
-# or a search that ended elsewhere leaves (Durbin and Watson, Biometrika 37, 1950).
+# is about 0 for noise, with a standard deviation of 1 / sqrt(n), and near 1 for a wrong model or a
+# wrong minimum (Durbin and Watson, Biometrika 37, 1950).
 
 
 FEW = 16
-"""Samples below which nothing is said."""
+"""Minimum number of samples for this test."""
 SYSTEMATIC = 0.5
-"""Correlation of neighbours from which on the rest is not noise."""
+"""Correlation of neighbours above which residuals are not noise."""
 ROUNDING = 1e-7
-"""Of the largest way: residuals below are of rounding and tolerances."""
+"""Residuals below this, relative to the largest displacement, are rounding."""
 
 
 def correlation(columns: Iterable[np.ndarray]) -> float:
-    """Of neighbours in columns of residuals, each shape (n, 3), by their squares; 0 for too few."""
+    """Lag-1 correlation of the residuals, columns of shape (n, 3) each; 0 for too few samples."""
     products = squares = 0.0
     for r in columns:
         if len(r) >= FEW:
@@ -91,33 +92,35 @@ def correlation(columns: Iterable[np.ndarray]) -> float:
     return products / squares if squares > 0.0 else 0.0
 
 
-# How sure the numbers of a fit are: standard errors, correlations, and what is not determined.
+# Uncertainty of a fit: standard errors, correlations, undetermined combinations.
 #
 #     cov = D (J^T J)^-1 D^T s^2
 #
-# with J the Jacobian by the numbers of the search, D the derivatives of the numbers themselves by
-# these and s^2 the variance of the weighted residuals (Bard, Nonlinear Parameter Estimation, 1974,
-# ch. 7).
+# with J the Jacobian by the search variables, D the derivatives of the free numbers by these, and
+# s^2 the variance of the weighted residuals (Bard, Nonlinear Parameter Estimation, 1974, ch. 7).
 
 
 SHARE = 0.1
-"""Of a combination without effect, from which on a number belongs to it."""
+"""Relative component above which a number belongs to an undetermined combination."""
 
 
 class Spread(NamedTuple):
-    """Of the numbers of a fit."""
+    """Uncertainty of the fitted numbers."""
 
     errors: np.ndarray
-    """standard errors, infinite for what is not determined."""
+    """standard errors, infinite for undetermined numbers."""
     correlation: np.ndarray
     undetermined: list[list[int]]
-    """which numbers belong to each combination without effect."""
+    """indices of the numbers in each undetermined combination."""
 
 
 def spread_of(
     J: np.ndarray, least: float, variance: float, slopes: np.ndarray, scales: np.ndarray
 ) -> Spread:
-    """least: singular value of J, relative to the largest, that says nothing."""
+    """Uncertainty from the Jacobian J, variance of the residuals, and slopes D.
+
+    least: singular value of J, relative to the largest, at or below which a combination is
+    undetermined."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
     weak = poorly_determined(s, least)
     inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, s) ** 2)
@@ -134,30 +137,29 @@ def spread_of(
 
 
 def noisy(r: np.ndarray, is_angle: np.ndarray) -> int:
-    """How many residuals have noise: attitudes that are all written as the identity have none, and
-    would make the others' look smaller."""
+    """Number of residuals with noise. Attitudes recorded as the identity have none, and would make
+    the variance too small."""
     kinds = [is_angle == k for k in (False, True)]
     return sum(int(kind.sum()) for kind in kinds if np.mean(r[kind] ** 2) > WRITTEN_ROUNDING)
 
 
-# Poses that lie far from all others beside the motion that was fitted: they draw the fit.
+# Outliers: poses far from the fitted motion, which distort the fit.
 #
-# Least squares takes one pose that is a hundred times as far off as ten thousand others. How far
-# the others are tells the median of the residuals' sizes, which a few outliers do not change
-# (Huber, Robust Statistics, 1981).
+# One pose a hundred times as far off weighs as much as ten thousand others. The scale of the noise
+# is taken from the median of the residuals, which is robust (Huber, Robust Statistics, 1981).
 
 
 FAR = 10.0
-"""Standard deviations of the noise: no sample of any size has one so far from noise."""
+"""Standard deviations of the noise beyond which a pose is an outlier."""
 MOST = 0.1
-"""Of the poses: more of them are no outliers, but another motion."""
+"""Largest fraction of outliers; more of them mean a different motion."""
 
 Residuals = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
-    """A line for each body that has some. residuals: as of `Fitted`; rounding: what is no more than
-    that [m, rad] is none."""
+    """A line for each body with outliers. residuals: as in `Fitted`; rounding: smaller residuals do
+    not count [m, rad]."""
     lines = []
     for body, (t, *parts) in residuals.items():
         far = np.zeros(len(t), bool)
@@ -174,20 +176,20 @@ def outliers(residuals: Residuals, rounding: float) -> tuple[str, ...]:
     return tuple(lines)
 
 
-# The Jacobian of the residuals from the derivatives that the motion carries along.
+# Exact Jacobian of the residuals by integrated sensitivities.
 
 
 SMALL = 0.03
-"""Size of a number, of its scale, below which the scenes beside do not come nearer: a number may
-begin at 0."""
+"""Smallest value, relative to its scale, for which the difference step shrinks with the value: a
+number may start at 0."""
 
 
 def raw_jacobian(
     recording: Recording, scene_at: Callable[[np.ndarray], Scene], x: np.ndarray
 ) -> np.ndarray:
-    """d (position, turn) of each pose in turn / d x, shape (6 poses, len(x)) [m, rad].
+    """d (position, rotation) of each pose in turn / d x, shape (6 poses, len(x)) [m, rad].
 
-    Raises NotSmoothError where the motion has no derivatives, SimulationError as a run does.
+    Raises NotSmoothError if the motion has no derivatives, SimulationError as a run does.
     """
     sizes = np.clip(np.abs(x), SMALL, 1.0)
     simulation = TangentSimulation(scene_at, x, sizes.tolist())
@@ -221,7 +223,7 @@ def raw_jacobian(
 def _center_change(
     scene_at: Callable[[np.ndarray], Scene], x: np.ndarray, k: int, h: float, body: str
 ) -> np.ndarray:
-    """d r_OC / d x_k; r_OC is a number of the scene itself, so that the difference is exact."""
+    """d r_OC / d x_k. r_OC is linear in the scene's numbers, so the difference is exact."""
     ends = []
     for side in (-h, h):
         moved = x.copy()
@@ -231,30 +233,30 @@ def _center_change(
 
 
 def _turn_change(p: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """The change of turn_between(p, q), which is linear in q but for the sign of both."""
+    """Change of turn_between(p, q), which is linear in q except for its sign."""
     sign = np.where(np.sum(p * q, axis=1) < 0, -2.0, 2.0)[:, None]
     return sign * product(conjugate(p), dq)[:, :3]
 
 
 def rotation_change(q: np.ndarray, dq: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """d (R(q) a) for the change dq of unit quaternions (n, 4) and one vector, (n, 3)."""
+    """d (R(q) a) for a change dq of unit quaternions (n, 4) and one vector a, (n, 3)."""
     u, w, du, dw = q[:, :3], q[:, 3:], dq[:, :3], dq[:, 3:]
     t, dt = 2.0 * cross(u, a), 2.0 * cross(du, a)
     return dw * t + w * dt + cross(du, t) + cross(u, dt)
 
 
 MOST_RUNS = 200
-"""Evaluations of a fit, those for J aside."""
+"""Maximum number of residual evaluations of a search, without those for J."""
 PARTS = (0.05, 0.1, 0.2, 0.35, 0.6)
-"""Of the recording, that a search follows one after the other where it fails on all of it."""
+"""Fractions of the recording that are fitted one after the other if a fit to all of it fails."""
 CORNERS = 8
-"""Times that a search is taken up again along the limits that stopped it."""
+"""Maximum number of restarts of a search along limits that stopped it."""
 WORTH = 1e-6
-"""Of the sum of squares, for which it is."""
+"""Minimum relative decrease of the sum of squares for another restart."""
 ENOUGH = 4
-"""Residuals for each number."""
+"""Minimum number of residuals per free number."""
 HOPELESS = 1e6
-"""Weighted residual of a trial that cannot be simulated: the search turns back."""
+"""Weighted residual assigned to a trial that cannot be simulated, so that the search turns back."""
 
 
 def fit(
@@ -264,9 +266,10 @@ def fit(
     keys: Sequence[str],
     noise: tuple[float, float] | None = None,
 ) -> Fitted:
-    """Fit the numbers `keys` of the scene. data: the scene's own mapping; noise: (m, rad).
+    """Fit the numbers `keys` of the scene. data: its mapping; noise: (m, rad) or None.
 
-    Raises RbSimError for keys that will not do, SimulationError if the start cannot be simulated.
+    None: the noise is estimated. Raises RbSimError for invalid keys, SimulationError if the scene
+    cannot be simulated at the start.
     """
     problem = _Problem(recording, scene, data, free_numbers(data, keys))
     x = start_of(problem.free)
@@ -286,7 +289,7 @@ def fit(
 
 
 class _Problem:
-    """The residuals as a function of the numbers over their scales."""
+    """The residuals as a function of the search variables (numbers relative to their scales)."""
 
     def __init__(
         self, recording: Recording, scene: Scene, data: Mapping[str, Any], free: list[Free]
@@ -297,10 +300,10 @@ class _Problem:
         self.runs = 0
         self._options = scene.simulation
         self.smooth = True
-        """False once the exact derivatives could not be had."""
+        """False once exact derivatives were not available."""
         self.trouble = ""
         self.refused = 0
-        """trials of a search that could not be simulated."""
+        """number of trials that could not be simulated."""
         size = sum(len(recording.tracks.bodies[b].t) for b in recording.pairs.values())
         if 6 * size <= len(free):
             raise RbSimError(f"{size} poses do not determine {len(free)} numbers")
@@ -309,20 +312,20 @@ class _Problem:
         times = [recording.tracks.bodies[b].t for b in recording.pairs.values()]
         self._time = np.repeat(np.concatenate(times), 6)
         self._follow = np.ones(6 * size, bool)
-        """which residuals are made small."""
+        """mask of the residuals in use."""
 
     def weigh(self, position: float, angle: float) -> None:
-        """Noise of position [m] and attitude [rad]."""
+        """Set the noise of position [m] and attitude [rad]."""
         self._sigma = np.where(self._is_angle, angle, position)
 
     def left(self, r: np.ndarray) -> tuple[float, float]:
-        """RMS of the residuals of position and attitude, none of them 0."""
+        """RMS residuals of position [m] and attitude [rad], both > 0."""
         rms = [float(np.sqrt(np.mean(r[self._is_angle == k] ** 2))) for k in (False, True)]
         floor = max(*rms, 1e-15) * 1e-6
         return max(rms[0], floor), max(rms[1], floor)
 
     def raw(self, x: np.ndarray) -> np.ndarray:
-        """Residuals in metres and radians, (position, turn) of each pose in turn."""
+        """Residuals [m, rad], (position, rotation) of each pose; NaN if the simulation fails."""
         self.runs += 1
         try:
             tracks = self._simulate(x)
@@ -357,20 +360,20 @@ class _Problem:
         return self._usable_rows(differences(self.raw, x))
 
     def _usable_rows(self, J: np.ndarray) -> np.ndarray:
-        """The rows that are followed, weighted; nothing for numbers whose effect is rounding."""
+        """Weighted rows of J in use; columns with an effect below rounding are zero."""
         size = np.where(self._is_angle, 1.0, self._way or 1.0)[:, None]
         effect = np.sqrt(np.mean((J / size)[self._follow] ** 2, axis=0))
         J = np.where(effect > negligible(self.smooth), J, 0.0) / self._sigma[:, None]
         return J[self._follow]
 
     def solve(self, x: np.ndarray) -> Any:
-        """Least squares from x on. What has no effect there stays as it is, a number or a
-        combination of them: a search that divides by its effect would carry it anywhere."""
+        """Least-squares solution from x on. Numbers or combinations without effect keep their start
+        value, as a search would move them arbitrarily."""
         moved = moving(self.jacobian(x))
         limits = self.limits
         found = self._search(x, moved, limits)
         if found.held and (stopped := moved & limits.reached(found.x)).any():
-            # what the rows without effect hold may be what could go on beside such a bound
+            # the rows that hold undetermined combinations may block motion along such a bound
             found = _better(found, self._search(found.x, moved & ~stopped, limits))
         for _ in range(CORNERS):
             if not found.refused:
@@ -388,7 +391,7 @@ class _Problem:
         return found
 
     def _search(self, x: np.ndarray, moved: np.ndarray, limits: Limits) -> Any:
-        """Of the numbers `moved`; how many trials were refused on the way."""
+        """Least-squares search over the numbers `moved`; also counts the refused trials."""
 
         def whole(part: np.ndarray) -> np.ndarray:
             full = x.copy()
@@ -419,8 +422,9 @@ class _Problem:
         return bool(np.isfinite(self.raw(x)).all())
 
     def grown(self, x: np.ndarray) -> np.ndarray:
-        """Numbers to begin with that follow the beginning of the recording, then more and more of
-        it: over all of it a search ends where a turn is missed by a whole one, or a bounce."""
+        """Start values found by fitting increasing parts of the recording.
+
+        A fit to all of it would end in a local minimum off by a whole turn or a bounce."""
         first, last = float(self._time.min()), float(self._time.max())
         for part in PARTS:
             self._follow = self._time <= first + part * (last - first)
@@ -430,8 +434,8 @@ class _Problem:
         return x
 
     def systematic(self, x: np.ndarray) -> float:
-        """The correlation of neighbours in what is left, where that is more than chance and more
-        than rounding; else 0."""
+        """Lag-1 correlation of the residuals, if above SYSTEMATIC and the residuals exceed
+        rounding; else 0."""
         raw = self.raw(x)
         if np.isfinite(raw).all() and max(self.left(raw)) <= ROUNDING * max(self._way, 1e-300):
             return 0.0
@@ -441,7 +445,7 @@ class _Problem:
 
     @property
     def _way(self) -> float:
-        """How far a body goes [m] or turns [rad] from its first pose: its origin may be held."""
+        """Largest displacement [m] or rotation [rad] of a body from its first pose."""
         seen = [self.recording.tracks.bodies[name] for name in self.recording.pairs.values()]
         gone = [np.abs(track.position - track.position[0]).max() for track in seen]
         turned = [angle_between(track.orientation[:1], track.orientation).max() for track in seen]
@@ -451,7 +455,7 @@ class _Problem:
         return with_numbers(self.data, self.free, values_of(self.free, x), self.attitudes)
 
     def scene_at(self, x: np.ndarray) -> Scene:
-        """The scene with these numbers over their scales, as the search simulates it."""
+        """The scene with these search variables, as the search simulates it."""
         return self._scene(x, self._options)
 
     def _scene(self, x: np.ndarray, options: SimulationOptions | None = None) -> Scene:
@@ -495,5 +499,5 @@ class _Problem:
 
 
 def _better(one: OptimizeResult, other: OptimizeResult) -> OptimizeResult:
-    """That which leaves less."""
+    """The result with the smaller sum of squares."""
     return other if float(other.fun @ other.fun) < float(one.fun @ one.fun) else one

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a fit follows, and the simulation that goes the same way."""
+"""The recording to fit, and the simulation with its inputs."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from rb_sim.simulation.simulation import Simulation, give
 
 @dataclass
 class Recording:
-    """What is to be followed.
+    """The motion to fit.
 
-    inputs: commands and resets by sample, with `count` samples and `node` as of bags.resim; or
-    None in a bag of somebody else: the simulation starts at the earliest of the poses, each body
-    has times of its own, and `commands` act at theirs.
+    inputs: commands and resets by sample, with `count` samples and `node` as in bags.resim; None
+    for a foreign bag: the simulation then starts at the earliest pose, each body has its own times,
+    and `commands` act at theirs.
     """
 
     tracks: Tracks
@@ -43,24 +43,24 @@ class Recording:
     count: int = 0
     node: bool = False
     commands: tuple[Input, ...] = ()
-    """what was commanded, by the time since the first pose."""
+    """commands, with times relative to the first pose."""
     notes: list[str] = field(default_factory=list)
-    """which wrenches are commands."""
+    """lines on the wrenches used as commands."""
 
     @property
     def times(self) -> np.ndarray:
-        """All instants at which a body was seen [s], increasing."""
+        """All instants with a pose of any body [s], increasing."""
         return np.unique(np.concatenate([self.tracks.bodies[n].t for n in self.pairs.values()]))
 
     def samples(self, body: str, made: int) -> np.ndarray:
-        """Which of `made` simulated samples are at the times of a body, in their order."""
+        """Indices, among `made` simulated samples, of those at the times of a body."""
         t = self.tracks.bodies[self.pairs[body]].t
         at = np.arange(len(t)) if self.inputs is not None else np.searchsorted(self.times, t)
         return at[at < made]
 
 
 def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlock]:
-    """The samples of the simulation at the instants of the recording, with its inputs."""
+    """Yield the samples of the simulation at the recorded instants, with the recorded inputs."""
     if recording.inputs is not None:
         yield from blocks(simulation, recording.inputs, recording.count, node=recording.node)
         return
@@ -78,8 +78,7 @@ def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlo
 
 
 def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
-    """What the checks find of lost accuracy in the motion of the scene that follows the recording,
-    a line each."""
+    """Findings of the accuracy checks in the simulation with the recorded inputs, one line each."""
     simulation = Simulation(scene)
     checked = CheckedSamples(simulation, followed(simulation, recording))
     for _ in checked:
@@ -90,10 +89,10 @@ def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:
 def pairs_of(
     tracks: Tracks, bodies: Sequence[str], match: Sequence[str]
 ) -> tuple[dict[str, str], list[str]]:
-    """The poses of each body, as matched or by their names, and lines on bodies left out.
+    """Name of the poses of each body, as matched or by name, and lines on excluded bodies.
 
-    match: texts NAME=BODY, poses and body; the other way round is read where it is no such pair.
-    Raises RbSimError where no body is found.
+    match: texts NAME=BODY, poses and body; the reverse order is accepted if this one does not
+    match. Raises RbSimError if no body is found.
     """
     names, option = ", ".join(tracks.bodies), "--match NAME=BODY"
     given = {}
@@ -124,10 +123,10 @@ def pairs_of(
 def recorded_by_others(
     tracks: Tracks, scene: Scene, pairs: dict[str, str], wrenches: Sequence[str] = ()
 ) -> Recording:
-    """The poses of somebody else, and the wrenches that the scene's bodies were commanded.
+    """Recording from a foreign bag: its poses, and the wrenches commanded on the scene's bodies.
 
-    wrenches: those that are commands, as TOPIC or BODY=TOPIC, or "none"; else by their frames and
-    names. Raises RbSimError where that is not clear.
+    wrenches: those that are commands, as TOPIC or BODY=TOPIC, or "none"; empty: chosen by frames
+    and names. Raises RbSimError if that is ambiguous.
     """
     recording = Recording(tracks, pairs)
     times = recording.times
@@ -139,8 +138,7 @@ def recorded_by_others(
 
 @dataclass
 class _Signal:
-    """What one topic commands a body, in turn: times [s], wrenches (n, 6), and of each whether it
-    is in the body's axes."""
+    """Commands of one topic for a body: times [s], wrenches (n, 6), mask of body axes."""
 
     t: np.ndarray
     values: np.ndarray
@@ -153,7 +151,7 @@ class _Signal:
 
 
 class _Acting:
-    """Which wrenches of a bag are commands of which bodies of a scene."""
+    """Assignment of recorded wrenches to the scene's bodies as commands."""
 
     def __init__(self, tracks: Tracks, scene: Scene, pairs: dict[str, str]) -> None:
         self._tracks, self._scene = tracks, scene
@@ -165,7 +163,7 @@ class _Acting:
             for name, spec in scene.effects.items()
             if spec.commandable
         }
-        """bodies that take a command, and the names of those effects."""
+        """name of the commandable effect by body."""
         paired = {body: tracks.bodies[name] for body, name in pairs.items()}
         inner = {tracks.bodies[name].frame for name in tracks.composed}
         self._world = {track.frame for track in paired.values()} | set(WORLD) - inner
@@ -177,7 +175,7 @@ class _Acting:
         """by body and topic."""
 
     def choose(self, wrenches: Sequence[str]) -> list[str]:
-        """Take those, or what is clear; lines on what is a command, and what is not."""
+        """Use the named, or unambiguous, wrenches; returns lines on those used and not used."""
         if wrenches and list(wrenches) != ["none"]:
             for text in wrenches:
                 self._take_named(text)
@@ -203,7 +201,7 @@ class _Acting:
         return lines
 
     def inputs(self, start: float, end: float) -> tuple[Input, ...]:
-        """The commands from `start` to `end` [s] in their order; each holds until the next."""
+        """Commands from `start` to `end` [s] in order; each holds until the next."""
         found = [
             given
             for body, signals in self._signals.items()
@@ -246,15 +244,15 @@ class _Acting:
         self._signals.setdefault(body, {})[topic] = signal
 
     def _in_axes_of(self, body: str, wrench: Wrenches) -> np.ndarray | None:
-        """Its values about the body's origin in its axes; None where its frame is no part of it."""
+        """Wrenches about the body's origin in its axes; None if their frame is another."""
         if wrench.frame in self._frames[body]:
             return wrench.values
         carrier = self._tracks.fixed.carrier(wrench.frame, self._frames[body])
         return None if carrier is None else carried_over(wrench.values, carrier[1])
 
     def _body_of(self, topic: str) -> str | None:
-        """The body that takes a command and that all wrenches of a topic act on: whose frame they
-        are in, or that the topic names (or the effect) if they are in the world's."""
+        """The commandable body on which all wrenches of a topic act: by frame; for wrenches in the
+        world frame by the name of body or effect in the topic."""
         found = {self._of(wrench, topic) for wrench in self._topics[topic]}
         return found.pop() if len(found) == 1 else None
 
@@ -269,7 +267,7 @@ class _Acting:
 
 
 def _sum(body: str, signals: dict[str, _Signal]) -> _Signal:
-    """All that acts on a body. Raises RbSimError where the axes differ."""
+    """Sum of the commands on a body. Raises RbSimError if their axes differ."""
     parts = list(signals.values())
     if len(parts) == 1:
         return parts[0]
@@ -285,7 +283,7 @@ def _sum(body: str, signals: dict[str, _Signal]) -> _Signal:
 
 
 def _inputs(body: str, signal: _Signal, start: float, end: float) -> Iterable[Input]:
-    """The commands of a signal, but for those that say the same again."""
+    """Commands of a signal, without repetitions."""
     t = np.maximum(signal.t - start, 0.0)
     first = max(0, int(np.searchsorted(signal.t, start, side="right")) - 1)
     before = None

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The unknowns of a fit: the numbers that it may change, how far, and what it found."""
+"""Free numbers of a fit, their limits, and the result."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from rb_sim.io.bag.reader import value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
 
-# The numbers of a scene that a fit may change, as one vector of about unit size.
+# Free numbers of a scene as one vector of search variables of about unit size.
 
 
 LEAST = 1e-3
-"""A number that is > 0 at the start stays above this part of it."""
+"""Lower bound of a number that is > 0 at the start, relative to its start value."""
 AT_MOST = {"kinetic": "static"}
-"""A number that its section takes up to another one of it at most."""
+"""Numbers bounded above by another number of the same section."""
 
 
 class Free(NamedTuple):
     """One free number.
 
-    key: dotted path; index: component of a vector, None for a scalar; of an orientation the turn
-    about the world's axes [rad], from where it starts. share_of: which of the free numbers it is at
-    most; the search then has it as a share of that one.
+    key: dotted path; index: component of a vector, None for a scalar; for an orientation the
+    rotation about the world's axes [rad], relative to the start. share_of: index of the free number
+    that is its upper bound; the search variable is then the ratio of the two.
     """
 
     key: str
@@ -49,17 +49,17 @@ class Free(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The key, with the component if it has any."""
+        """The key, with the component if it has one."""
         return self.key if self.index is None else f"{self.key}[{self.index}]"
 
     @property
     def turn(self) -> bool:
-        """True for a component of an orientation."""
+        """Whether it is a component of an orientation."""
         return self.key.endswith(".orientation")
 
 
 def free_numbers(data: Mapping[str, Any], keys: Sequence[str]) -> list[Free]:
-    """The components of all keys. Raises RbSimError for a key that is no number or vector."""
+    """Free numbers for all components of the keys. Raises RbSimError for other values."""
     found: list[Free] = []
     for key in keys:
         if key.endswith(".orientation"):
@@ -84,20 +84,20 @@ def free_numbers(data: Mapping[str, Any], keys: Sequence[str]) -> list[Free]:
 
 
 def _with_shares(free: list[Free]) -> list[Free]:
-    """Those that may not be more than another free one as shares of it."""
+    """The free numbers with `share_of` set if their upper bound is free too."""
     at = {number.key: k for k, number in enumerate(free) if number.start > 0}
     of = [at.get(_other(number.key, AT_MOST)) for number in free]
     return [number._replace(share_of=k) for number, k in zip(free, of, strict=True)]
 
 
 def _other(key: str, names: Mapping[str, str]) -> str:
-    """The key beside this one that `names` has for its last part; "" where it has none."""
+    """Key in the same section that `names` assigns to this one; "" if there is none."""
     head, _, last = key.rpartition(".")
     return f"{head}.{names[last]}" if last in names else ""
 
 
 VELOCITIES = ("position", "linear_velocity", "angular_velocity")
-"""Of a body, zero where a scene leaves them out."""
+"""Body quantities that default to zero in a scene."""
 
 
 def _value(data: Mapping[str, Any], key: str) -> Any:
@@ -117,7 +117,7 @@ def _is_number(value: Any) -> bool:
 def with_numbers(
     data: Mapping[str, Any], free: Sequence[Free], values: np.ndarray, attitudes: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The scene's data with these values. attitudes: quaternions at the start, by key."""
+    """The scene's data with these values. attitudes: start quaternions by key."""
     changed = _copy(data)
     turns: dict[str, np.ndarray] = {}
     for number, value in zip(free, values.tolist(), strict=True):
@@ -142,7 +142,7 @@ def with_numbers(
 
 
 def body_of(key: str) -> Any:
-    """The body of a path like `bodies.top.orientation`."""
+    """Name of the body in a path like `bodies.top.orientation`."""
     return (keys_of(key) or ("", ""))[1]
 
 
@@ -153,7 +153,7 @@ def _copy(value: Any) -> Any:
 
 
 def start_of(free: Sequence[Free]) -> np.ndarray:
-    """The numbers as the search has them, at the start: over their scales, or shares."""
+    """Search variables at the start: numbers relative to their scale or upper bound."""
     return np.array([n.start / _unit(n, free) for n in free])
 
 
@@ -162,7 +162,7 @@ def _unit(number: Free, free: Sequence[Free]) -> float:
 
 
 def values_of(free: Sequence[Free], x: np.ndarray) -> np.ndarray:
-    """The numbers themselves, from those of the search."""
+    """The numbers for these search variables."""
     values = x * np.array([number.scale for number in free])
     for k, number in enumerate(free):
         if number.share_of is not None:
@@ -181,8 +181,8 @@ def slopes_of(free: Sequence[Free], x: np.ndarray) -> np.ndarray:
 
 
 def bounds(free: Sequence[Free], data: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Of the numbers of the search: what is a positive scalar at the start stays positive, what is
-    at most another number of the scene stays so, and so does that other one."""
+    """Lower and upper bounds of the search variables: positive scalars stay positive, and a number
+    stays below its upper bound in the scene, or above the number that it bounds."""
     scalar = np.array([n.index is None and n.start > 0 for n in free])
     low, high = np.where(scalar, LEAST, -np.inf), np.full(len(free), np.inf)
     shares = {number.share_of for number in free}
@@ -206,27 +206,27 @@ def _given(data: Mapping[str, Any], key: str) -> float | None:
     return float(value) if value is not None and _is_number(value) else None
 
 
-# How far the numbers of a fit may go: bounds that are known, and those at which a scene refuses.
+# Limits of the search: known bounds, and values for which the scene is invalid.
 #
-# A scene says no where friction would be less at rest than in a slip, a body would begin inside a
-# floor, an inertia would be no body's. A derivative is taken to the side that is possible, and a
-# search that such a limit stops goes on along it. What a recording does not tell stays where it
-# was.
+# A scene is invalid if static friction is below kinetic friction, a body starts inside a floor, or
+# an inertia is impossible. Derivatives are then one-sided, and a search stopped by such a limit
+# continues along it. Numbers that the recording does not determine keep their start value.
 
 
 STEP = 1e-5
-"""Of a difference, relative to a number's scale."""
+"""Step of a difference, relative to a number's scale."""
 UNDETERMINED = 1e-5
-"""The same where J is taken by differences: a motion to 1e-10 over steps of 1e-5."""
+"""Relative singular value of J that is negligible if J comes from differences: motions with an
+error of 1e-10 over steps of 1e-5."""
 TOLERANCE = 1e-10
-"""Of motions of which differences are taken, at most."""
+"""Largest tolerance of motions from which differences are taken."""
 NEAR = 1e-6
-"""From a bound, within which a number is at it."""
+"""Distance from a bound within which a number counts as at it."""
 
 
 def differenced(options: SimulationOptions) -> SimulationOptions:
-    """How the motions of differences are integrated: steps of adaptive length change with the
-    numbers, and what a coarse tolerance leaves of the motion changes with them."""
+    """Simulation options for differences: adaptive steps change with the numbers, so that a coarse
+    tolerance would add errors that change too."""
     if options.tolerance is None:
         return options
     method = "dopri853" if options.method == "auto" else options.method
@@ -236,9 +236,9 @@ def differenced(options: SimulationOptions) -> SimulationOptions:
 
 
 def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> np.ndarray:
-    """df/dx_k of second order; nothing where f is not finite on either side.
+    """df/dx_k of second order; zero if f is not finite on either side.
 
-    Central, or to one side, (4 f(x + h) - f(x + 2 h) - 3 f(x)) / 2 h, where f(x - h) is not finite.
+    Central; one-sided, (4 f(x + h) - f(x + 2 h) - 3 f(x)) / 2 h, if f(x - h) is not finite.
     """
     h = np.zeros(len(x))
     h[k] = STEP
@@ -256,29 +256,29 @@ def difference(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> 
 
 
 def differences(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """`difference` by each number, shape (len(f), len(x))."""
+    """`difference` for each variable, shape (len(f), len(x))."""
     return np.stack([difference(f, x, k) for k in range(len(x))], axis=1)
 
 
 def moving(J: np.ndarray) -> np.ndarray:
-    """Which numbers have an effect."""
+    """Mask of the variables with an effect."""
     sizes = np.linalg.norm(J, axis=0)
     return sizes > WRITTEN_ROUNDING * sizes.max(initial=1e-300)
 
 
 def negligible(exact: bool) -> float:
-    """Singular value of J, relative to the largest, that says nothing."""
+    """Relative singular value of J at or below which a combination is undetermined."""
     return WRITTEN_ROUNDING if exact else UNDETERMINED
 
 
 def poorly_determined(s: np.ndarray, least: float) -> np.ndarray:
-    """Which singular values say nothing beside the largest."""
+    """Mask of the negligible singular values."""
     return s <= least * max(s[0], 1e-300)
 
 
 def still(J: np.ndarray, least: float) -> np.ndarray:
-    """Rows that hold the combinations without effect, as strongly as the data hold the weakest
-    of the others: what the data do not tell is where the search began."""
+    """Rows that hold undetermined combinations at their start values, as strongly as the data hold
+    the weakest determined one."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
     weak = poorly_determined(s, least)
     return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
@@ -287,8 +287,8 @@ def still(J: np.ndarray, least: float) -> np.ndarray:
 def held_still(
     slopes: Callable[[np.ndarray], np.ndarray], start: np.ndarray, least: float
 ) -> tuple[np.ndarray, Any]:
-    """The rows of `still` at the start, and the derivative with them; at the start it is taken
-    once."""
+    """The rows of `still` at the start, and the derivative with these rows appended; the derivative
+    at the start is computed only once."""
     first = slopes(start)
     held = still(first, least)
 
@@ -300,35 +300,35 @@ def held_still(
 
 @dataclass
 class Limits:
-    """low and high of each number, of the numbers of the search."""
+    """Lower and upper limits of the search variables."""
 
     low: np.ndarray
     high: np.ndarray
 
     @property
     def fixed(self) -> np.ndarray:
-        """Those that may not move at all."""
+        """Mask of the variables that cannot move."""
         return self.low >= self.high
 
     def same(self, other: Limits) -> bool:
-        """Whether they are the same."""
+        """Whether the limits are equal."""
         return np.array_equal(self.low, other.low) and np.array_equal(self.high, other.high)
 
     def inside(self, x: np.ndarray) -> np.ndarray:
-        """x, not beyond them."""
+        """x clipped to the limits."""
         return np.clip(x, self.low, self.high)
 
     def reached(self, x: np.ndarray) -> np.ndarray:
-        """Which numbers are at one of them."""
+        """Mask of the variables at a limit."""
         near = NEAR * np.maximum(1.0, np.abs(x))
         return (x - self.low < near) | (self.high - x < near)
 
     def at(
         self, x: np.ndarray, slope: np.ndarray, possible: Callable[[np.ndarray], bool]
     ) -> Limits:
-        """These, and x itself on each side on which it would go down but is not possible.
+        """Limits with x added as a limit on each downhill side on which the scene is invalid.
 
-        slope: of the sum of squares along each number.
+        slope: derivative of the sum of squares along each variable.
         """
         low, high = self.low.copy(), self.high.copy()
         for k, downhill in enumerate(-np.sign(slope)):
@@ -341,20 +341,20 @@ class Limits:
         return Limits(low, high)
 
 
-# What a fit found.
+# Result of a fit.
 
 
 @dataclass
 class Fitted:
-    """The result. Arrays are in the order of `free`."""
+    """Result of a fit. Arrays are in the order of `free`."""
 
     free: list[Free]
     values: np.ndarray
     errors: np.ndarray
-    """standard errors; inf for a number that the recording does not determine."""
+    """standard errors; inf for undetermined numbers."""
     correlation: np.ndarray
     noise: dict[str, float]
-    """[m] and [rad], as given or as left."""
+    """[m] and [rad], as given, or estimated from the residuals."""
     residuals: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(repr=False)
     """by body: t, position residuals (n, 3), attitude residuals (n, 3)."""
     runs: int
@@ -363,14 +363,14 @@ class Fitted:
     data: dict[str, Any] = field(repr=False)
     """the scene with the fitted values."""
     limited: list[str]
-    """numbers that are held by a limit of what the scene takes; their errors know nothing of it."""
+    """numbers at a limit of the scene's valid range; their errors do not account for it."""
     correlation_left: float = 0.0
-    """of neighbours in what is left where it is not noise, else 0: the scene is another one than
-    was recorded, or the search ended elsewhere, and the errors mean nothing."""
+    """lag-1 correlation of the residuals if they are not noise, else 0: the model does not match
+    the recording, or the search ended in a wrong minimum, and the errors are not valid."""
     outliers: tuple[str, ...] = ()
-    """poses that lie far from all others beside that motion, a line for each body."""
+    """lines on poses far from the fitted motion, one for each body."""
     lost: tuple[str, ...] = ()
-    """what the checks found of lost accuracy in the motion with the fitted values, a line each."""
+    """findings of the accuracy checks in the fitted motion, one line each."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Where samples go and come from: messages, bags, plots, Rerun recordings."""
+"""Input and output of samples: messages, bags, plots, Rerun recordings."""

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Power of the contacts, from the samples: what is left of `power` is smooth where they change.
+"""Power of the contacts, from samples; `power` without it is smooth at changes of contact.
 
     P = sum F . (v_B - v_A)(anchor) + T . (w_B - w_A)
 
-over the contacts' totals (F, T about the anchor, BY the contact ON body B; A the parent, or the
-world at rest). `contact_work` holds the integral of it, and the work of impacts, exactly.
+over the contacts' totals (F, T about the anchor, BY the contact ON body B; A is the parent, or the
+world at rest). `contact_work` is its exact integral, including the work of impacts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def contacts_of(scene: Scene) -> dict[str, Any]:
-    """The scene's constraints that touch and part: contacts and strings."""
+    """Unilateral constraints of the scene: contacts and strings."""
     return {
         name: spec
         for name, spec in scene.constraints.items()
@@ -43,7 +43,7 @@ def contact_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Arr
     for name, spec in contacts_of(scene).items():
         k = layout.reactions.index(name)
         force, torque = block.reaction_force[:, k], block.reaction_torque[:, k]
-        if not force.any() and not torque.any():  # apart all the time
+        if not force.any() and not torque.any():  # open throughout
             continue
         for body, sign in ((spec.body, 1.0), (spec.parent, -1.0)):
             if body is not None:
@@ -56,5 +56,5 @@ def contact_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Arr
 
 
 def smooth_power(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
-    """Power of the effects without potential and of the joints [W], shape (n,)."""
+    """Power of joints and non-conservative effects [W], shape (n,)."""
     return block.power - contact_power(block, scene, layout) if layout.contacts else block.power

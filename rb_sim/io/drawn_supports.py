@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a page draws of a scene beside its curves: solids of the bodies, and what holds them.
+"""Solids of the bodies and symbols of their supports, for the 3D page of a run.
 
 Solids: {kind, sizes, center, axis or axes}, in body axes from the centre of mass, or in the world.
 """
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
 
 CELLS = 12.0
-"""Of a grid, across the scene."""
+"""Grid cells across the scene."""
 ARM = 0.004
-"""Radius of the arm between a body and its joint, in sizes of the scene."""
+"""Radius of the arm between a body and its joint, relative to the scene's size."""
 
 
 def solid_of(body: Any) -> dict[str, Any]:
-    """The shape of a body; of one without a shape the box of its mass and inertia, see-through."""
+    """Shape of a body; without a shape the transparent box with its mass and inertia."""
     shape = body.shape
     if shape is None:
         half, axes = inertia_box(body)
@@ -57,10 +57,10 @@ def _sizes(shape: Any) -> dict[str, Any]:
 
 
 class Supports:
-    """Pivots, axes, rails, planes, rods, springs of a scene, as a page takes them.
+    """Pivots, axes, rails, planes, rods and springs of a scene, in the format of the page.
 
-    block: samples, of which the first one tells where joints are. center, size: of the scene [m];
-    origin: from which the page counts places in the world [m].
+    block: samples; the first one gives the positions of joints. view: centre and size of the scene
+    [m]; origin: origin of the page's positions in the world [m].
     """
 
     def __init__(
@@ -87,14 +87,14 @@ class Supports:
             self._ground()
 
     def as_dict(self) -> dict[str, Any]:
-        """For the page."""
+        """Data for the page."""
         names = ("solids", "planes", "lines", "links", "joints")
         return {name: getattr(self, name) for name in names}
 
-    # Places: at the first sample in the world, then in the frame that carries them.
+    # Positions: in the world at the first sample, then in the frame that they move with.
 
     def _world(self, body: str | None, point: Any) -> Array:
-        """A point given from the origin of a body, or in the world, at the start [m]."""
+        """World position [m] at the first sample of a point of a body, or of the world."""
         if body is None:
             return np.array(point, dtype=float) - self._origin
         i = self._layout.bodies.index(body)
@@ -102,14 +102,14 @@ class Supports:
         return self._block.position[0, i] + rotate(self._block.orientation[0, i], arm)
 
     def _turned(self, body: str | None, axis: Any) -> Array:
-        """A direction of a body, or of the world, at the start."""
+        """World direction, at the first sample, of a direction in body axes or in the world."""
         axis = np.array(axis, dtype=float)
         if body is None:
             return axis
         return rotate(self._block.orientation[0, self._layout.bodies.index(body)], axis)
 
     def _in(self, body: str | None, point: Array) -> list[float]:
-        """A point of the world at the start, from the centre of mass of a body in its axes."""
+        """World point at the first sample, relative to a body's centre of mass, body axes."""
         if body is None:
             return point.tolist()
         i = self._layout.bodies.index(body)
@@ -128,7 +128,7 @@ class Supports:
         return {"on": self._on(body), "point": self._in(body, self._world(body, point))}
 
     def _hinge(self, body: str, point: Any) -> None:
-        """A joint, and an arm to it where it lies beside the shape of the body."""
+        """Add a joint, and an arm to it if it lies outside the body's shape."""
         joint = self._joint(body, point)
         self.joints.append(joint)
         shape = self._scene.bodies[body].shape
@@ -142,19 +142,19 @@ class Supports:
         about = {"center": (center + 0.5 * arm).tolist(), "axis": (arm / sizes["length"]).tolist()}
         self.solids.append({"kind": "cylinder", **sizes, **about, "on": self._on(body)})
 
-    # One for each kind of constraint or effect that has something to see.
+    # One method for each drawn type of constraint or effect, called by name.
 
     def _draw_fixed_point(self, spec: Any) -> None:
         point = self._world(spec.body, spec.point_B)
         self._hinge(spec.body, spec.point_B)
-        if _parent(spec) is None:  # a cone, on whose tip the body stands
+        if _parent(spec) is None:  # a cone with the pivot at its tip
             length = 0.07 * self._size
             cone = {"kind": "cone", "radius": 0.45 * length, "length": length, "on": -1}
             center = (point - [0.0, 0.0, 0.5 * length]).tolist()
             self.solids.append({**cone, "center": center, "axis": [0.0, 0.0, 1.0]})
 
     def _draw_fixed_axis(self, spec: Any) -> None:
-        """The axis as a line, and in the world a bearing at each end of it."""
+        """Draw the axis as a line, with a bearing at each end if it is fixed in the world."""
         point = self._world(spec.body, spec.point_B)
         axis = self._turned(spec.body, spec.axis_B)
         half = 1.15 * max(reach_of(self._scene.bodies[spec.body]), 0.12 * self._size)
@@ -231,7 +231,7 @@ class Supports:
                 self._link("string", spec, surface)
 
     def _ball(self, parent: str | None, surface: Any) -> None:
-        """A solid; of a bowl, and of a ball that is larger than the view, lines on it."""
+        """Draw a solid ball; for a bowl, or a ball larger than the view, lines on its surface."""
         center, radius = self._world(parent, surface.center), surface.radius
         if surface.side == "outside" and radius < self._size:
             ball = {"kind": "ball", "radius": radius, "plain": True}
@@ -285,7 +285,7 @@ class Supports:
         self._add_once(self.planes, plane)
 
     def _ground(self) -> None:
-        """A faint level below all bodies, where the scene has none: what a height is seen by."""
+        """Add a faint ground plane below all bodies if the scene has none."""
         heights = self._block.position[:, :, 2]
         reach = min((reach_of(b) for b in self._scene.bodies.values()), default=0.0)
         low = float(np.nanmin(heights)) - reach
@@ -294,7 +294,7 @@ class Supports:
 
     @staticmethod
     def _add_once(drawn: list[dict[str, Any]], one: dict[str, Any]) -> None:
-        """A floor that a hundred balls have is drawn once."""
+        """Append a drawing unless it exists already (a hundred balls may share one floor)."""
         if one not in drawn:
             drawn.append(one)
 
@@ -304,20 +304,20 @@ def _parent(spec: Any) -> str | None:
 
 
 def ground(center: Array, size: float, height: float) -> dict[str, Any]:
-    """A level grid that is no thing of the scene: heights are seen by it."""
+    """A horizontal reference grid that is not part of the scene."""
     across = {"normal": [0.0, 0.0, 1.0], "along": [1.0, 0.0, 0.0]}
     point = [float(center[0]), float(center[1]), height]
     return {"on": -1, "point": point, **across, **_grid(size), "thing": False}
 
 
 def _grid(size: float) -> dict[str, float]:
-    """How far a plane is drawn, and the distance of its lines [m]."""
+    """Extent of a plane and spacing of its grid lines [m]."""
     step = nice(size / CELLS)
     return {"size": step * float(np.ceil(0.65 * size / step)), "step": step}
 
 
 def _moves(motion: Any, origin: Array) -> dict[str, Any]:
-    """How a plane of a support that is driven moves."""
+    """Motion of the plane of a driven support."""
     if motion.type == "turntable":
         spin = motion.rate * np.array(motion.axis)
         return {"spin": spin.tolist(), "about": (np.array(motion.point) - origin).tolist()}
@@ -327,14 +327,14 @@ def _moves(motion: Any, origin: Array) -> dict[str, Any]:
 
 
 def _across(axis: Array) -> Array:
-    """A unit vector perpendicular to a unit vector, along x where it can be."""
+    """A unit vector perpendicular to a unit vector, near x if possible."""
     other = np.eye(3)[0 if abs(axis[0]) < 0.9 else 1]
     found = other - np.dot(other, axis) * axis
     return found / np.linalg.norm(found)
 
 
 def _circle(center: Array, normal: Array, arm: Array) -> list[Array]:
-    """Points round a circle, the first one again at its end."""
+    """Points on a circle, closed."""
     other = np.cross(normal, arm)
     angles = np.linspace(0.0, 2.0 * np.pi, 61)
     return [center + np.cos(a) * arm + np.sin(a) * other for a in angles]

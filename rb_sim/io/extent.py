@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How large bodies are drawn, and how far what is drawn reaches."""
+"""Dimensions with which bodies are drawn, and the extent of the drawing."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 THIN_DISK = 0.03
-"""Thickness to draw a disk with, in radii."""
+"""Drawn thickness of a disk, relative to its radius."""
 
 THIN_ROD = 0.02
-"""Radius to draw a rod with that gives none, in lengths."""
+"""Drawn radius of a rod without one, relative to its length."""
 
 
 def drawn_cylinder(shape: Any) -> tuple[float, float]:
@@ -30,8 +30,8 @@ def drawn_cylinder(shape: Any) -> tuple[float, float]:
 
 
 def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Half edges (3,) [m] of the box of uniform density with the body's mass and inertia, and its
-    axes, the columns of a rotation matrix (3, 3), body axes: what stands for a body of no shape."""
+    """Half edges (3,) [m] of the uniform box with the body's mass and inertia, and its axes, the
+    columns of a rotation matrix (3, 3), body axes: drawn for a body without a shape."""
     moments, axes = np.linalg.eigh(np.asarray(body.inertia, dtype=float))
     squares = 6.0 * (0.5 * moments.sum() - moments) / body.mass * 2.0
     if np.linalg.det(axes) < 0.0:
@@ -40,14 +40,14 @@ def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reach_of(body: Any) -> float:
-    """From the centre of what is drawn for a body to its farthest point [m]."""
+    """Largest distance of a drawn point of a body from the centre of its drawing [m]."""
     if body.shape is not None:
         return float(body.shape.reach)
     return float(np.linalg.norm(inertia_box(body)[0]))
 
 
 def half_box(shape: Any) -> np.ndarray:
-    """Half sizes of the box around the shape, body axes (3,) [m]."""
+    """Half edges of the bounding box of the shape, body axes (3,) [m]."""
     match shape.type:
         case "sphere":
             return np.full(3, float(shape.radius))

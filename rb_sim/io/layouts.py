@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Layouts of a scene for Foxglove, RViz and PlotJuggler: its topics, in panels of curves.
+"""Layouts of a scene's topics for Foxglove, RViz and PlotJuggler.
 
-Topics are those of the table in `io/messages/topics`, which node and bag have in common.
+The topics are those of `io/messages/topics`, published by the node and recorded in bags.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ if TYPE_CHECKING:
 
 
 MOST_BODIES, MOST_REACTIONS = 12, 24
-"""That a layout has panels for; a scene may have a thousand contacts."""
+"""Maximum number of bodies and of reactions with panels; a scene may have a thousand contacts."""
 
 ENERGIES = tuple(palette.ENERGIES[name] for name in ("kinetic", "potential", "total"))
 MARKERS = "markers"
-"""In each bag, and of the node with `markers:=true`."""
+"""Topic in every bag, and of a node with `markers:=true`."""
 
 
 class Curve(NamedTuple):
-    """A number of a message over time."""
+    """One plotted number of a message."""
 
     topic: str
-    """absolute."""
+    """absolute topic name."""
     field: tuple[str, ...]
     label: str
     color: str
 
 
 class Panel(NamedTuple):
-    """Curves with one axis."""
+    """Curves with a common axis."""
 
     title: str
     curves: tuple[Curve, ...]
@@ -63,7 +63,7 @@ class Panel(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """The topics of a scene that layouts show."""
+    """The topics of a scene in a layout."""
 
     scene: str
     panels: tuple[Panel, ...]
@@ -73,19 +73,19 @@ class Shown(NamedTuple):
     states: tuple[tuple[str, str], ...]
     """title and topic of each point of contact."""
     joints: tuple[str, ...]
-    """names in joint_states."""
+    """names of the hinges in joint_states."""
     events: str | None
     center: tuple[float, float, float]
     size: float
-    """of the scene at its start [m]."""
+    """size of the scene at its start [m]."""
     newton: float
-    """force [N] whose arrow is 1 m long."""
+    """force [N] drawn as an arrow of 1 m."""
     left_out: tuple[str, ...]
-    """what the scene has too much of, in words."""
+    """lines on bodies and reactions without panels."""
 
     @property
     def topics(self) -> set[str]:
-        """All that are shown, but for the markers, which a node publishes only if asked."""
+        """All shown topics except the markers, which a node publishes only on request."""
         curves = {curve.topic for panel in self.panels for curve in panel.curves}
         events = set() if self.events is None else {self.events}
         drawn = {topic for _, topic in (*self.wrenches, *self.states)}
@@ -97,7 +97,7 @@ JOINTS = f"{NAMESPACE}/{names.JOINT_STATES}"
 
 
 def shown(scene: Scene, layout: SampleLayout) -> Shown:
-    """What is shown of a scene."""
+    """Panels and topics of a scene for a layout."""
     bodies = layout.bodies[:MOST_BODIES]
     reactions = [layout.reactions[k] for k in drawn_reactions(layout)]
     contacts = layout.contacts[:MOST_REACTIONS]
@@ -199,28 +199,28 @@ def _of_whole(has_contacts: bool) -> Iterator[Panel]:
 
 
 def grid(size: float) -> tuple[float, int]:
-    """Width of a grid [m] that a scene stands on, and its cells across."""
+    """Width of the ground grid [m], and its number of cells."""
     cell = nice(size / 10.0)
     cells = 2 * int(np.ceil(size / cell))
     return cells * cell, cells
 
 
 def camera(shown: Shown) -> dict[str, Any]:
-    """Distance [m] and angles [rad] from which the whole scene is seen."""
+    """Distance [m] and angles [rad] of a camera that shows the whole scene."""
     return {"distance": 1.8 * shown.size, "yaw": -0.98, "pitch": 0.4}
 
 
-# A layout for Foxglove (JSON): Layouts, Import from file.
+# Layout for Foxglove (JSON); load by Layouts, Import from file.
 #
-# The 3D panel draws the URDF of /robot_description on the frames of /tf; it has no wrenches.
+# The 3D panel draws the URDF of /robot_description on the frames of /tf; it cannot draw wrenches.
 
 
 ROWS = 4
-"""Plots above each other in a tab."""
+"""Plots per tab, one above the other."""
 
 
 def foxglove(shown: Shown) -> str:
-    """The layout as the program imports it."""
+    """The Foxglove layout (JSON)."""
     panels: dict[str, Any] = {"3D!scene": _scene(shown)}
     tabs: dict[str, list[str]] = {}
     for k, panel in enumerate(shown.panels):
@@ -330,7 +330,7 @@ def _plot(shown: Shown, panel: Panel) -> dict[str, Any]:
 
 
 def _path(shown: Shown, curve: Curve) -> str:
-    """/topic.field.field; of a joint by its place in the message."""
+    """Foxglove path /topic.field.field; a joint by its index in the message."""
     if curve.topic == JOINTS:
         name, field = curve.field
         return f"{curve.topic}.{field}[{shown.joints.index(name)}]"
@@ -338,14 +338,14 @@ def _path(shown: Shown, curve: Curve) -> str:
 
 
 def _pieces(names: list[str]) -> list[tuple[str, list[str]]]:
-    """A tab, or several with numbers."""
+    """(number, panels) of one tab, or of several numbered tabs."""
     if len(names) <= ROWS:
         return [("", names)]
     return [(str(k // ROWS + 1), names[k : k + ROWS]) for k in range(0, len(names), ROWS)]
 
 
 def _above(names: list[str]) -> Any:
-    """Panels above each other, equally high."""
+    """Panels stacked with equal heights."""
     if len(names) == 1:
         return names[0]
     return _split("column", names[0], _above(names[1:]), 100.0 / len(names))
@@ -360,11 +360,11 @@ def _split(direction: str, first: Any, second: Any, percentage: float) -> dict[s
     }
 
 
-# A layout for PlotJuggler (XML): App, Layout, Load; or `plotjuggler --layout FILE`.
+# Layout for PlotJuggler (XML); load by App, Layout, Load, or `plotjuggler --layout FILE`.
 
 
 def plotjuggler(shown: Shown) -> str:
-    """The layout as the program loads it."""
+    """The PlotJuggler layout (XML)."""
     root = Element("root")
     widget = SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tabs: dict[str, list[Panel]] = {}
@@ -396,11 +396,11 @@ def _tab(widget: Element, title: str, panels: list[Panel]) -> None:
 
 
 def _name(curve: Curve) -> str:
-    """/topic/field/field, as the program calls the numbers of a ROS message."""
+    """PlotJuggler's name of a number in a ROS message: /topic/field/field."""
     return "/".join((curve.topic, *curve.field))
 
 
-# A layout for RViz 2 (YAML): `rviz2 -d FILE`.
+# Layout for RViz 2 (YAML); load by `rviz2 -d FILE`.
 #
 # The shapes come from /robot_description (of the node with `robot_description:=true`, and of every
 # bag), or from the markers of a node with `markers:=true`.
@@ -409,11 +409,11 @@ def _name(curve: Curve) -> str:
 PLUGINS = "rviz_default_plugins"
 REACTION, COMMAND, TORQUE = "224; 123; 0", "194; 37; 122", "122; 79; 192"
 ARROW = 0.02
-"""Width of an arrow, in sizes of the scene."""
+"""Width of an arrow, relative to the scene's size."""
 
 
 def rviz(shown: Shown) -> str:
-    """The configuration as the program reads it."""
+    """The RViz configuration (YAML)."""
     eye = camera(shown)
     x, y, z = shown.center
     manager = {

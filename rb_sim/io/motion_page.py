@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A run as a page: poses, arrows, curves and events, as many of them as a screen shows."""
+"""HTML page of a run: poses, arrows, curves and events, reduced to screen resolution."""
 
 from __future__ import annotations
 
@@ -63,39 +63,39 @@ COLORS = {
 }
 APPLIED, TORQUE = GREEN, BROWN
 MOST_REACTIONS = 24
-"""Of many reactions, those with the greatest forces have arrows and curves."""
+"""Maximum number of reactions with arrows and curves: those with the largest forces."""
 MOST_EVENTS = 500
 FEW_BODIES = 12
-"""Up to which poses are kept in single precision, and names are shown."""
+"""Up to this number of bodies, poses are stored in single precision and names are shown."""
 
 LONGEST, IN_VIEW = 0.7, 0.98
-"""Length of an arrow, in sizes of the scene, that this share of the instants keeps to: impacts are
-left out, beside which no other arrow would be seen."""
+"""Arrow length, relative to the scene, that this fraction of the instants does not exceed; impacts
+would otherwise make all other arrows invisible."""
 
 
 class Applied(NamedTuple):
-    """The wrench of an effect on a body at the samples, world axes, about its centre of mass."""
+    """Wrench of an effect on a body, world axes, about its centre of mass [N, N m]."""
 
     name: str
     body: str
     commanded: bool
-    """whether a user or a table gives it: as gravity and springs do not."""
+    """whether it is a command or from a table (not gravity, springs etc.)."""
     force: Array
     torque: Array
 
 
 class Lawful(NamedTuple):
-    """The closed form of the motion: its name, and its samples at the instants of the page."""
+    """The closed-form solution: its name, and its samples at the instants of the page."""
 
     name: str
     block: SampleBlock
 
 
 class RunPage:
-    """Makes the data of a page from the samples of a run.
+    """Builds the data of a page from the samples of a run.
 
-    samples: all of them; `kept` are those that the page shows. Give what else is known at their
-    instants to `data`.
+    samples: all of them; `kept` are those shown. Further quantities passed to `data` are at the
+    `kept` instants.
     """
 
     def __init__(self, scene: Any, layout: SampleLayout, samples: SampleBlock) -> None:
@@ -126,7 +126,7 @@ class RunPage:
         applied: Sequence[Applied] = (),
         lawful: Lawful | None = None,
     ) -> dict[str, Any]:
-        """All that the page shows. facts: rows of its table; applied: at the `kept` samples."""
+        """Data of the page. facts: rows of its table; applied: wrenches at `kept` samples."""
         few = len(self.layout.bodies) <= FEW_BODIES
         groups, arrows = self._arrows(applied)
         supports = Supports(self.scene, self.layout, self._here, self._view, self.origin)
@@ -156,7 +156,7 @@ class RunPage:
         }
 
     def _counted(self) -> list[tuple[str, str]]:
-        """How many samples there are, and what the page leaves out."""
+        """Rows with the number of samples, and what the page omits."""
         count, kept = len(self.samples), len(self._rows)
         text = f"{count}"
         if kept < count:
@@ -187,7 +187,8 @@ class RunPage:
         return found
 
     def _strongest(self) -> list[int]:
-        """Reactions that act at all, but no total beside its parts; of many the greatest."""
+        """Indices of the reactions that ever act, without totals of several parts; at most the
+        MOST_REACTIONS largest."""
         forces = self.samples.reaction_force
         with np.errstate(all="ignore"):
             greatest = np.nanmax(norms(forces), axis=0, initial=0.0)
@@ -198,7 +199,7 @@ class RunPage:
         return sorted(sorted(acting, key=lambda k: -greatest[k])[:MOST_REACTIONS])
 
     def _arrows(self, applied: Sequence[Applied]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-        """Groups, which have a name, a colour and a scale in common, and the arrows in them."""
+        """Groups with a common name, colour and scale, and their arrows."""
         here, layout = self._here, self.layout
         wanted: dict[str, list[dict[str, Any]]] = {"reaction": [], "command": [], "applied": []}
         torques: list[dict[str, Any]] = []
@@ -243,7 +244,7 @@ class RunPage:
         return groups, arrows
 
     def _per_metre(self, vectors: list[Array], length: float) -> float:
-        """Newtons (or N m) for a metre of arrow: one scale for the whole run."""
+        """Force [N] or torque [N m] per metre of arrow: one scale for the whole run."""
         if not vectors:
             return 1.0
         lengths, all_ = Lengths(), np.stack(vectors, axis=1)
@@ -262,7 +263,7 @@ class RunPage:
         length: float,
         about: dict[str, Any],
     ) -> None:
-        """Those of a group that are ever long enough to be seen."""
+        """Add a group with those arrows that are ever long enough to be seen."""
         seen = [
             one for one in wanted if norms(one["vector"]).max(initial=0.0) > 0.005 * per * length
         ]
@@ -281,7 +282,7 @@ class RunPage:
             })  # fmt: skip
 
     def _curves(self) -> dict[str, Any]:
-        """Energies, and the columns of the reactions, at instants of their own."""
+        """Energies, and (in `_values`) the columns of the reactions, at their own instants."""
         samples = self.samples
         energy = np.c_[samples.kinetic_energy, samples.potential_energy, samples.energy]
         columns = [energy]
@@ -331,7 +332,7 @@ class RunPage:
         }
 
     def _events(self) -> list[tuple[float, str]]:
-        """By the clock of the page, which never goes back."""
+        """Time on the page's clock, which never goes back, and text of each event."""
         times, clock = self.samples.t, self._t
         found = []
         for event in self.samples.events[:MOST_EVENTS]:
@@ -341,35 +342,35 @@ class RunPage:
 
 
 def _rows_of(block: SampleBlock, rows: np.ndarray) -> SampleBlock:
-    """The samples at these indices."""
+    """The samples with these indices."""
     from rb_sim.mechanics.samples import ARRAYS
 
     arrays = {name: getattr(block, name)[rows] for name in ARRAYS}
     return replace(block, **arrays, inputs=(), worst=None)
 
 
-# Writes a page: the template, its style, its scripts and the data in one file.
+# Writing of a page: template, style, scripts and data in one file.
 #
-# The page loads nothing: it opens from a disk, without a network.
+# The page loads no other file, so it opens offline.
 
 
 ASSETS = Path(__file__).with_name("page")
 SCRIPTS = {"page": ("solids.js", "plots.js", "page.js"), "report": ("plots.js", "report.js")}
-"""Of a kind of page, in the order in which they need each other."""
+"""Scripts of each kind of page, in order of dependence."""
 
 MOST_SAMPLES = 5000
-"""Instants of a motion in a page; a screen shows no more."""
+"""Maximum number of instants of a motion in a page; a screen cannot show more."""
 
 BYTES = 1_400_000
-"""For the poses and arrows of a page; with as many curves, as base64, it stays below 3 MB."""
+"""Bytes for poses and arrows of a page; with curves, in base64, it stays below 3 MB."""
 
 CURVE_BYTES = 550_000
-"""For its curves of energies and reactions."""
+"""Bytes for its curves of energies and reactions."""
 
 
 def packed(values: Array, kind: str = "float32") -> dict[str, Any]:
-    """Numbers as the page reads them. kind: float64, float32, uint8; or uint16: in 65,535 steps
-    between the least and the greatest of them."""
+    """Values in the format of the page. kind: float64, float32, uint8; or uint16: 65,535 steps
+    between the least and the largest value."""
     flat = np.asarray(values, dtype=float).ravel()
     scale = {}
     if kind == "uint16":
@@ -384,16 +385,16 @@ def packed(values: Array, kind: str = "float32") -> dict[str, Any]:
 
 
 def spread(count: int, per_sample: float) -> np.ndarray:
-    """Indices of the samples that a page has room for, first and last included.
+    """Indices of the samples that fit into a page, including first and last.
 
-    per_sample: bytes of one of them.
+    per_sample: bytes of one sample.
     """
     most = int(min(count, MOST_SAMPLES, max(2.0, BYTES / max(per_sample, 1.0))))
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def save(page: dict[str, Any], path: Path, kind: str = "page", body: str = "") -> None:
-    """Write the page, never half of it; SinkError.
+    """Write the page atomically. Raises SinkError.
 
     page: its data and title. kind: "page", a motion in 3D; or "report", curves in the HTML `body`.
     """
@@ -409,7 +410,7 @@ def save(page: dict[str, Any], path: Path, kind: str = "page", body: str = "") -
     }
     text = (ASSETS / f"{kind}.html").read_text(encoding="utf-8")
     written = []
-    for name, part in parts.items():  # in the order of the template: a part may have braces
+    for name, part in parts.items():  # in the order of the template: a part may contain braces
         head, found, tail = text.partition("{{" + name + "}}")
         if found:
             written += [head, part]

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Which curves a run is drawn with: panels by body, and how fine each of them is resolved."""
+"""Panels of curves with which a run is plotted, and their reference magnitudes."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# By how much the power of commands jumps at the instants at which they change.
+# Jumps of the power of commands at the instants at which they change.
 #
-# A command acts from a sample on, and that sample still shows the one before: between two samples
-# the power at the beginning is P(t_k) + (f' - f) v_O + (tau' - tau) w, with the new command f',
-# tau'.
+# A command acts from a sample on, but that sample still contains the preceding one. So the power at
+# the beginning of a sample interval is P(t_k) + (f' - f) v_O + (tau' - tau) w, with the new command
+# f', tau'.
 
 
 class _Shown(NamedTuple):
-    """What samples show of the bodies that take commands: shape (n, M, ...), world axes."""
+    """Values of the M commanded bodies at the samples, shape (n, M, ...), world axes."""
 
     command: Array
     orientation: Array
     motion: Array
-    """velocity of the origin and angular velocity, six numbers."""
+    """velocity of the origin and angular velocity, six components."""
 
 
 class CommandJumps:
-    """Takes the blocks of a run one behind the other."""
+    """Jumps of the power of commands, for successive blocks of a run."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
@@ -55,7 +55,7 @@ class CommandJumps:
         self._last: _Shown | None = None
 
     def __call__(self, block: SampleBlock) -> Array:
-        """For each sample, the jump at the beginning of the time that it ends [W], shape (n,)."""
+        """Jump of the power [W] at the start of the interval before each sample, (n,)."""
         jumps = np.zeros(len(block))
         if not self._commanded or not len(block):
             return jumps
@@ -64,7 +64,7 @@ class CommandJumps:
         given = {(one.index, one.body): one for one in block.inputs if one.body and not one.state}
         for (k, body), one in given.items():
             row, m = k - (self._last is None), self._commanded.index(body)
-            if row < 0:  # it came before the first sample
+            if row < 0:  # given before the first sample
                 continue
             wrench = np.array([one.force, one.torque])
             if one.frame == "body":
@@ -84,49 +84,49 @@ def _behind(last: _Shown, shown: _Shown) -> _Shown:
 
 
 LEAST_DRAWN = 1e-17
-"""A logarithm has no zero: what is smaller is drawn as this."""
+"""Smallest value plotted on a logarithmic axis; smaller ones are drawn as this."""
 
 _ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
 
 
 class Panel(NamedTuple):
-    """One pair of axes of plots.png and of a recording. values: shape (n, number of labels), from a
-    block."""
+    """One pair of axes in plots.png and in a recording. values: function of a block, shape (n,
+    number of labels)."""
 
     entity: str
-    """its path below `plots` in a recording."""
+    """path below `plots` in a recording."""
     title: str
-    """without the unit."""
+    """title without unit."""
     unit: str
     labels: tuple[str, ...]
     colors: tuple[str, ...]
     values: Callable[[SampleBlock], Array]
     kind: str
-    """what it is a component of, see `scales`."""
+    """kind of quantity, see `scales`."""
     body: str | None = None
-    """whose page it is on; None: the page about the whole."""
+    """body on whose page it is; None: the page of the whole scene."""
     logarithmic: bool = False
     contact: int | None = None
-    """index of the point of contact whose state is shown below the curves."""
+    """index of the contact point whose state is shown below the curves."""
     jumps: bool = False
-    """whether it may jump where contacts change."""
+    """whether it may jump at changes of contact."""
     held: bool = False
-    """whether a value holds since the sample before, and does not lead there in a line."""
+    """whether a value holds since the preceding sample, instead of linear interpolation."""
 
     @property
     def heading(self) -> str:
-        """The title with its unit."""
+        """Title with unit."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
 Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
-"""Linear accelerations, world axes, and angular ones, body axes, of shape (n, bodies, 3)."""
+"""Function of a block: accelerations, world axes, and angular ones, body axes, (n, bodies, 3)."""
 
 
 def panels_of(
     scene: Scene, layout: SampleLayout, accelerations: Accelerating | None = None
 ) -> list[Panel]:
-    """All panels, body by body, then those about the whole."""
+    """All panels, body by body, then those of the whole scene."""
     return [
         *_body_panels(layout),
         *_joint_panels(scene, layout),
@@ -158,7 +158,7 @@ ANGLES = ("roll φ", "pitch θ", "yaw ψ")
 
 
 class Angles:
-    """Roll, pitch and yaw of a body [°], which go on from block to block beyond a turn."""
+    """Roll, pitch and yaw of a body [°], continuous from block to block."""
 
     def __init__(self, body: int) -> None:
         self._body, self._last = body, None
@@ -171,7 +171,7 @@ class Angles:
 
 
 class Joints:
-    """Positions of the joints of a scene [°, m] by name, and their units and bodies."""
+    """Positions of the joints of a scene [°, m], with their names, units and bodies."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._table = JointTable(scene, layout)
@@ -180,7 +180,7 @@ class Joints:
         self._found: tuple[Any, Any] = None, ()
 
     def __call__(self, block: SampleBlock, j: int) -> Array:
-        """Of joint j, shape (n, 1); all joints ask in turn."""
+        """Position of joint j, shape (n, 1); cached for the block."""
         if self._found[0] is not block:
             positions = self._table.values(block)[:, : len(self.names)]
             angular = [unit == "rad" for unit in self.units]
@@ -221,7 +221,7 @@ def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Pan
 
     def part(which: int, i: int) -> Callable[[SampleBlock], Array]:
         def values(block: SampleBlock) -> Array:
-            if found[0] is not block:  # all panels ask in turn
+            if found[0] is not block:  # computed once for all panels
                 found[:] = block, of(block)
             return found[1][which][:, i]
 
@@ -276,10 +276,10 @@ def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
 
 
 class Balance:
-    """Change of energy since the first sample, and the work done since; both begin anew where a
-    run was reset or a state was set, since no work leads there.
+    """Energy change since the first sample and work done; restart at a reset or set state.
 
-    That of contacts is as sampled, the rest by the trapezoidal rule between changes of commands.
+    Work of contacts is taken from the samples; the rest by the trapezoidal rule between changes of
+    commands.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
@@ -342,10 +342,10 @@ def _residual(block: SampleBlock) -> Array:
 
 
 def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, float]:
-    """How large each kind of quantity is in this run: what a curve is to be seen against.
+    """Reference magnitude of each kind of quantity in this run.
 
-    values: of each panel, shape (n, labels). Kinds that belong together lend each other their
-    scale (a torque that vanishes is small against force times length).
+    values: of each panel, shape (n, labels). Related kinds share a scale: a vanishing torque is
+    compared with force times length.
     """
     kinds = ("length", "speed", "spin", "force", "torque", "power", "acceleration", "turning")
     size = dict.fromkeys(kinds, 0.0)

@@ -9,8 +9,8 @@
 
 """Pictures of a run: pose, twist, reactions, energy and residual over time (PNG, matplotlib).
 
-One page; of a scene with many bodies and reactions one page about the whole and one for each body.
-Memory is bounded: a long run is drawn as the envelope of its samples, which loses no peak.
+One page; for a scene with many bodies and reactions one page for the whole and one for each body.
+Memory is bounded: a long run is plotted as the envelope of its samples, which preserves peaks.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Draws the panels of a run as matplotlib figures: what varies is drawn, the rest is named.
+# Panels as matplotlib figures: varying quantities are plotted, constant ones listed.
 
 
 _DPI = 110
@@ -43,20 +43,20 @@ _WIDTH = 13.0
 _ROW = 2.2
 _TOP, _BOTTOM = 1.05, 0.5
 _LINE = 0.2
-"""Of a line of text below the panels [inch]."""
+"""Height of a line of text below the panels [inch]."""
 
 _STATES = {1.0: (SLIPPING, "slips"), 2.0: (STICKING, "sticks or rolls")}
-"""Colour and name in the strip of a contact that slips, and that sticks or rolls."""
+"""Colour and name of the states slip and stick (or roll) in a contact's strip."""
 
 _STRIP = 0.035
-"""Height of the strip, of that of the panel."""
+"""Height of the strip, relative to the panel."""
 
 _WRAP = 170
-"""Characters in a line below the panels."""
+"""Characters per line below the panels."""
 
 
 class Contacts(NamedTuple):
-    """What is drawn of contacts: times, shape (n,), states, shape (n, C), and events."""
+    """Data of the contacts: times, shape (n,), states, shape (n, C), and events."""
 
     t: Array
     states: Array
@@ -65,7 +65,7 @@ class Contacts(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """A panel and what is drawn in it."""
+    """A panel and its data."""
 
     panel: Panel
     t: Array
@@ -74,10 +74,10 @@ class Curves(NamedTuple):
 
 
 def resolved(curves: Curves, scale: float) -> Curves | None:
-    """The curves as they are to be seen: a component that is constant to within the resolution is
-    drawn as constant. None where all of them are: a line of text says that as well.
+    """The curves with components that are constant within the resolution made constant; None if all
+    are, since they are then listed as text.
 
-    scale: of this kind of quantity in the run; 0 where there is none.
+    scale: reference magnitude of this kind of quantity in the run; 0 if there is none.
     """
     panel, t, values = curves
     finite = values[np.isfinite(values).all(axis=1)]
@@ -96,10 +96,10 @@ def resolved(curves: Curves, scale: float) -> Curves | None:
 
 
 def with_jumps(t: Array, values: Array, instants: Array) -> tuple[Array, Array]:
-    """The curves with a vertical line at each of the instants, where they may jump.
+    """The curves with a vertical line at each of the instants, at which they may jump.
 
-    Between samples the curves are carried on to the instant as straight lines from the two samples
-    on its own side, if no other instant lies between them; else held.
+    The curve is extrapolated to the instant linearly from the two samples on the same side, if no
+    other instant lies between them; else it is held.
     """
     if len(t) < 2 or not len(instants):
         return t, values
@@ -121,7 +121,7 @@ def with_jumps(t: Array, values: Array, instants: Array) -> tuple[Array, Array]:
 
 
 def _carried(t: Array, values: Array, i: int, gap: int, broken: set[int], to: float) -> Array:
-    """values[i] carried on to the time `to` along the line through the samples of `gap`."""
+    """values[i] extrapolated to the time `to` along the line through the samples of `gap`."""
     if not 0 <= gap < len(t) - 1 or gap in broken or t[gap + 1] <= t[gap]:
         return values[i]
     slope = (values[gap + 1] - values[gap]) / (t[gap + 1] - t[gap])
@@ -129,7 +129,7 @@ def _carried(t: Array, values: Array, i: int, gap: int, broken: set[int], to: fl
 
 
 def page(title: str, curves: list[Curves], notes: list[str], contacts: Contacts | None) -> Any:
-    """A matplotlib figure with the curves in two columns, from top left, and notes below."""
+    """A matplotlib figure with the curves in two columns, and notes below."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -160,7 +160,7 @@ def page(title: str, curves: list[Curves], notes: list[str], contacts: Contacts 
 
 
 def _legend(panels: list[Panel], contacts: Contacts | None) -> list[Any]:
-    """What the colours of axes mean, in all panels, and the marks of contacts."""
+    """Legend of the axis colours, common to all panels, and of contact marks."""
     from matplotlib.lines import Line2D
 
     axes = [panel.labels for panel in panels if panel.colors[:3] == AXES[:3]]
@@ -187,7 +187,7 @@ def _legend(panels: list[Panel], contacts: Contacts | None) -> list[Any]:
 
 
 def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
-    """The curves of one panel; jumps where contacts change, and their states below."""
+    """Draw the curves of one panel, with jumps at changes of contact, and contact states below."""
     panel, t, values = curves
     if contacts is not None and panel.jumps:
         instants = np.unique([event.t for event in contacts.events])
@@ -217,7 +217,7 @@ def draw_panel(ax: Any, curves: Curves, contacts: Contacts | None) -> None:
 
 
 def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
-    """A strip with the state below the curves; changes as dotted lines, impacts as triangles."""
+    """Draw a strip with the contact's state; changes as dotted lines, impacts as triangles."""
     t, states = contacts.t, contacts.states[:, c]
     borders = np.concatenate([[0], np.flatnonzero(np.diff(states)) + 1, [len(t) - 1]])
     across = ax.get_xaxis_transform()
@@ -235,7 +235,7 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
 
 
 def not_drawn(still: list[Curves], scale: dict[str, float]) -> list[str]:
-    """Lines that name what is zero or constant throughout, and the residual."""
+    """Lines that list quantities that are zero or constant throughout, and the residual."""
     from textwrap import wrap
 
     zero, constant, lines = [], [], []
@@ -269,7 +269,7 @@ def _decades(values: Array) -> tuple[float, float]:
 
 
 def _widen(ax: Any, values: Array) -> None:
-    """Keep curves that are all constant and equal from being drawn on an axis of no height."""
+    """Give the axis a height if all curves are constant and equal."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return
@@ -281,22 +281,22 @@ def _widen(ax: Any, values: Array) -> None:
 
 
 BUCKETS = 1500
-"""Points per curve are between this and twice this, more than the picture has columns."""
+"""Number of points per curve: between this and twice this, more than the picture has columns."""
 
 MOST_PANELS = 24
-"""On one page; a scene with more gets a page for each body."""
+"""Maximum number of panels on one page; a scene with more gets a page for each body."""
 
 MOST_PAGES = 24
-"""Pages of bodies, those of the first ones; each takes half a second."""
+"""Maximum number of pages of bodies; each takes half a second."""
 
 MOST_MARKS = 400
-"""Instants of events that are marked, the first ones."""
+"""Maximum number of events marked."""
 
 
 class Plots:
-    """Collects samples and draws them as figures, page by page.
+    """Collects samples and plots them, page by page.
 
-    accelerations: gives those of a block, which are drawn, too.
+    accelerations: function of a block, if accelerations are to be plotted too.
     """
 
     def __init__(
@@ -309,10 +309,10 @@ class Plots:
         self._events: list[ContactEvent] = []
         self._timeline = Timeline()
         self.samples = 0
-        """taken so far."""
+        """number of samples so far."""
 
     def add(self, block: SampleBlock) -> None:
-        """Take the samples of `block`."""
+        """Add the samples of `block`."""
         t = np.array(self._timeline.follow(block.t))
         for panel, curve in zip(self._panels, self._curves, strict=True):
             curve.add(t, np.array(panel.values(block)))
@@ -324,7 +324,7 @@ class Plots:
         self.samples += len(block)
 
     def figures(self) -> dict[str, Any]:
-        """Matplotlib figures by page: "" is the first one, the others are named by a body."""
+        """Matplotlib figures by page: "" is the first one, the others are named after a body."""
         drawn: list[Curves] = []
         zero: list[Curves] = []
         curves = [curve.curves() for curve in self._curves]
@@ -358,17 +358,17 @@ class Plots:
 
 
 def _of(curves: list[Curves], body: str | None) -> list[Curves]:
-    """Those of a body, or about the whole."""
+    """The curves of a body; None: of the whole scene."""
     return [each for each in curves if each.panel.body == body]
 
 
 class PlotSink:
-    """Writes the pages as PNG when it is closed, if there was any sample.
+    """Writes the pages as PNG when it is closed, if there were samples.
 
-    path: of the first page; that of a body is beside it, NAME_BODY.png. accelerations: gives what
-    gives those of a block of this scene and layout, which are drawn, too.
-    `open` and `close` raise SinkError where the pictures cannot be written; MissingExtraError
-    without matplotlib, which is loaded in the end only.
+    path: of the first page; that of a body is next to it, NAME_BODY.png. accelerations: makes the
+    function of a block for this scene and layout, if accelerations are to be plotted too. `open`
+    and `close` raise SinkError if the pictures cannot be written; MissingExtraError without
+    matplotlib, which is imported only at the end.
     """
 
     def __init__(
@@ -383,7 +383,7 @@ class PlotSink:
         self._plots: Plots | None = None
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Choose the panels."""
+        """Create the panels and the folder. Raises SinkError."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -392,19 +392,19 @@ class PlotSink:
         self._plots = Plots(scene, layout, None if of is None else of(scene, layout))
 
     def write(self, block: SampleBlock) -> None:
-        """Take the samples of `block`."""
+        """Add the samples of `block`."""
         if self._plots is not None:
             self._plots.add(block)
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Draw."""
+        """Draw and write the pages. Raises SinkError."""
         plots, self._plots = self._plots, None
         if plots is not None and plots.samples:
             save(plots.figures(), self.path)
 
 
 def save(figures: dict[str, Any], path: Path) -> None:
-    """Write the pages, none of them half; raises SinkError."""
+    """Write the pages atomically. Raises SinkError."""
     for name, figure in figures.items():
         target = path.with_name(f"{path.stem}_{name}{path.suffix}") if name else path
         draft = target.with_name(f".{target.name}")

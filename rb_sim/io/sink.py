@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a sink is, how its samples follow each other, and how long runs keep to bounded memory."""
+"""Interface of sinks, order of their samples, and data reduction for long runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# The sink: where samples go. Three calls; every logger, topic set and recorder is one.
+# Interface of every logger, topic set and recorder.
 
 
 class Sink(Protocol):
@@ -39,18 +39,18 @@ class Sink(Protocol):
         ...
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Called once more after errors and signals too; idempotent.
+        """Called at the end, also after errors and signals; may be called again.
 
         What was written so far must be readable afterwards.
         """
         ...
 
 
-# A time that never goes back, for logs of a simulation that may be reset.
+# Monotonic time, for logs of a simulation that may be reset.
 
 
 class Timeline:
-    """Simulated time that goes on from where it was when the simulation was set back."""
+    """Simulated time that continues after a reset of the simulation."""
 
     def __init__(self) -> None:
         self._last: float | None = None
@@ -58,7 +58,7 @@ class Timeline:
 
     @property
     def offset(self) -> float:
-        """What is added to times by now [s]."""
+        """Present offset added to times [s]."""
         return self._offset
 
     def follow(self, t: Array) -> Array:
@@ -72,22 +72,22 @@ class Timeline:
 
 
 def event_text(event: ContactEvent) -> str:
-    """An event of a contact in one line."""
+    """A contact event as one line of text."""
     strength = float(np.linalg.norm(event.impulse))
     struck = f", impulse {strength:.4g} N s" if strength else ""
     return f"t = {event.t:.9g} s: {event.contact} {event.kind}{struck}"
 
 
-# Where a run of ours begins anew: no motion leads from the sample before to the one after.
+# Restarts of a run: no motion connects the samples before and after.
 
 
 def restarts(inputs: tuple[Input, ...]) -> list[tuple[int, Input]]:
-    """The last reset or state that was set before each sample that has one before it."""
+    """(sample index, last reset or set state before it) for each sample that follows one."""
     return list({given.index: given for given in inputs if not given.body or given.state}.items())
 
 
 def stretches(block: SampleBlock) -> Iterator[tuple[SampleBlock, Input | None]]:
-    """The parts of a block, each with the reset or state that was set before it, if any was."""
+    """Parts of a block, each with the reset or set state before it; None without one."""
     done, before, left = 0, None, block
     for index, given in restarts(block.inputs):
         if index > done:
@@ -99,7 +99,7 @@ def stretches(block: SampleBlock) -> Iterator[tuple[SampleBlock, Input | None]]:
 
 
 def split_at(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
-    """The first `size` > 0 samples, and the rest; events go with the sample they come before."""
+    """The first `size` > 0 samples, and the rest; events stay with the sample that they precede."""
     first, rest = _slice(block, slice(None, size)), _slice(block, slice(size, None))
     end = first.t[-1] if len(rest) else np.inf
     before = tuple(event for event in block.events if event.t <= end)
@@ -116,7 +116,7 @@ def _slice(block: SampleBlock, which: slice) -> SampleBlock:
     return replace(block, **arrays, events=(), inputs=())
 
 
-# Long runs in bounded memory: fewer points, but none of the peaks lost.
+# Data reduction of long runs in bounded memory.
 
 
 class Thinned:
@@ -125,14 +125,14 @@ class Thinned:
     def __init__(self, columns: int, capacity: int) -> None:
         self._capacity = capacity
         self._room = np.empty((0, columns))
-        """rows that are kept, `_count` of them, and room for more: it doubles when it is full."""
+        """buffer of rows, of which `_count` are used; doubled when full."""
         self._count = 0
         self._last = np.empty((0, columns))
         self._stride = 1
         self._seen = 0
 
     def add(self, rows: Array) -> None:
-        """The next rows, shape (n, columns)."""
+        """Append rows, shape (n, columns)."""
         if not len(rows):
             return
         first = -self._seen % self._stride
@@ -157,19 +157,19 @@ class Thinned:
 
     @property
     def rows(self) -> Array:
-        """At most capacity + 1 rows, from the first to the last."""
+        """At most capacity + 1 rows, including first and last."""
         return np.concatenate([self._room[: self._count], self._last])
 
 
 BATCH = 1024
-"""Samples that are collected before they are put into buckets."""
+"""Number of samples collected before they are put into buckets."""
 
 
 class Envelope:
-    """Curves over time as the least and greatest value in each of at most 2 `capacity` buckets.
+    """Curves over time as least and largest value in each of at most 2 `capacity` buckets.
 
-    A bucket is one sample as long as there are few; then two, four, ... samples. Columns are kept
-    as rows, along which numpy is several times faster.
+    A bucket is one sample at first, then two, four, ... samples. Columns are stored as rows, along
+    which numpy is several times faster.
     """
 
     def __init__(self, columns: int, capacity: int) -> None:
@@ -179,22 +179,22 @@ class Envelope:
         self._high = np.empty((columns, 0))
         self._stride = 1
         self._waiting = [(np.empty(0), np.empty((0, columns)))]
-        """samples that are in no bucket yet."""
+        """samples not yet in a bucket."""
         self._fresh = 0
-        """of these, that came since buckets were made."""
+        """number of samples since buckets were made."""
 
     def add(self, t: Array, values: Array) -> None:
-        """The next samples, kept as they are. t: shape (n,), increasing; values: (n, columns)."""
+        """Append samples, without a copy. t: shape (n,), increasing; values: (n, columns)."""
         self._waiting.append((t, values))
         self._fresh += len(t)
         if self._fresh >= max(BATCH, self._stride):
             self._settle()
 
     def curves(self) -> tuple[Array, Array]:
-        """Times, shape (m,), and values, shape (m, columns), to draw as lines."""
+        """Times, shape (m,), and values, shape (m, columns), to plot as lines."""
         ((t, rest),) = self._settle()
         times, low, high = self._times, self._low, self._high
-        if len(t):  # the last bucket is not full
+        if len(t):  # the last, partly filled bucket
             times = np.append(times, t[0])
             low = np.column_stack([low, rest.min(axis=0)])
             high = np.column_stack([high, rest.max(axis=0)])
@@ -204,10 +204,10 @@ class Envelope:
         return np.repeat(times, 2), both.reshape(len(both), -1).T
 
     def _settle(self) -> list[tuple[Array, Array]]:
-        """Make buckets of what waits, as many as are full; the rest."""
+        """Put waiting samples into buckets, as many as are full; returns the rest."""
         parts = [part for part in self._waiting if len(part[0])] or self._waiting[:1]
         t, values = parts[0]
-        if len(parts) > 1:  # else without a copy
+        if len(parts) > 1:  # a single part needs no copy
             t, values = (np.concatenate(part) for part in zip(*parts, strict=True))
         while len(t) >= self._stride:
             room = 2 * self._capacity - len(self._times)
@@ -227,9 +227,9 @@ class Envelope:
 
 
 def _of_buckets(of: np.ufunc, rows: Array, stride: int) -> Array:
-    """The least or greatest number of each `stride` (a power of 2) in a row.
+    """Least or largest value in each bucket of `stride` columns (a power of 2).
 
-    In pairs, pairs of pairs, ...: several times faster than `of.reduceat`.
+    By repeated pairing, which is several times faster than `of.reduceat`.
     """
     while stride > 1:
         rows, stride = of(rows[:, ::2], rows[:, 1::2]), stride // 2

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""x' = A x + B f about a state, in minimal coordinates on the manifold of the constraints.
+"""Linearisation x' = A x + B f about a state, in minimal coordinates on the constraint manifold.
 
 Deviations z = (position, rotation, velocity, spin) of all bodies obey z' = F z + H f with the exact
-derivatives F, H of Newton-Euler with multipliers.  The constraints and their rates leave fewer of
-them free: by column pivoting some are chosen as the states x (of the bodies named first, where
-that is well conditioned), z = Z x, and since the choice is constant, x' = (rows of F) Z x holds
+derivatives F, H of the Newton-Euler equations with multipliers. The constraints and their rates
+leave fewer of them independent: column pivoting chooses the states x among them (of the bodies
+named first, if well conditioned), z = Z x. Since the choice is constant, x' = (rows of F) Z x holds
 also about a motion, without the rate of Z.
 """
 
@@ -48,35 +48,35 @@ from rb_sim.mechanics.systems.many_bodies import (
 from rb_sim.numerics.rank import Ranked, ranked, scaled_rows, solved
 from rb_sim.numerics.vectors import add, cross, gyroscopic, rotate, sub
 
-# The equations of motion of N bodies, on numbers or on symbols, and their exact derivatives.
+# Equations of motion of N bodies, on numbers or symbols, and their exact derivatives.
 #
-# M du/dt = f + G^T lambda and G du/dt = -bias (LL 38.2).  With accelerations and multipliers held
-# at their values every equation below is explicit, so that its derivatives by the state need no
-# elimination: those of accelerations and multipliers follow from one solve with the matrix of the
-# instant (implicit function theorem).
+# M du/dt = f + G^T lambda and G du/dt = -bias (LL 38.2). With accelerations and multipliers held
+# constant every equation below is explicit, so that its derivatives by the state need no
+# elimination; those of accelerations and multipliers follow from one linear solve (implicit
+# function theorem).
 
 
 class HeldMotion(NamedTuple):
-    """What is kept at its value while the equations are differentiated."""
+    """Values held constant while the equations are differentiated."""
 
     acceleration: Sequence[float]
     """(a_C world, dw/dt body) of each body, 6 N numbers."""
     multipliers: Sequence[float]
     direction: Sequence[float]
-    """6 N numbers c; G c is among the equations."""
+    """6 N components c; G c is one of the equations."""
 
 
 class Equations(NamedTuple):
-    """Lists of numbers or symbols."""
+    """The equations as lists of numbers or symbols."""
 
     push: list[Any]
-    """f + G^T lambda, 6 N."""
+    """generalised force f + G^T lambda, 6 N."""
     bias: list[Any]
-    """bias + G du/dt of each row."""
+    """acceleration residual bias + G du/dt of each row."""
     error: list[Any]
-    """g of each row; 0 where it is not holonomic."""
+    """position error g of each row; 0 if it is not holonomic."""
     slip: list[Any]
-    """G u - b of each row."""
+    """velocity error G u - b of each row."""
     along: list[Any]
     """G c of each row."""
     reactions: list[Any]
@@ -84,7 +84,7 @@ class Equations(NamedTuple):
 
 
 def row_times(system: MultiBody, k: int, u: Sequence[Any]) -> Any:
-    """G u of row k, for u of all bodies (6 N)."""
+    """G u of row k; u: velocities of all bodies (6 N)."""
     total: Any = 0.0
     for column, body in ((0, system.row_table[k, BODY]), (6, system.row_table[k, PARENT])):
         if body >= 0:
@@ -94,7 +94,7 @@ def row_times(system: MultiBody, k: int, u: Sequence[Any]) -> Any:
 
 
 def on(system: MultiBody, t: float, y: Any) -> MultiBody:
-    """The system with loads, rows and anchors at (t, y) in tables that hold numbers or symbols."""
+    """The system with loads, rows and anchors at (t, y), in tables of numbers or symbols."""
     here = system._replace(
         bodies=system.bodies.astype(object),
         rows=np.zeros(system.rows.shape, object),
@@ -125,7 +125,7 @@ def reactions(system: MultiBody, y: Any, multipliers: Sequence[Any]) -> list[Any
 
 
 def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equations:
-    """The equations at (t, y) on what is held."""
+    """The equations at (t, y) for the held values."""
     here = on(system, t, y)
     rows, bodies = range(len(here.row_table)), range(len(here.bodies))
     push: list[Any] = []
@@ -152,7 +152,7 @@ def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equation
 
 
 class Derivatives(NamedTuple):
-    """Of each list of Equations: by the state (rows, 13 N) and by the inputs (rows, m)."""
+    """Derivatives of each list of Equations by state (rows, 13 N) and by inputs (rows, m)."""
 
     by_state: dict[str, Array]
     by_input: dict[str, Array]
@@ -166,7 +166,7 @@ def derivatives(
     inputs: int,
     commanded: Callable[[MultiBody, Sequence[Any]], MultiBody],
 ) -> Derivatives:
-    """Exact derivatives of the equations; commanded(system, symbols) adds the inputs' wrenches.
+    """Exact derivatives of the equations. commanded(system, symbols) adds the inputs' wrenches.
 
     Raises TypeError for laws that cannot be differentiated.
     """
@@ -186,33 +186,33 @@ def derivatives(
 
 # Deviations z = (position, rotation, velocity, spin) of N bodies from a moving state.
 #
-# All positions and rotations (small rotation vectors) come first, then all velocities and spins;
-# in world axes unless a frame says otherwise.
+# All positions and rotations (small rotation vectors) come first, then all velocities and spins; in
+# world axes unless stated otherwise.
 
 
 Axes = Literal["world", "body"]
 
 
 def block_diag(*blocks: Array) -> Array:
-    """The blocks along the diagonal of one matrix."""
+    """Block-diagonal matrix."""
     return np.asarray(linalg.block_diag(*blocks), dtype=float)
 
 
 def skew(a: Any) -> Array:
-    """The matrix of a x."""
+    """Skew-symmetric matrix of a x, (3, 3)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]], float)
 
 
 def rotation(q: Any) -> Array:
-    """The matrix of a quaternion, body to world, (3, 3)."""
+    """Rotation matrix of a quaternion, body to world, (3, 3)."""
     return np.array([rotate(q, tuple(e)) for e in np.eye(3)]).T
 
 
 def from_world(y: Array, bodies: int) -> Array:
-    """dy for deviations z = (positions, rotations, velocities, spins), world axes: (13 N, 12 N).
+    """Matrix from deviations z in world axes to dy, (13 N, 12 N).
 
-    A rotation phi (world) turns q by (phi, 0) q / 2 and leaves of a spin W the body components
-    R^T (dW - phi x W).
+    A rotation phi (world) changes q by (phi, 0) q / 2, and the body components of a spin W by R^T
+    (dW - phi x W).
     """
     matrix = np.zeros((13 * bodies, 12 * bodies))
     for i in range(bodies):
@@ -231,20 +231,20 @@ def from_world(y: Array, bodies: int) -> Array:
 
 
 def columns(i: int, bodies: int) -> list[slice]:
-    """Where the position, rotation, velocity and spin of body i are in z."""
+    """Slices of position, rotation, velocity and spin of body i in z."""
     pose, twist = 6 * i, 6 * (bodies + i)
     return [slice(a, a + 3) for a in (pose, pose + 3, twist, twist + 3)]
 
 
 def turned_spin(y: Array, bodies: int) -> Array:
-    """From (a_C, dw/dt body) to (a_C, R dw/dt) of all bodies."""
+    """Matrix from (a_C, dw/dt in body axes) to (a_C, R dw/dt) of all bodies, (6 N, 6 N)."""
     return block_diag(
         *(block for i in range(bodies) for block in (np.eye(3), rotation(state_of(y, i).q_WB)))
     )
 
 
 def world_dynamics(y: Array, bodies: int, held: HeldMotion, du: Array) -> Array:
-    """F of z' = F z, world axes; phi' = dW + W x phi, (R alpha)' = phi x R alpha + R d alpha."""
+    """F of z' = F z in world axes; phi' = dW + W x phi, (R alpha)' = phi x R alpha + R d alpha."""
     F = np.zeros((12 * bodies, 12 * bodies))
     F[6 * bodies :] = turned_spin(y, bodies) @ du
     for i in range(bodies):
@@ -260,9 +260,9 @@ def world_dynamics(y: Array, bodies: int, held: HeldMotion, du: Array) -> Array:
 def frame_of(
     y: Array, bodies: int, held: HeldMotion, axes: Axes, turning: float
 ) -> tuple[Array, Array]:
-    """(T, dT/dt T^-1) for z in the chosen axes, T z.
+    """(T, dT/dt T^-1) for the deviations T z in the chosen axes.
 
-    In axes of the body the spin's deviation is that of its components there, dw = R^T dW + w x phi.
+    In body axes the spin's deviation is that of its body components, dw = R^T dW + w x phi.
     """
     size = 12 * bodies
     T, rate, shear, shear_rate = (
@@ -286,15 +286,15 @@ def frame_of(
 
 
 POSITIONS_FIRST = 8.0
-"""Weight of positions over angles where either could be left to the constraints."""
+"""Weight of positions over angles in the choice of dependent coordinates."""
 
 LEAST_PIVOT = 1e-9
-"""Pivot of the rows at length 1, relative to the largest, at or below which a coordinate stays
-free. Wider than the rank rule: which ones are states is a choice, and a bad one magnifies."""
+"""Pivot of the scaled rows, relative to the largest, at or below which a coordinate stays free.
+Larger than in the rank rule: the choice of states is free, and a bad one amplifies errors."""
 
 GOOD_PIVOT = 0.1
-"""Pivot, likewise relative, above which a coordinate of a later body is left to the constraints, so
-that the states are of the bodies that a scene names first. Errors grow by its inverse at most."""
+"""Relative pivot above which a coordinate of a later body is made dependent, so that the states
+belong to the bodies named first in the scene. Errors grow at most by its inverse."""
 
 KINDS = ("position", "angle", "velocity", "spin")
 
@@ -308,11 +308,11 @@ def linearize(
     axes: Axes = "world",
     turning: float = 0.0,
 ) -> LinearModel:
-    """The linear model about the state y (13 N maximal coordinates, on the manifold) at t.
+    """The linear model about the state y (13 N maximal coordinates, on the manifold) at t [s].
 
     axes: of the states, of pose, twist and inputs; "body" axes turn with their body. turning: rate
-    [rad/s] at which the world's axes turn about the vertical z, for motions that are steady as seen
-    from there. Raises SimulationError where a law has no derivative.
+    [rad/s] at which the world axes rotate about the vertical z, for motions steady in that rotating
+    frame. Raises SimulationError if a law has no derivative.
     """
     bodies = len(system.bodies)
     G, inverse_mass, held, rank = held_at(system, t, y)
@@ -375,7 +375,7 @@ def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, HeldMo
 
 
 def symmetric(s: Sequence[float]) -> Array:
-    """(xx, yy, zz, xy, xz, yz) as a matrix."""
+    """Symmetric matrix (3, 3) from (xx, yy, zz, xy, xz, yz)."""
     return np.array([[s[0], s[3], s[4]], [s[3], s[1], s[5]], [s[4], s[5], s[2]]])
 
 
@@ -384,8 +384,8 @@ def implicit(
 ) -> tuple[Array, Array]:
     """Derivatives of (du/dt, lambda): M d(du/dt) = d push + G^T d lambda, G d(du/dt) = -d bias.
 
-    Where rows are redundant lambda stays the one of least norm: its part along what A maps to
-    zero changes as that space turns.
+    For redundant rows lambda remains the minimum-norm solution; its component in the null space of
+    G M^-1 G^T changes as that space rotates.
     """
     dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["push"])
     dmultipliers = dmultipliers + rank.null @ (rank.null.T @ by["along"])
@@ -395,7 +395,7 @@ def implicit(
 def free_deviations(
     system: MultiBody, G: Array, y: Array, slip: Array, to_z: Array
 ) -> tuple[Array, list[int]]:
-    """(Z (12 N, n), indices of the states in z): deviations that the constraints allow."""
+    """(Z (12 N, n), indices of the states in z): deviations compatible with the constraints."""
     bodies = len(system.bodies)
     half = 6 * bodies
     turns = [rotation(state_of(y, i).q_WB).T for i in range(bodies)]
@@ -414,13 +414,13 @@ def free_deviations(
 
 
 def holonomic_rows(system: MultiBody, y: Array) -> list[int]:
-    """Which rows restrict positions, too."""
+    """Indices of the rows that also constrain positions."""
     here = on(system, 0.0, y)
     return [k for k in range(len(here.row_table)) if here.rows[k, HOLONOMIC]]
 
 
 def allowed(rows: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
-    """(basis with the identity in its free rows, the free rows) of what the rows map to zero."""
+    """(basis of the rows' null space with the identity at its free indices, the free indices)."""
     size = rows.shape[1]
     if len(rows) == 0:
         return np.eye(size), list(range(size))
@@ -434,7 +434,7 @@ def allowed(rows: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
 
 
 def bound_by(rows: Array) -> list[int]:
-    """Columns that the rows give by the others: of the last bodies, if their pivots are good."""
+    """Columns determined by the others; those of the last bodies if well conditioned."""
     left, bound = rows.copy(), list[int]()
     largest = float(np.linalg.norm(left, axis=0).max())
 
@@ -456,7 +456,7 @@ def bound_by(rows: Array) -> list[int]:
 
 
 def reaction_rows(system: MultiBody, t: float, y: Array) -> Array:
-    """Force and torque of each reaction by the multipliers, (6 K, n)."""
+    """Matrix from multipliers to force and torque of each reaction, (6 K, n)."""
     here = on(system, t, y)
     unit = np.eye(len(system.row_table))
     found = [reactions(here, y, e.tolist()) for e in unit]
@@ -475,7 +475,7 @@ def _input_names(commands: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
 def with_inputs(
     system: MultiBody, commands: dict[str, tuple[int, ...]], wrench: Sequence[Any], axes: Axes
 ) -> MultiBody:
-    """The system with the wrenches added to what is commanded."""
+    """The system with the wrenches added to its commands."""
     effects = list(system.effects)
     force, torque = ("force_B", "torque_B") if axes == "body" else ("force_W", "torque_W")
     for m, indices in enumerate(commands.values()):
@@ -488,7 +488,7 @@ def with_inputs(
 
 
 def state_names(bodies: Sequence[str]) -> list[str]:
-    """Of z."""
+    """Names of the components of z."""
     return [
         f"{body}/{kind}_{axis}"
         for kinds in (KINDS[:2], KINDS[2:])

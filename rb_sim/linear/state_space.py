@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A linear model x' = A x + B f, y = C x + D f, with names for every number, and its pictures.
+"""A linear model x' = A x + B f, y = C x + D f with named components, and its plots.
 
 poles.png shows the poles of the model, bode.png its frequency responses.
 """
@@ -36,15 +36,15 @@ class Mode(NamedTuple):
     """One eigenvalue of A, or a complex pair."""
 
     real: float
-    """[1/s]; motions grow where it is positive."""
+    """[1/s]; the mode grows if it is positive."""
     imaginary: float
-    """[rad/s], not negative."""
+    """[rad/s], >= 0."""
     frequency: float
-    """|eigenvalue| / 2 pi [Hz]; nan for a real eigenvalue: nothing oscillates."""
+    """eigenvalue| / 2 pi [Hz]; nan for a real eigenvalue, which does not oscillate."""
     damping: float
-    """- real / |eigenvalue|; nan for the eigenvalue 0."""
+    """damping ratio - real / |eigenvalue|; nan for the eigenvalue 0."""
     state: str
-    """the state with the largest part in it."""
+    """the state with the largest component in the mode."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class LinearModel:
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Eigenvalues with frequency and damping, a complex pair once, zeros one by one."""
+        """Eigenvalues with frequency and damping; one entry per complex pair and per zero."""
         found = []
         for value, state in self._eigen:
             if value.imag >= 0.0:
@@ -94,10 +94,10 @@ class LinearModel:
 
     @cached_property
     def _eigen(self) -> list[tuple[complex, int]]:
-        """Each eigenvalue with the state that has the largest part in its mode.
+        """Each eigenvalue with the state of the largest component in its mode.
 
-        A multiple zero (a body that moves freely along x: position and velocity) comes out of a
-        solver as a pair of some 1e-8, so zeros are split off before: null space after null space.
+        A multiple zero (a free body along x: position and velocity) would come out of a solver as a
+        pair of about 1e-8, so zeros are removed first by repeated null spaces.
         """
         if not self.states:
             return []
@@ -120,7 +120,7 @@ class LinearModel:
 
     @property
     def fastest(self) -> float:
-        """Size of the largest eigenvalue [1/s]; 0 without states."""
+        """Largest absolute eigenvalue [1/s]; 0 without states."""
         return float(np.max(np.abs(self.eigenvalues), initial=0.0))
 
     def change(self, later: LinearModel, turned: float = 0.0) -> float:
@@ -142,12 +142,12 @@ class LinearModel:
         return max(off, change / size) if size else 0.0
 
     def _deviations(self) -> Array:
-        """The deviations of all bodies, shape (12 N, n), by the states."""
+        """Matrix from the states to the deviations of all bodies, shape (12 N, n)."""
         kinds = [name.rsplit("/", 1)[1].split("_")[0] for name in self.outputs]
         return self.C[: sum(kind not in ("force", "torque") for kind in kinds)]
 
     def as_dict(self) -> dict[str, Any]:
-        """A, B, C, D as lists with their names, t and the modes; None: a mode has no such value."""
+        """A, B, C, D as lists with their names, t and the modes; None for undefined values."""
         plain: dict[str, Any] = {"t": self.t}
         plain |= {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
         plain |= {name: getattr(self, name).tolist() for name in "ABCD"}
@@ -158,7 +158,7 @@ class LinearModel:
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write A, B, C, D, their names, t and the eigenvalues to a numpy archive.
 
-        control.ss(f["A"], f["B"], f["C"], f["D"]) of python-control takes them as they are.
+        Compatible with python-control: control.ss(f["A"], f["B"], f["C"], f["D"]).
         """
         names: dict[str, Any] = {
             key: np.array(getattr(self, key), dtype=str) for key in ("states", "inputs", "outputs")
@@ -176,23 +176,24 @@ class LinearModel:
 
 
 DAMPING = (0.2, 0.4, 0.6, 0.8)
-"""Ratios whose lines are drawn."""
+"""Damping ratios whose lines are drawn."""
 
 
 NAMED = 8
-"""Poles that are named at most."""
+"""Maximum number of labelled poles."""
 
 POINTS = 1200
-"""Frequencies of a response."""
+"""Number of frequencies of a response."""
 
 MOST_INPUTS, MOST_OUTPUTS = 3, 7
-"""Columns of the Bode plots, and curves in each: the largest."""
+"""Maximum number of columns (inputs) of the Bode plot, and of curves in each, the largest."""
 
 
 def poles(name: str, model: LinearModel, is_steady: bool = True) -> Figure:
-    """The s-plane with lines of equal damping and circles of equal natural frequency.
+    """Plot of the s-plane with lines of equal damping and circles of equal natural frequency.
 
-    is_steady: whether the motion is; else the poles hold for this instant, as the title says.
+    is_steady: whether the motion is steady; else the title states that poles hold for this instant
+    only.
     """
     figure = Figure(figsize=(7.6, 5.6), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
@@ -235,7 +236,7 @@ def poles(name: str, model: LinearModel, is_steady: bool = True) -> Figure:
 
 
 def _rounded(value: complex, size: float) -> complex:
-    """The value with parts that are rounding as 0: poles at one place are one mark."""
+    """The value with parts below rounding set to 0, so that coinciding poles become one mark."""
     return complex(*(round(part / size, 7) * size + 0.0 for part in (value.real, value.imag)))
 
 
@@ -250,7 +251,7 @@ def _damping_lines(axes: Any, width: float, height: float) -> None:
 
 
 def _circles(axes: Any, width: float, height: float) -> None:
-    """Of equal natural frequency, in round numbers."""
+    """Draw circles of equal natural frequency at round values."""
     step = 10.0 ** np.floor(np.log10(max(width, height)))
     step *= 0.5 if max(width, height) < 4.0 * step else 2.0 if max(width, height) > 8 * step else 1
     angle = np.linspace(0.5 * np.pi, 1.5 * np.pi, 181)
@@ -259,15 +260,16 @@ def _circles(axes: Any, width: float, height: float) -> None:
 
 
 class Response(NamedTuple):
-    """One input to one output, over frequencies."""
+    """Frequency response from one input to one output."""
 
     output: str
     values: np.ndarray
-    """complex, at the frequencies."""
+    """complex, at the given frequencies."""
 
 
 def frequencies(model: LinearModel) -> np.ndarray:
-    """From a tenth of the slowest pole to ten times the fastest, denser beside each [rad/s]."""
+    """Frequencies [rad/s], 0.1 times the slowest to 10 times the fastest pole, denser near
+    poles."""
     sizes = np.abs(model.eigenvalues)
     sizes = (
         sizes[sizes > WRITTEN_ROUNDING * model.fastest] if model.fastest > 0.0 else np.array([1.0])
@@ -278,7 +280,7 @@ def frequencies(model: LinearModel) -> np.ndarray:
 
 
 def responses(model: LinearModel, at: np.ndarray) -> dict[str, list[Response]]:
-    """By input the outputs that it moves, poses only, the largest first; at `at` [rad/s]."""
+    """Responses of the pose outputs to each input, largest first, at frequencies `at` [rad/s]."""
     rows = [k for k, name in enumerate(model.outputs)
             if name.rsplit("/", 1)[-1].split("_")[0] in ("position", "angle")]  # fmt: skip
     n = len(model.states)
@@ -299,7 +301,7 @@ def responses(model: LinearModel, at: np.ndarray) -> dict[str, list[Response]]:
 
 
 def bode(name: str, model: LinearModel) -> Figure | None:
-    """Magnitude and phase from each input to the poses that it moves; None without such a pair."""
+    """Bode plot from each input to the poses that respond; None if there is none."""
     if not (model.inputs and model.states):
         return None
     at = frequencies(model)
@@ -336,7 +338,7 @@ def bode(name: str, model: LinearModel) -> Figure | None:
 
 
 def _styles(outputs: list[str]) -> dict[str, dict[str, Any]]:
-    """Positions solid, angles dashed; x, y and z of a single body have their colours."""
+    """Line styles: positions solid, angles dashed; axis colours for a single body."""
     one_body = len({output.rpartition("/")[0] for output in outputs}) == 1
     found = {}
     for k, output in enumerate(outputs):
@@ -347,6 +349,6 @@ def _styles(outputs: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def phase(values: np.ndarray) -> np.ndarray:
-    """Of a response over rising frequencies, without leaps, from (-270, 90] on [degrees]."""
+    """Continuous phase over increasing frequencies, starting in (-270, 90] [degrees]."""
     turned = np.degrees(np.unwrap(np.angle(values)))
     return turned - 360.0 * np.ceil((turned[0] - 90.0) / 360.0)

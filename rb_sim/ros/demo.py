@@ -11,8 +11,8 @@
 
     python -m rb_sim.ros.demo [--out DIR]
 
-A homogeneous sphere rolls on a rough plane under commanded force F and torque K. The reactions and
-accelerations read from the bag stand beside the closed form of Landau & Lifshitz, Mechanics,
+A homogeneous sphere rolls on a rough plane under a commanded force F and torque K. The reactions
+and accelerations in the bag are compared with the closed form of Landau & Lifshitz, Mechanics,
 section 38, problem 1. Exit status 1 if they disagree.
 """
 
@@ -41,11 +41,11 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import Array, SampleBlock, concatenate
 from rb_sim.scene.listing import find_scene
 
-# Sends wrench commands to a running node, one after the other, and ends.
+# Commander: sends wrench commands to a running node, one after the other, and ends.
 
 
 PATIENCE = 60.0
-"""[s] for the node to be found, and to have taken a command."""
+"""Timeout for discovery of the node, and for the receipt of a command [s]."""
 
 
 class Wrench(NamedTuple):
@@ -58,7 +58,7 @@ class Wrench(NamedTuple):
 
 
 def message(wrench: Wrench, frame: str) -> WrenchStamped:
-    """The command as the node takes it."""
+    """The command as a ROS message."""
     command = WrenchStamped()
     command.header.frame_id = frame
     command.wrench.force = Vector3(**dict(zip("xyz", wrench.force, strict=True)))
@@ -69,7 +69,7 @@ def message(wrench: Wrench, frame: str) -> WrenchStamped:
 def send(topic: str, wrenches: list[Wrench], pause: float) -> None:
     """Send each wrench and wait `pause` seconds after it.
 
-    Raises RbSimError if no node listens on the topic, or one does not take a command.
+    Raises RbSimError if no node subscribes to the topic, or a command is not received.
     """
     rclpy.init()
     try:
@@ -92,7 +92,7 @@ def send(topic: str, wrenches: list[Wrench], pause: float) -> None:
 SCENE = "rolling_sphere_commanded"
 BODY, FLOOR = "ball", "floor"
 AGREE = 1e-8
-"""Largest difference from the closed form, relative to its size."""
+"""Largest relative difference from the closed form."""
 COMMANDS = [
     Wrench((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
     Wrench((0.0, 0.0, 0.0), (0.0, 0.1, 0.0)),
@@ -102,25 +102,25 @@ COMMANDS = [
 PAUSE = 1.0
 """[s] between commands."""
 START_LIMIT, RUN_LIMIT, PLOTS_LIMIT = 300.0, 60.0, 60.0
-"""[s] for the node to compile and be ready, for the run, and for its plots, which are drawn when
-the node has ended."""
+"""Timeouts [s] for the node to compile and start, for the run, and for its plots, which are drawn
+after the node has ended."""
 
 
 class Segment(NamedTuple):
-    """Samples during which one command acted, and what was measured in them."""
+    """Samples during which one command acted, and the quantities measured in them."""
 
     command: Array
     """[force, torque], shape (6,)."""
     reaction: Array
-    """force of the plane on the sphere [N], mean."""
+    """mean force of the plane on the sphere [N]."""
     acceleration: Array
-    """of the centre, from its velocity at both ends [m/s^2]."""
+    """of the centre, from its velocities at both ends [m/s^2]."""
     spin_up: float
     """angular acceleration about the vertical [rad/s^2]."""
 
 
 class Sphere(NamedTuple):
-    """What the closed form needs."""
+    """Parameters of the closed form."""
 
     mass: float
     radius: float
@@ -137,7 +137,7 @@ def closed_form(command: Array, sphere: Sphere) -> tuple[Array, Array, float]:
 
 
 def segments(block: SampleBlock) -> Iterator[Segment]:
-    """The commands in a recorded run: a sample shows what acted on the way to it."""
+    """Yield the segments of constant command; a sample contains the command that acted up to it."""
     command = block.command[:, 0]
     starts = np.flatnonzero((np.diff(command, axis=0) != 0.0).any(axis=1)) + 1
     for first, end in zip(starts, [*starts[1:], len(command)], strict=True):
@@ -145,7 +145,7 @@ def segments(block: SampleBlock) -> Iterator[Segment]:
             continue
         last = end - 1
         dt = block.t[last] - block.t[first]
-        # the sphere is turned as it rolls: the spin about the vertical comes from L about C
+        # body axes rotate: the spin about the vertical follows from L about C
         spin = block.angular_momentum - np.cross(block.position[:, 0], block.momentum)
         yield Segment(
             command[first],
@@ -156,11 +156,11 @@ def segments(block: SampleBlock) -> Iterator[Segment]:
 
 
 def report(out: Path, console: Console) -> bool:
-    """Print measured beside closed form; True if they agree for every command."""
+    """Print measured and closed-form values; True if they agree for every command."""
     reader = BagReader(out / "bag")
     block = concatenate(reader.blocks(), reader.layout)
     body = reader.scene.bodies[BODY]
-    assert body.shape is not None  # the shipped scene gives one
+    assert body.shape is not None  # the shipped scene has one
     sphere = Sphere(body.mass, body.shape.radius)
     inertia = 0.4 * sphere.mass * sphere.radius**2
     table = Table("", "measured over DDS", "closed form (LL section 38)")
@@ -196,9 +196,9 @@ def _text(numbers: Array | float) -> str:
 
 
 def run(scene: Path, out: Path, console: Console) -> bool:
-    """Node and commander, each in a process of its own; then the report.
+    """Run node and commander, each in its own process; then report.
 
-    Logs in the folder are replaced where they are of an earlier demonstration.
+    Logs of an earlier demonstration in the folder are replaced.
     """
     log = out / "node.log"
     out.mkdir(parents=True, exist_ok=True)
@@ -221,7 +221,7 @@ def run(scene: Path, out: Path, console: Console) -> bool:
         if sender.exitcode != 0:
             raise RbSimError(f"the commander failed; output of the node: {log.read_text()}")
     finally:
-        node.terminate()  # it finishes the sample and the logs
+        node.terminate()  # it completes the sample and the logs
         status = node.wait(RUN_LIMIT)
     if status != 0:
         raise RbSimError(f"the node failed: {log.read_text()}")
@@ -229,7 +229,7 @@ def run(scene: Path, out: Path, console: Console) -> bool:
 
 
 def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> None:
-    """Until the node takes commands."""
+    """Wait until the node takes commands. Raises RbSimError."""
     end = time.monotonic() + START_LIMIT
     console.print("          starts; the first time it compiles, which takes a while ...")
     while "takes commands on" not in log.read_text():
@@ -239,7 +239,7 @@ def _wait_ready(node: subprocess.Popen[bytes], log: Path, console: Console) -> N
 
 
 def _drawn(plots: Path, since: float) -> bool:
-    """Wait for plots that are newer than that (time.time); False where none come."""
+    """Wait for plots newer than `since` (time.time) [s]; False after the timeout."""
     end = time.monotonic() + PLOTS_LIMIT
     while not plots.exists() or plots.stat().st_mtime < since:
         if time.monotonic() > end:
@@ -249,13 +249,13 @@ def _drawn(plots: Path, since: float) -> bool:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """What `make run` runs."""
+    """Entry point of `make run`; returns the exit status."""
     parser = argparse.ArgumentParser(
         prog="rb_sim.ros.demo", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results")
     out: Path = parser.parse_args(arguments).out
-    # nothing of this leaves the machine
+    # DDS discovery on this machine only
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     console, began = Console(soft_wrap=True), time.time()
     try:

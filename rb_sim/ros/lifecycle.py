@@ -7,10 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The node of `managed:=true`: rclpy's lifecycle node; the main thread carries out its transitions.
-
-Apart from `managed.py`, since a node is to be seen before what it runs is imported.
-"""
+"""The lifecycle node of `managed:=true`; the main thread executes its transitions."""
 
 from __future__ import annotations
 
@@ -39,12 +36,12 @@ if TYPE_CHECKING:
 
 Transit = Callable[[Any, Any], Any]
 LOOK = 0.05
-"""[s] between looks at signals, and whether what is waited for will come."""
+"""[s] between checks for signals and for the end of the main thread."""
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class Turn:
-    """Something that the main thread is asked to do. over: set once it does nothing any more."""
+    """A request to the main thread. over: set once it answers no more requests."""
 
     def __init__(self, over: threading.Event) -> None:
         self._over = over
@@ -52,7 +49,7 @@ class Turn:
         self._success = False
 
     def answer(self, success: bool) -> None:
-        """It is done, or cannot be."""
+        """Answer the request: whether it was done."""
         self._success = success
         self._done.set()
 
@@ -64,39 +61,39 @@ class Turn:
 
 
 class ManagedNode(HidesPolled, LifecycleNode):
-    """Hands transitions over to the main thread (`simulate_managed`)."""
+    """Lifecycle node that hands transitions to the main thread (`simulate_managed`)."""
 
     def __init__(self, name: str, **options: Any) -> None:
         self.loop: SimulationLoop | None = None
-        """what runs, from configure to cleanup."""
+        """the simulation loop, from configure to cleanup."""
         self.configure: queue.SimpleQueue[Turn] = queue.SimpleQueue()
         self.ended = threading.Event()
-        """the main thread carries out no transition any more."""
+        """set when the main thread executes no more transitions."""
         self.left = Turn(self.ended)
-        """the loop's end."""
+        """answered at the end of the loop."""
         self.over = False
-        """after shutdown."""
+        """True after shutdown."""
         super().__init__(name, **options)
         self.transitions = [
             Aside(service) for service in self.services if service.srv_type is ChangeState
         ]
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Compile, and begin the logs."""
+        """Compile the scene and start the logs."""
         turn = Turn(self.ended)
         self.configure.put(turn)
         return turn.wait()
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time run."""
+        """Start simulated time."""
         return self._activate(True)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop it."""
+        """Stop simulated time."""
         return self._activate(False)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Finish the logs and forget the scene."""
+        """Finish the logs and discard the scene."""
         return self._leave()
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -121,11 +118,11 @@ class ManagedNode(HidesPolled, LifecycleNode):
 
 
 class Aside:
-    """Has a service's requests carried out in a thread each, which sends the answer: parameters and
-    other services are answered meanwhile, another transition is refused.
+    """Executes each request of a service in a thread that also sends the answer.
 
-    A transition that the present state has not is refused, too: rclpy raises, and whoever asked
-    would wait for an answer for ever.
+    Meanwhile parameters and other services are answered, and another transition is refused. A
+    transition that is not allowed in the present state is refused too: rclpy raises, and the client
+    would wait forever.
     """
 
     def __init__(self, service: Service) -> None:
@@ -133,11 +130,11 @@ class Aside:
         self._send = service.send_response
         self._request: Any = None
         self._threads: list[threading.Thread] = []
-        # what an executor calls for a request, one after the other
+        # the two functions that an executor calls for a request, in this order
         service.callback, service.send_response = self._keep, self._begin  # type: ignore[method-assign]
 
     def join(self) -> None:
-        """Wait until all have been answered."""
+        """Wait until all requests have been answered."""
         for thread in self._threads:
             thread.join()
 
@@ -159,25 +156,25 @@ class Aside:
         self._send(answer, header)
 
 
-# The node under a lifecycle manager: `managed:=true`, as ros2_control's and Nav2's nodes are.
+# The node under a lifecycle manager (`managed:=true`), like nodes of ros2_control and Nav2.
 #
-# configure compiles the scene, begins the logs and shows the initial state; activate lets time run,
-# deactivate stops it; cleanup finishes the logs and takes everything down, so that configure begins
-# anew; shutdown ends the process. A transition has a thread of its own (`lifecycle.Aside`), the
-# main thread carries out what is long, and the answer comes when that is done. Who serves ROS goes
-# on, and takes down what was offered: nothing is destroyed while it looks at what there is.
+# configure compiles the scene, starts the logs and publishes the initial state; activate starts
+# time, deactivate stops it; cleanup finishes the logs and removes everything, so that configure can
+# start again; shutdown ends the process. Each transition has its own thread (`Aside`); the main
+# thread does the long work, and the answer is sent afterwards. The serving thread continues, and
+# destroys publishers and services itself, since its executor must not see them vanish.
 
 
 def simulate_managed(
     node: ManagedNode, asked: LiveSettings, stop: Interruption, began: float, presence: Presence
 ) -> int:
-    """Carry out the transitions until shutdown, a signal, or the end of the duration; the status.
+    """Execute transitions until shutdown, a signal or the duration; returns the exit status.
 
-    Raises RbSimError where a loop that runs cannot go on and is to end then.
+    Raises RbSimError if a running loop cannot continue and is to end then.
     """
     serving, services = Serving(node), Services(node, paused=asked.now.start_paused)
     node.get_logger().info("unconfigured: waits for the transition configure")
-    stop.logging = True  # a signal ends the process in order, also where nothing runs
+    stop.logging = True  # a signal ends the process in order, also without a loop
     serving.start()
     status, going = 0, True
     try:
@@ -211,8 +208,10 @@ def _configured(
     services: Services,
     serving: Serving,
 ) -> tuple[int, bool, Turn | None]:
-    """One loop, from configure to cleanup: the exit status, whether another may follow, and the
-    transition that is to be refused, if there was no loop."""
+    """Run one loop, from configure to cleanup.
+
+    Returns the exit status, whether another loop may follow, and the transition to refuse if there
+    was no loop."""
     with ExitStack() as closing:
         with presence.telling_time(serving.do):
             turn = _asked_to_configure(node, stop, serving)
@@ -243,7 +242,7 @@ def _configured(
 
 
 def _asked_to_configure(node: ManagedNode, stop: Interruption, serving: Serving) -> Turn | None:
-    """Wait for the transition; None: the process is to end."""
+    """Wait for the transition; None if the process is to end."""
     while not (node.over or stop.cause):
         serving.check()
         try:
@@ -254,13 +253,13 @@ def _asked_to_configure(node: ManagedNode, stop: Interruption, serving: Serving)
 
 
 def _refused(node: ManagedNode, turn: Turn, error: RbSimError) -> tuple[int, bool, Turn]:
-    """Say why there is no loop, and go on without."""
+    """Report why the node was not configured, and continue unconfigured."""
     node.get_logger().error(f"not configured: {error}")
     return 0, True, turn
 
 
 def _take_down(node: ManagedNode, before: set[Any]) -> None:
-    """Destroy what was offered since."""
+    """Destroy the publishers, subscriptions and services created since `before`."""
     for publisher in set(node.publishers) - before:
         node.destroy_publisher(publisher)
     for subscription in set(node.subscriptions) - before:

@@ -7,14 +7,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The logs of a node as seen from its loop: a bounded queue to the process that writes them.
+"""A node's logs, seen from its loop: a bounded queue to the process that writes them.
 
-The loop never waits for a disk: it hands samples over in batches and goes on. What the pipe does
-not take at once waits here; where more than `depth` samples wait, a simulation that keeps to the
-clock drops the newest and counts them, and any other waits until there is room.
+The loop never waits for a disk: it sends samples in batches through a pipe. Data that the pipe does
+not accept at once are queued here; if more than `depth` samples are queued, a simulation paced by
+the wall clock drops and counts the newest, any other waits.
 
-What the two tell each other are frames, a pickle behind its length: Begin, then Rows and Blocks of
-samples and States, then End, to the process; Opened, Said, Count and Finished back.
+The protocol consists of frames, a length and a pickle: Begin, then Rows and Blocks of samples and
+States, then End, to the process; Opened, Said, Count and Finished back.
 """
 
 from __future__ import annotations
@@ -54,24 +54,24 @@ if TYPE_CHECKING:
 LENGTH = struct.Struct("<Q")
 
 RECORDING = "--recording"
-"""Argument of the process that is to record for Rerun."""
+"""Argument of the process if it also records for Rerun."""
 
 
 class Plan(NamedTuple):
-    """What is to be written."""
+    """The logs to write."""
 
     folder: Path
     overwrite: bool
-    """replace what is there."""
+    """replace existing logs."""
     namespace: str
     bag: bool
     recording: bool
     plots: bool
     start_ns: int
     run: dict[str, Any]
-    """settings that the bag carries."""
+    """settings stored in the bag."""
     split: dict[str, float | None]
-    """where the bag is split, as BagSink has it."""
+    """limits at which the bag is split, as in BagSink."""
     accelerations: bool = False
     """record BODY/accel."""
     odometry: bool = False
@@ -79,7 +79,7 @@ class Plan(NamedTuple):
 
 
 class Begin(NamedTuple):
-    """First frame."""
+    """First frame: plan, scene and layout."""
 
     plan: Plan
     scene: Scene
@@ -87,7 +87,7 @@ class Begin(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Samples as SampleRow has them, n of them in one piece."""
+    """n samples, the arrays of SampleRow stacked."""
 
     t: Array
     """[s], shape (n,)."""
@@ -99,13 +99,13 @@ class Rows(NamedTuple):
     inputs: tuple[Input, ...]
 
     def block(self, layout: SampleLayout) -> SampleBlock:
-        """The samples by name."""
+        """The samples as a block."""
         block = block_of(self.t, self.rows, layout, self.command)
         return replace(block, events=self.events, inputs=self.inputs)
 
 
 class Block(NamedTuple):
-    """Samples by name already."""
+    """Samples as a block."""
 
     samples: SampleBlock
 
@@ -115,7 +115,7 @@ class Block(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of the node from the samples so far on."""
+    """State of the node from the present sample on."""
 
     state: str
 
@@ -127,7 +127,7 @@ class End(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """Answer to Begin; error: why a log cannot be begun, or ""."""
+    """Answer to Begin; error: why a log cannot be started, or ""."""
 
     error: str
 
@@ -139,12 +139,12 @@ class Said(NamedTuple):
 
 
 class Count(NamedTuple):
-    """How the logs stand."""
+    """State of the logs."""
 
     written: int
-    """samples taken so far."""
+    """number of samples processed so far."""
     lost: dict[str, int]
-    """samples that a log lost, by its name."""
+    """number of samples lost by each log."""
     failures: dict[str, str]
 
 
@@ -155,7 +155,7 @@ class Finished(NamedTuple):
 
 
 def rows_of(samples: Sequence[SampleRow]) -> Rows:
-    """Samples in time order, in one piece."""
+    """Samples in order of time, stacked."""
     return Rows(
         np.array([one.t for one in samples]),
         np.array([one.row for one in samples]),
@@ -166,13 +166,13 @@ def rows_of(samples: Sequence[SampleRow]) -> Rows:
 
 
 def frame(message: Any) -> bytes:
-    """A message as it goes over the pipe."""
+    """A message encoded for the pipe."""
     data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
     return LENGTH.pack(len(data)) + data
 
 
 def take_frame(buffer: bytearray) -> Any:
-    """The first message in the buffer, taken off it; None if it is not whole."""
+    """Remove and decode the first message in the buffer; None if it is incomplete."""
     if len(buffer) < LENGTH.size:
         return None
     (length,) = LENGTH.unpack_from(buffer)
@@ -185,39 +185,39 @@ def take_frame(buffer: bytearray) -> Any:
 
 
 BATCH = 1024
-"""Samples that make a batch."""
+"""Number of samples per batch."""
 FLUSH_PERIOD = 0.25
-"""[s] of wall time after which fewer do."""
+"""[s] of wall-clock time after which a smaller batch is sent."""
 PIPE = 1 << 20
-"""Bytes that the pipe holds."""
+"""Size of the pipe's buffer [bytes]."""
 PATIENCE = 120.0
-"""[s] for the process to begin, and for bag and recording to be finished."""
+"""Timeout [s] for the process to start, and for bag and recording to be finished."""
 SOON = 1.0
-"""[s] after which whoever wants the node to end reads what it waits for."""
+"""[s] of waiting after a request to end before the reason is reported."""
 SLOW = ("plots.png",)
-"""Logs that are drawn at the end: after a signal nobody waits for them."""
+"""Logs drawn at the end; after a signal the node does not wait for them."""
 
 
 class LogProcess:
-    """A sink that passes samples on to a process. say: for lines of the logs.
+    """A sink that passes samples to a process. say: for lines from the logs.
 
-    depth: samples that may wait. blocking: True where samples may not be dropped.
+    depth: maximum number of queued samples. blocking: True if samples may not be dropped.
     """
 
     def __init__(self, plan: Plan, depth: int, say: Callable[[str], None]) -> None:
         self.plan = plan
         self.blocking = True
         self.dropped = 0
-        """samples that found the queue full."""
+        """number of samples dropped because the queue was full."""
         self.finished: list[str] = []
-        """names of the logs that are complete."""
+        """names of the complete logs."""
         self.ending: Callable[[], bool] = lambda: False
-        """whether somebody wants the node to end: the log then says what it waits for, no sample
-        waits for room."""
+        """whether the node was requested to end: then waiting is reported, and samples do not wait
+        for space in the queue."""
         self._closing = self._reported = False
         self._state = ""
         self._cut_off: list[str] = []
-        """names of the logs that the process left unfinished."""
+        """names of the logs that the process left incomplete."""
         self._depth, self._say = depth, say
         self._count = Count(0, {}, {})
         self._opened: Opened | None = None
@@ -235,7 +235,7 @@ class LogProcess:
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the node
+            start_new_session=True,  # Ctrl-C goes only to the node
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
@@ -244,41 +244,40 @@ class LogProcess:
         try:
             fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
         except OSError:
-            pass  # a smaller pipe does
+            pass  # a smaller pipe suffices
 
     @property
     def names(self) -> list[str]:
-        """The logs that are wanted."""
+        """Names of the requested logs."""
         plan = self.plan
         wanted = {"bag": plan.bag, "recording.rrd": plan.recording, "plots.png": plan.plots}
         return [name for name, there in wanted.items() if there]
 
     @property
     def queued(self) -> int:
-        """Samples on the way to the logs."""
+        """Number of samples not yet written."""
         return max(0, self._sent - self._count.written) + len(self._waiting)
 
     @property
     def lost(self) -> dict[str, int]:
-        """Samples that each log has not got, for whatever reason."""
+        """Number of samples missing in each log, for any reason."""
         return {name: self._count.lost.get(name, 0) + self.dropped for name in self.names}
 
     @property
     def failures(self) -> list[str]:
-        """Paths of the logs that were given up."""
+        """Paths of the logs that failed."""
         failed = [name for name, why in self._count.failures.items() if why]
         return [str(self.plan.folder / name) for name in (self._cut_off or failed)]
 
     @property
     def incomplete(self) -> list[str]:
-        """Paths of the logs that will lack something, once it was closed: those that were given up,
-        and those that were waited for in vain."""
+        """Paths of the incomplete logs after `close`: those that failed or timed out."""
         missing = [name for name in self.names if name not in (*self.finished, *SLOW)]
         left = [str(self.plan.folder / name) for name in missing]
         return self.failures or left
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Begin the logs. Raises SinkError if one cannot be begun."""
+        """Start the logs. Raises SinkError if one cannot be started."""
         self._layout = layout
         self._enqueue(frame(Begin(self.plan, scene, layout)), 0)
         self._wait_until(lambda: self._opened is not None or self.ending())
@@ -289,32 +288,32 @@ class LogProcess:
             raise SinkError(self._opened.error)
 
     def write(self, block: SampleBlock) -> None:
-        """Pass the samples on, behind what waits."""
+        """Send the samples, after those queued."""
         self.flush()
         self._pass(Block(block), len(block))
 
     def write_row(self, row: SampleRow) -> None:
-        """Pass the sample on with the next batch, which `tick` ends, or its size."""
+        """Add the sample to the next batch, which is sent when full or by `tick`."""
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self.flush()
 
     def note_state(self, state: str) -> None:
-        """Pass on the state of the node, if it is a new one."""
+        """Send the state of the node if it changed."""
         if state != self._state:
             self._state = state
             self.flush()
             self._enqueue(frame(State(state)), 0)
 
     def tick(self) -> bool:
-        """Call it now and then: pass on what has waited for FLUSH_PERIOD; whether it has."""
+        """To be called regularly: send a batch older than FLUSH_PERIOD; whether one was due."""
         due = time.monotonic() - self._flushed >= FLUSH_PERIOD
         if due:
             self.flush()
         return due
 
     def flush(self) -> None:
-        """Pass on what waits, as far as there is room, and hear what there is to hear."""
+        """Send the present batch, as far as there is space, and read the answers."""
         self._flushed = time.monotonic()
         if self._waiting:
             batch, self._waiting = self._waiting, []
@@ -323,7 +322,7 @@ class LogProcess:
         self._listen()
 
     def _pass(self, message: Rows | Block, samples: int) -> None:
-        """Enqueue the samples if there is room; otherwise wait for it, or drop them."""
+        """Enqueue the samples if there is space; otherwise wait for it, or drop them."""
         if self._sent - self._count.written >= self._depth:
             self._listen()
             self._pump()
@@ -339,8 +338,7 @@ class LogProcess:
     def close(
         self, summary: dict[str, Any] | None = None, *, patient: Callable[[], bool] = lambda: True
     ) -> None:
-        """Finish the logs. patient: whether to wait for the slow ones (plots), too; asked again
-        while they are waited for."""
+        """Finish the logs. patient: whether to wait for slow ones (plots); called repeatedly."""
         self.flush()
         self._closing = True
         self._enqueue(frame(End(summary)), 0)
@@ -353,7 +351,7 @@ class LogProcess:
                 self._process.wait(PATIENCE)
 
     def _is_finished(self, *, slow: bool) -> bool:
-        """Whether all logs are, or all but the slow ones."""
+        """Whether all logs are finished, or all but the slow ones."""
         missing = set(self.names) - set(self.finished)
         return not (missing if slow else missing - set(SLOW))
 
@@ -363,14 +361,14 @@ class LogProcess:
         self._pump()
 
     def _pump(self) -> None:
-        """Write into the pipe what it takes."""
+        """Write as much to the pipe as it accepts."""
         while self._queue:
             data, samples = self._queue[0]
             try:
                 written = os.write(self._to, data)
             except BlockingIOError:
                 return
-            except OSError:  # the process is gone; `_listen` says so
+            except OSError:  # the process has ended; reported by `_listen`
                 self._lose()
                 return
             if written < len(data):
@@ -399,7 +397,7 @@ class LogProcess:
             self._note_end()
 
     def _note_end(self) -> None:
-        """The process has ended: say so, once, if it was not to or had not finished its logs."""
+        """Report the unexpected end of the process, once."""
         self._lose()
         whole = self.finished if self._closing else []
         missing = [name for name in self.names if name not in whole]
@@ -418,13 +416,13 @@ class LogProcess:
         )
 
     def _lose(self) -> None:
-        """What is on the way reaches no log any more."""
+        """Count all unwritten samples as dropped."""
         self._queue.clear()
         self.dropped += self._sent - self._count.written
         self._sent = self._count.written
 
     def _tell_what_is_waited_for(self) -> None:
-        """Once: a disk or a process that hangs keeps the node from its end."""
+        """Report once that a hanging disk or process delays the end of the node."""
         if self._reported:
             return
         self._reported = True
@@ -436,7 +434,7 @@ class LogProcess:
         )
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:
-        """Return when it holds, the process has ended or PATIENCE is over."""
+        """Wait until the condition holds, the process has ended, or PATIENCE has passed."""
         end = time.monotonic() + PATIENCE
         asked: float | None = None
         while True:
@@ -454,7 +452,7 @@ class LogProcess:
 
 
 def unfinished(logs: LogProcess | None) -> str:
-    """Which logs would not be complete if the node left now, in words."""
+    """Text on the logs that would be incomplete if the node ended now; "" if none."""
     if logs is None:
         return ""
     missing = [name for name in logs.names if name not in logs.finished]

@@ -7,12 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The process that writes the logs of a node: `python -m rb_sim.ros.log_writer`, by LogProcess.
+"""The process that writes a node's logs: `python -m rb_sim.ros.log_writer`, started by LogProcess.
 
-Frames (`log_process.py`) come in on standard input and answers go out on standard output. Where the
-input ends, for whatever reason, the logs are finished: also when the node was killed. Signals are
-the node's to answer, so this process hears none. Nothing in the folder that a node logs into is
-replaced unasked, and one node has it.
+Frames (`log_process.py`) arrive on standard input, answers go to standard output. When the input
+ends, for any reason, the logs are finished: also if the node was killed. Signals are ignored, since
+the node handles them. Existing logs are replaced only on request, and a folder is used by one node.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ INSIST = f"put {TIME_FIELD} in its name, or use overwrite:=true"
 
 
 def out_folder(out: str, *, overwrite: bool) -> Path:
-    """The folder for the logs. RbSimError: there are some in it, and they are not to be replaced.
+    """The folder for the logs. Raises RbSimError if it contains logs that may not be replaced.
 
-    {time} in its name becomes the date and time; see `own_folder` for where that exists, too.
+    {time} in its name becomes date and time; `own_folder` handles an existing folder of that name.
     """
     if TIME_FIELD in out:
         return Path(out.replace(TIME_FIELD, time.strftime("%Y_%m_%d-%H_%M_%S")))
@@ -69,8 +68,10 @@ def out_folder(out: str, *, overwrite: bool) -> Path:
 
 
 def own_folder(named: Path) -> Path:
-    """Make the folder; where it exists, one with a number behind its name. Two nodes that were
-    started in the same second each get one: making a folder succeeds for one of them only.
+    """Create the folder; if it exists, one with a number appended.
+
+    Two nodes started in the same second get different folders, since creating one succeeds only
+    once.
     """
     for k in range(1000):
         folder = named.with_name(f"{named.name}-{k + 1}") if k else named
@@ -79,16 +80,17 @@ def own_folder(named: Path) -> Path:
         except FileExistsError:
             continue
         except OSError:
-            pass  # reported by the log that cannot be begun there
+            pass  # reported when a log cannot be started there
         return folder
     return named
 
 
 def claim(folder: Path, *, overwrite: bool) -> None:
-    """Have the folder until this process ends. RbSimError: another process logs there, or has since
-    it was chosen; with `overwrite` that does not matter.
+    """Lock the folder until this process ends.
 
-    A folder that cannot be made, or locked, is reported by the log that cannot be begun there.
+    Raises RbSimError if another process uses it, or has written logs there meanwhile; not with
+    `overwrite`. A folder that cannot be created or locked is reported when a log cannot be started
+    there.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -104,13 +106,13 @@ def claim(folder: Path, *, overwrite: bool) -> None:
 
 
 IDLE = 0.25
-"""[s] without samples after which what waits in the bag is looked after."""
+"""[s] without samples after which pending messages of the bag are written."""
 NICENESS = 5
-"""The simulation goes first where both want the processor."""
+"""Lower priority than the simulation."""
 
 
 class Writer:
-    """Takes frames until the end, and answers."""
+    """Processes frames until the end, and answers."""
 
     def __init__(self, source: int, answers: int) -> None:
         self._source, self._answers = source, answers
@@ -119,10 +121,10 @@ class Writer:
         self._reported: Count | None = None
 
     def run(self) -> None:
-        """Write what comes; finish the logs."""
+        """Write the samples; finish the logs at the end."""
         import numpy as np
 
-        # a run that blows up has samples near the largest number before it ends with an error
+        # a diverging run has samples near overflow before it ends with an error
         with np.errstate(all="ignore"):
             self._run()
 
@@ -176,10 +178,10 @@ class Writer:
         except (OSError, RbSimError) as failed:
             error = str(failed)
         self._answer(Opened(error))
-        os.nice(NICENESS)  # not before: the node waits for that answer
+        os.nice(NICENESS)  # only now, since the node waited for the answer
 
     def _chosen(self, plan: Plan) -> dict[str, Output]:
-        """Bag, recording and plots, the slowest to finish last."""
+        """Outputs for bag, recording and plots, the slowest to finish last."""
         from rb_sim.io.bag.bag_sink import BagSink
         from rb_sim.io.rerun.rerun_sink import RerunSink
         from rb_sim.io.run_plots import PlotSink
@@ -202,12 +204,12 @@ class Writer:
             try:
                 if wanted:
                     chosen[name] = Output(sink(path), path, self._say)
-            except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: the rest goes on
+            except MissingExtraError as error:  # Ubuntu 24.04 has no Rerun: write the others
                 self._say(f"no {path}: {error}")
         return chosen
 
     def _keep(self) -> None:
-        """While nothing comes: see that what came is safe."""
+        """Flush the bag while no frames arrive."""
         from rb_sim.mechanics.samples import empty_block
 
         bag = self._outputs.get("bag")
@@ -228,16 +230,16 @@ class Writer:
 
     def _answer(self, message: Any) -> None:
         try:
-            os.write(self._answers, frame(message))  # short enough to go in one piece
-        except OSError:  # the node is gone; the logs are finished all the same
-            if isinstance(message, Said):  # of plots that nobody waits for, say
+            os.write(self._answers, frame(message))  # short enough to be written at once
+        except OSError:  # the node has ended; the logs are finished anyway
+            if isinstance(message, Said):  # e.g. about plots that the node did not wait for
                 print(message.line, file=sys.stderr, flush=True)
 
 
 def load_rerun() -> None:
-    """Import what a recording takes while the node still compiles; pyarrow takes pandas, too."""
+    """Import the modules of a recording while the node compiles; pyarrow imports pandas too."""
     for name in ("rb_sim.io.rerun.view", "pandas"):
-        with suppress(ImportError):  # reported where the recording is begun
+        with suppress(ImportError):  # reported when the recording is started
             import_module(name)
 
 
@@ -246,7 +248,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
     answers = os.dup(sys.stdout.fileno())
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody prints into the answers
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # keeps prints out of the answers
     if RECORDING in sys.argv:
         load_rerun()
     Writer(sys.stdin.fileno(), answers).run()

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""rb_sim_node: the node on a scene. `rb_sim_node SCENE`, or by parameters: see --help.
+"""rb_sim_node: the node for a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
-Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 after an error, said in one line,
-and where the motion could not go on when it was ended; 4 where a log lacks a part of the run (full
-disk, writer killed or hanging); 128 + the signal's number when interrupted before the first sample,
-or once more after a second.
+Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 after an error (one line), and if
+the motion could not continue when it was ended; 4 if a log lacks a part of the run (full disk,
+writer killed or hanging); 128 + the signal's number if interrupted before the first sample, or
+again after a second.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy, as in rb_sim.__main__
     try:
         return _main(arguments)
-    except Exception:  # old packages fail in any way
+    except Exception:  # outdated packages raise various errors
         from rb_sim.base.installed import complaint
 
         if not (line := complaint()):
@@ -70,7 +70,7 @@ def _main(arguments: Sequence[str] | None) -> int:
 
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with Interruption():  # rclpy alone takes a while to load
+        with Interruption():  # importing rclpy takes a while
             need_rclpy()
             own = _without_ros_arguments(given)
             if "-h" in own or "--help" in own:
@@ -91,7 +91,7 @@ def _main(arguments: Sequence[str] | None) -> int:
 def run_node(
     scene_path: str | Path | None = None, *, ros_arguments: Sequence[str] = (), **options: Any
 ) -> int:
-    """Run the node until it ends; the exit status.
+    """Run the node until it ends; returns the exit status.
 
     scene_path: overrides the parameter `scene`. ros_arguments: with --ros-args. options: values of
     parameters by name (rb_sim.ros.parameters.Settings); None leaves the default.
@@ -110,9 +110,9 @@ def run_node(
 
 
 def _run(ros_arguments: list[str], options: dict[str, Any], stop: Interruption) -> int:
-    """Run the node and take it down again, all of it under `stop`.
+    """Run the node and shut it down, under `stop`.
 
-    ros2 launch sends a second SIGINT, which must not end in a traceback while ROS is taken down.
+    ros2 launch sends a second SIGINT, which must not end in a traceback during shutdown.
     """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -143,20 +143,20 @@ def _without_ros_arguments(given: list[str]) -> list[str]:
 
 
 def _ros_error(error: Exception) -> RbSimError:
-    """What rcl says, without the places in its sources."""
+    """Error message of rcl without source locations."""
     text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
     return RbSimError(f"ROS refused to start: {text}")
 
 
 def _make_node(options: dict[str, Any]) -> tuple[Node, bool]:
-    """The node, and whether it is one with a lifecycle."""
+    """The node, and whether it is a lifecycle node."""
     from rclpy.parameter import Parameter
 
     from rb_sim.ros.topics.inbox import PollingNode
 
     overrides = [Parameter(name, value=value) for name, value in options.items()]
     node = PollingNode(NODE_NAME, parameter_overrides=overrides)
-    # what kind of node it is to be is a parameter, which it takes a node to ask for
+    # the kind of node is a parameter, and reading a parameter requires a node
     if not _asked_early(node, "managed", default=False):
         return node, False
     from rb_sim.ros.lifecycle import ManagedNode
@@ -166,7 +166,7 @@ def _make_node(options: dict[str, Any]) -> tuple[Node, bool]:
 
 
 def _asked_early(node: Node, name: str, *, default: bool) -> bool:
-    """A parameter, before all are declared: that takes half a second, and refuses what is wrong."""
+    """Read a parameter before all are declared, which takes half a second and validates all."""
     from rcl_interfaces.msg import ParameterDescriptor
 
     value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
@@ -175,9 +175,9 @@ def _asked_early(node: Node, name: str, *, default: bool) -> bool:
 
 
 def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
-    """Run the node until its end; the status.
+    """Run the node until its end; returns the exit status.
 
-    Each import stands behind what is to be seen before it: state, time, parameters, description.
+    Imports are delayed so that state, time, parameters and description are published before them.
     """
     from rb_sim.ros.topics.presence import Presence
 
@@ -206,7 +206,7 @@ def _simulate_now(
     presence: Presence,
     standing: ExitStack,
 ) -> int:
-    """As `_simulate`, without a lifecycle. standing: shows a clock at zero until it is closed."""
+    """As `_simulate`, without a lifecycle. standing: keeps a clock at zero until closed."""
     from rb_sim.ros.services import Services
     from rb_sim.ros.serving import Serving
 
@@ -228,7 +228,7 @@ def _simulate_now(
 
 
 def need_rclpy() -> None:
-    """Raise RbSimError, which says what to install, where rclpy is not."""
+    """Raise RbSimError with instructions if rclpy is not installed."""
     try:
         import rclpy  # noqa: F401
     except ImportError:

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The node: one loop that paces the simulation and steps it; another thread serves ROS.
+"""The node: one loop that paces and steps the simulation, while another thread serves ROS.
 
 Trace of one sample: `SimulationLoop.run` -> `Pacer.wait` -> `Stepper.step` -> `Simulation.advance`
 and back through the sinks (topics, bag, recording). Requests act between samples (`Turns`). Once
-per wall second /diagnostics says how the run goes.
+per wall-clock second /diagnostics reports the state of the run.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ if TYPE_CHECKING:
 
 
 PERIOD = 1.0
-"""[s] of wall time."""
+"""[s] of wall-clock time between reports."""
 HARMLESS = ("commands received", "commands applied", f"commands {OVERTAKEN}")
-"""Counters that may grow: a controller may well be faster than the samples."""
+"""Counters whose growth is normal: a controller may be faster than the samples."""
 
 
 class Monitored(NamedTuple):
-    """What diagnostics report on."""
+    """Sources of the diagnostics."""
 
     stepper: Stepper
     pacer: Pacer
@@ -67,12 +67,12 @@ class Monitored(NamedTuple):
 
 
 class Diagnostics:
-    """Publishes a DiagnosticArray with one status; its values are counters and measurements."""
+    """Publishes a DiagnosticArray with one status that contains counters and measurements."""
 
     def __init__(
         self, node: Node, scene_name: str, monitored: Monitored, *, publish_clock: bool = False
     ) -> None:
-        """publish_clock: whether the node does, so that nobody else is to."""
+        """publish_clock: whether the node does, so that other publishers are reported."""
         self._node, self._publish_clock = node, publish_clock
         self._scene_name = scene_name
         self._monitored = monitored
@@ -84,9 +84,9 @@ class Diagnostics:
         self._state = ""
 
     def tick(self, state: str, failure: str, *, real_time_factor: float) -> None:
-        """Publish if a period has passed, or at once where the state is another one.
+        """Publish once per period, and at once if the state changes.
 
-        state: "running", "paused" or "error". failure: why, or "".
+        state: "running", "paused" or "error". failure: reason of an error, or "".
         """
         now = time.monotonic()
         wall_0, t_0 = self._last
@@ -100,7 +100,7 @@ class Diagnostics:
         self._notice_findings()
         judged = self._judgement()
         if not self._publisher.get_subscription_count():
-            return  # packing it takes half a millisecond
+            return  # packing takes half a millisecond
         measured = (t - t_0) / max(now - wall_0, 1e-9)
         values = self._values(t, state, real_time_factor, measured)
         self._publish(t, values, (DiagnosticStatus.ERROR, failure) if failure else judged)
@@ -134,7 +134,7 @@ class Diagnostics:
         self._twins = count
 
     def _notice_clocks(self) -> None:
-        """Who else publishes the time that this node does."""
+        """Warn about other publishers of the clock."""
         if not self._publish_clock:
             return
         topic = self._node.resolve_topic_name(CLOCK)
@@ -147,7 +147,7 @@ class Diagnostics:
         self._clocks = count
 
     def _notice_findings(self) -> None:
-        """Say on the log, too, what a check has found since the last report."""
+        """Log new findings of the checks."""
         found = self._monitored.check_list.look()
         for finding in found:
             if finding not in self._found:
@@ -180,7 +180,7 @@ class Diagnostics:
         }
 
     def _others(self) -> list[tuple[str, int]]:
-        """Nodes that are in this one's way, now."""
+        """Numbers of other nodes that interfere with this one."""
         return [
             ("other nodes of this name", self._twins),
             ("other publishers of the clock", self._clocks),
@@ -200,8 +200,8 @@ class Diagnostics:
         self._publisher.publish(array)
 
     def _judgement(self) -> tuple[bytes, str]:
-        """Error: a log was lost. Warning: a counter of trouble grew since the last report, or a
-        check has passed its bound since the last reset."""
+        """Level and message. Error: a log failed. Warning: a counter of problems grew since the
+        last report, or a check failed since the last reset."""
         counters = self._counters()
         grown = [
             name
@@ -219,7 +219,7 @@ class Diagnostics:
         return DiagnosticStatus.OK, self._state
 
 
-# What the logs of a node say at their end about how the run went.
+# Summary of the run, for the logs.
 
 
 def summary_of(
@@ -232,10 +232,10 @@ def summary_of(
     failure: str,
     dropped: int,
 ) -> dict[str, object]:
-    """By name, as JSON takes it.
+    """The summary of the run, in JSON types.
 
     choice: of method and step, if one was made. cause: the signal that ended the run. failure: why
-    the motion could not go on, or "". dropped: samples that found the queue of the logs full.
+    the motion could not continue, or "". dropped: samples dropped because the log queue was full.
     """
     return {
         "choice": None if choice is None else choice.as_dict(),
@@ -255,11 +255,11 @@ def summary_of(
 
 ENDING = "the node is ending"
 REPORT_PERIOD = 0.02
-"""[s] of wall time between looks at logs and diagnostics while samples are due."""
+"""[s] of wall-clock time between checks of logs and diagnostics while samples are due."""
 
 
 class SimulationLoop:
-    """Runs one simulation under one node until its duration is over or it is asked to stop."""
+    """Runs one simulation in a node until its duration is over or it is requested to stop."""
 
     def __init__(
         self,
@@ -274,18 +274,19 @@ class SimulationLoop:
         *,
         managed: bool = False,
     ) -> None:
-        """To be made in a turn of `services`, and opened in the same one: a request that comes
-        meanwhile waits. serving: who answers for the node, before this loop and after it.
+        """To be created and opened in the same turn of `services`: requests wait meanwhile.
+
+        serving: the thread that serves ROS, before and after this loop too.
         """
         self.turns = services.turns
-        """whose turn it is: a request's, or the next sample's."""
+        """lock shared by the requests and the loop."""
         self.paused = services.paused
         self.failure = ""
-        """why the motion cannot go on, until it is reset."""
+        """why the motion cannot continue, until a reset; else ""."""
         self.inactive = managed
-        """whether the lifecycle keeps it from moving."""
+        """whether the lifecycle state keeps it from running."""
         self.left = False
-        """whether it was asked to end, by `leave`."""
+        """whether `leave` was called."""
         self._closed = False
         self._fatal: SimulationError | None = None
         asked.watch(self._change)
@@ -320,16 +321,16 @@ class SimulationLoop:
 
     @property
     def incomplete(self) -> list[str]:
-        """Paths of the logs that lack something, once it is closed."""
+        """Paths of the incomplete logs, after `close`."""
         return [] if self._logs is None else self._logs.incomplete
 
     def open(self) -> None:
-        """Begin the logs and offer the topics. Raises SinkError if a log cannot be begun."""
+        """Start the logs and create the topics. Raises SinkError if a log cannot be started."""
         for sink in self._sinks:
             sink.open(self._simulation.scene, self._simulation.layout)
 
     def show(self) -> None:
-        """Emit the initial state; from here on requests are taken."""
+        """Publish the initial state; from here on requests are accepted."""
         self._stepper.emit()
         self._tell_state()
         self._services.serve(self)
@@ -337,8 +338,8 @@ class SimulationLoop:
     def run(self) -> None:
         """Step until the end.
 
-        Where the motion cannot go on the node says so and waits for ~/reset or a signal; it raises
-        SimulationError if it is to end then.
+        If the motion cannot continue, the node reports it and waits for ~/reset or a signal; it
+        raises SimulationError if it is to end then.
         """
         with self.turns.own():
             self._begin_to_pace()
@@ -355,14 +356,13 @@ class SimulationLoop:
             elif self._pacer.wait(due := self._stepper.t_next, self._stepper.period, self._between):
                 with self.turns.own():
                     if not self._stands and self._stepper.t_next == due:
-                        self._step()  # unless a request was that sample
+                        self._step()  # unless a request made that sample
                 self._rest()
 
     def close(self) -> None:
-        """Finish the logs; every sample so far is in them. Requests are refused from here on.
+        """Finish the logs, which contain all samples so far. Requests are refused from here on.
 
-        With a signal, also one that comes meanwhile, or after `leave`, plots are left to a process
-        of their own.
+        After a signal (also during this call) or `leave`, plots are left to the log process.
         """
         with self.turns.own():
             self._closed = True
@@ -379,24 +379,24 @@ class SimulationLoop:
             self._logs.close(summary, patient=lambda: not (self._stop.cause or self.left))
 
     def pause(self, paused: bool) -> None:
-        """Stop or go on; the wall clock does not count meanwhile. RbSimError: the node ends."""
+        """Pause or continue; pacing restarts. Raises RbSimError if the node is ending."""
         self._refuse_if_ending()
         if paused != self.paused:
             self.paused = paused
             self._begin_to_pace()
 
     def activate(self, active: bool) -> None:
-        """Let the simulation go on, unless it is paused, or keep it from that."""
+        """Allow the simulation to run (unless paused), or stop it."""
         if self.inactive == active:
             self.inactive = not active
             self._begin_to_pace()
 
     def leave(self) -> None:
-        """Let `run` return."""
+        """Make `run` return."""
         self.left = True
 
     def reset(self) -> None:
-        """The initial state as the next sample, at its time. RbSimError: the node ends."""
+        """Make the initial state the next sample, when due. Raises RbSimError while ending."""
         self._wait_for_next()
         self._stepper.reset()
         self._check_list.reset()
@@ -406,13 +406,14 @@ class SimulationLoop:
         self.failure = ""
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
-        """Bodies put elsewhere: the next sample, at its time. RbSimError: it cannot be."""
+        """Make this state the next sample, when due. Raises RbSimError if impossible."""
         self._wait_for_next()
         self._stepper.set_state(bodies, project=project)
         self._check_list.reset()
 
     def step_once(self) -> None:
-        """One sample period, now. RbSimError: the motion cannot go on, or the node ends."""
+        """Advance one sample period at once. Raises RbSimError if the motion cannot continue, or
+        the node is ending."""
         if self._is_over():
             raise RbSimError(f"the duration of {self._settings.duration:g} s is over")
         self._refuse_if_ending()
@@ -426,8 +427,9 @@ class SimulationLoop:
             raise RbSimError(ENDING)
 
     def _wait_for_next(self) -> None:
-        """Until the next sample is due, where time runs: a request that is a sample of its own
-        changes the pace of none. RbSimError: the node ends."""
+        """Wait until the next sample is due, so that requests for a sample keep the pace.
+
+        Raises RbSimError if the node is ending."""
         self._refuse_if_ending()
         while not self._stands and (left := self._pacer.left(self._stepper.t_next)) > 0.0:
             time.sleep(min(left, SLICE))
@@ -439,19 +441,19 @@ class SimulationLoop:
             raise RbSimError(ENDING)
 
     def _step(self) -> None:
-        """One sample period; a motion that cannot go on is reported and remembered."""
+        """Advance one sample period; an error of the motion is reported and stored in `failure`."""
         try:
             self._stepper.step(self._settings.wrench_timeout)
         except SimulationError as error:
             words = f"{error}{self._stepper.origin}; commands in force: {self.commands.in_force()}"
             self.failure = f"stopped at t = {self.t:.9g} s: {words}"
             if self._settings.exit_on_error:
-                self._fatal = error  # `run` ends by it, whoever asked for the sample
+                self._fatal = error  # raised by `run`, also if a request caused the sample
             else:
                 self._node.get_logger().error(f"{self.failure}; ~/reset goes back to the start")
 
     def _look(self, _: float) -> bool:
-        """Called while a sample takes long: diagnostics go on, signals are heard."""
+        """Called while a sample takes long: publishes diagnostics, checks for signals."""
         self.commands.collect()
         self._report()
         return self._stop.cause is None
@@ -462,14 +464,17 @@ class SimulationLoop:
         self._stepper.limits = Limits(of.max_sample_steps, of.max_sample_time)
 
     def _begin_to_pace(self) -> None:
-        """The wall clock counts from now on, as far as there is anything to keep to it."""
+        """Restart pacing at the present time, if time runs."""
         self._stepper.settle()
         self._keep_to_the_clock()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 
     def _keep_to_the_clock(self) -> None:
-        """Only where the clock does not wait: drop samples of a full queue, and go first, unless
-        that would leave nothing of the processor to anybody, and be too late all the same."""
+        """Set queue mode and thread priority.
+
+        Only if paced by the wall clock, a full queue drops samples and the threads have real-time
+        priority, the latter only while the loop keeps up: otherwise it would starve other processes
+        in vain."""
         stands = self.paused or self.inactive or self._closed
         waits = stands or self._settings.real_time_factor == 0.0
         self._priority.raised(not waits and self._pacer.keeps_up)
@@ -480,7 +485,7 @@ class SimulationLoop:
         return self._stepper.is_over(self._settings.duration)
 
     def _rest(self) -> None:
-        """One thing that is due between samples, if any, once those who got the last have it."""
+        """Do one background task between samples, after subscribers took the last one."""
         if (ahead := self._stepper.ahead.is_due) or self._is_time_to_report:
             self._pacer.give_way(self._stepper.t_next)
             with self.turns.own():
@@ -490,7 +495,7 @@ class SimulationLoop:
                     self._report_now_and_then()
 
     def _between(self) -> bool:
-        """Look after the logs if it is time to. False: what was waited for is not wanted now."""
+        """Update logs and diagnostics if due. False: stop waiting for the sample."""
         with self.turns.own():
             self._report_now_and_then()
         return not (self._stands or self.left or self._stop.cause)
@@ -500,14 +505,14 @@ class SimulationLoop:
         return time.monotonic() - self._reported >= REPORT_PERIOD
 
     def _report_now_and_then(self) -> None:
-        """Tick once in REPORT_PERIOD."""
+        """Call `_tick` once per REPORT_PERIOD."""
         if self._is_time_to_report:
             self._reported = time.monotonic()
             self._tick()
 
     @property
     def _stands(self) -> bool:
-        """Whether no sample is due."""
+        """Whether no samples are due."""
         return self.paused or self.inactive or bool(self.failure)
 
     def _tick(self) -> None:
@@ -516,7 +521,7 @@ class SimulationLoop:
         self.commands.collect()
         for latest in self._latest:
             latest.tick(stands=self._stands)
-        if self._logs is None or not self._logs.tick():  # not both between the same two samples
+        if self._logs is None or not self._logs.tick():  # not both between two samples
             self._report()
 
     @property
@@ -526,7 +531,7 @@ class SimulationLoop:
         return "inactive" if self.inactive else "paused" if self.paused else "running"
 
     def _tell_state(self) -> None:
-        """Publish and record it, if it is a new one."""
+        """Publish and record the state if it changed."""
         self._presence.tell(self._state)
         if self._logs is not None:
             self._logs.note_state(self._state)

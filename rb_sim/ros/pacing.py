@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Simulated time against the wall clock: absolute deadlines, so that delays do not add up."""
+"""Pacing by the wall clock with absolute deadlines, so that delays do not accumulate."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-# Real-time priority of the node's threads while samples are due at the wall clock's times.
+# Real-time priority of the node's threads while the run is paced by the wall clock.
 #
-# Linux gives the processor to a thread of policy SCHED_FIFO at once, before all ordinary programs;
-# without it a sample that is due waits until another program's slice of some milliseconds is over.
-# ros2_control's controller manager does the same (its parameter `thread_priority`).
+# Linux runs a SCHED_FIFO thread at once, before all ordinary threads; without it a due sample waits
+# for the end of another program's time slice of some milliseconds. The controller manager of
+# ros2_control does the same (parameter `thread_priority`).
 
 
 THREADS = Path("/proc/self/task")
 
 
 def own_threads() -> list[int]:
-    """Kernel's numbers of all threads of this process: the loop, the middleware's, the checks'."""
+    """Kernel ids of all threads of this process: the loop, the middleware, the checks."""
     return [int(thread.name) for thread in THREADS.iterdir()]
 
 
 class Priority:
-    """Raises the threads that there are, and puts them back.
+    """Raises the priority of the present threads, and restores it.
 
-    level: of SCHED_FIFO, 1 to 99; 0 leaves the threads as they are. What a raised thread starts
-    (threads, processes) is not raised.
+    level: SCHED_FIFO priority, 1 to 99; 0 leaves the threads unchanged. Threads and processes
+    started by a raised thread are not raised.
     """
 
     def __init__(self, level: int) -> None:
         self.refusal = ""
-        """the line that says why the threads could not be raised; empty if nothing stood there."""
+        """line with the reason why the threads could not be raised; else ""."""
         self._level = level
         self._before: dict[int, tuple[int, int]] = {}
         """policy and priority of each raised thread."""
@@ -50,7 +50,7 @@ class Priority:
         return f"{self._level} (SCHED_FIFO)" if self._before else "ordinary"
 
     def raised(self, wanted: bool) -> None:
-        """Raise the threads, or put them back."""
+        """Raise the priority of the threads, or restore it."""
         if wanted and self._level and not self._before and not self.refusal:
             self._raise(own_threads())
         elif not wanted:
@@ -82,36 +82,36 @@ class Priority:
                 continue
 
     def _set(self, thread: int, policy: int, level: int) -> None:
-        # the flag stays: only the privileged may take it off again
+        # keep the flag, since removing it needs privileges
         os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, os.sched_param(level))
 
 
 MAX_LAG = 0.25
-"""[s] of wall time that a late loop tries to make up; what is beyond that is given up."""
+"""[s] of wall-clock delay that a late loop makes up; the rest is dropped."""
 OVERRUN = ("catch_up", "slip")
-"""What a late loop does: hurry, up to MAX_LAG, or keep the period and let simulated time slip."""
+"""Reaction to delay: catch up, up to MAX_LAG, or let simulated time fall behind."""
 HURRY, BURST = 2.0, 5
-"""A late loop goes at most so many times its pace, but for so many samples at once: subscribers
-keep the last ten, say, may be late as well, and would lose what comes in a longer burst."""
+"""A late loop runs at most at this multiple of its pace, except for bursts of so many samples:
+subscribers typically keep the last ten messages, and would lose some of a longer burst."""
 WAY = 0.4
-"""Of the time to the next sample, before which the loop does nothing but wait."""
+"""Fraction of the time to the next sample in which the loop does nothing but wait."""
 OVERLOAD, RECOVERY = 0.8, 5.0
-"""A loop that gives up MAX_LAG, at once or bit by bit, where its process computed for so much of
-the time cannot keep up; so many seconds [s] later it is given another chance."""
+"""A loop that drops MAX_LAG, at once or in parts, while its process computes for this fraction of
+the time, is overloaded; it is tested again after so many seconds."""
 SLICE = 0.02
-"""[s] between looks at signals and services while waiting."""
+"""[s] between checks for signals and services while waiting."""
 
 
 class Pacer:
-    """Says when a sample is due. Wall times are those of time.monotonic [s]."""
+    """Determines when a sample is due. Wall-clock times are those of time.monotonic [s]."""
 
     def __init__(self, real_time_factor: float, overrun: str = "catch_up") -> None:
         self.overruns = 0
-        """samples that were more than one period late."""
+        """number of samples more than one period late."""
         self.slips = 0
-        """times that lateness was given up, so that simulated time slipped against the wall."""
+        """number of times that delay was dropped."""
         self.slipped = 0.0
-        """by how much in all [s] of wall time."""
+        """total dropped delay [s] of wall-clock time."""
         self._overrun = overrun
         self._factor = real_time_factor
         self._origin = (0.0, time.monotonic())
@@ -119,45 +119,44 @@ class Pacer:
         self._free = -math.inf
         """when a whole burst is allowed again [s]."""
         self._overloaded = -math.inf
-        """when it was last seen that it cannot keep up [s]."""
+        """when the last overload was detected [s]."""
 
     @property
     def keeps_up(self) -> bool:
-        """False while what is asked for is more than can be computed in the time."""
+        """False while the computation is slower than the requested pace."""
         return time.monotonic() - self._overloaded > RECOVERY
 
     def restart(self, t: float, real_time_factor: float) -> None:
-        """Simulated time t [s] is now; from here on at this factor (0: as fast as possible)."""
+        """Make time t [s] due now, with this factor from here on (0: as fast as possible)."""
         if real_time_factor != self._factor:
-            self._free = -math.inf  # it was of another pace
+            self._free = -math.inf  # the old value is for another pace
         self._factor = real_time_factor
         self._origin = (t, time.monotonic())
         self._judge_from_here()
 
     def _due(self, t: float) -> float:
-        """Wall time of simulated time t [s]."""
+        """Wall-clock time at which simulated time t [s] is due."""
         t_0, wall_0 = self._origin
         return wall_0 + (t - t_0) / self._factor
 
     def left(self, t: float) -> float:
-        """Wall time until simulated time t is due [s]; not above 0 where it is, or none is."""
+        """Wall-clock time until time t is due [s]; <= 0 if it is due, or without pacing."""
         return self._due(t) - time.monotonic() if self._factor else 0.0
 
     def give_way(self, t: float) -> None:
         """Sleep for a part of the time until simulated time t is due, if any is left.
 
-        Who waits for the last sample may wait for this thread's core, too, and has no real-time
-        priority: what this thread does at once behind a sample makes that sample late for them.
+        Subscribers may need this core to take the last sample, and have no real-time priority: work
+        directly after a sample would delay it for them.
         """
         if (left := self.left(t)) > 0.0:
             time.sleep(min(WAY * left, SLICE))
 
     def wait(self, t: float, period: float, between: Callable[[], bool]) -> bool:
-        """Sleep until simulated time t is due. False: `between` asked to stop waiting, or it was
-        restarted, so that t is due at another time.
+        """Sleep until time t is due. False if `between` or a restart ended the wait.
 
-        period: simulated time between samples [s]. between: called every SLICE, and never where t
-        is due, since it may take long; returns False to end the wait.
+        period: simulated time between samples [s]. between: called every SLICE while t is not due
+        (it may take long); returns False to end the wait.
         """
         if self._factor == 0.0:
             return True
@@ -184,7 +183,7 @@ class Pacer:
         return True
 
     def _note_overload(self, now: float) -> None:
-        """Whether it was the computing that took the time, not somebody else."""
+        """Register an overload if the computation, and not other processes, took the time."""
         began, computed, _ = self._judged
         if time.process_time() - computed > OVERLOAD * (now - began):
             self._overloaded = now
@@ -192,5 +191,5 @@ class Pacer:
 
     def _judge_from_here(self) -> None:
         self._judged = (time.monotonic(), time.process_time(), self.slipped)
-        """since when it is judged whether it keeps up: the wall's time, what the process had
-        computed and what had been given up by then [s]."""
+        """start of the interval over which overload is judged: wall-clock time, CPU time of the
+        process, and dropped delay [s]."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The node's parameters: one field each, with its meaning, range and whether it may change live."""
+"""The node's parameters: one field each, with description, range, and whether it is live."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from rb_sim.ros.pacing import OVERRUN
 from rb_sim.scene.schema import METHODS
 
 OF_TOPICS = "qos_overrides."
-"""How the parameters begin that ROS has for each topic: they are there once the topic is."""
+"""Prefix of the QoS parameters that ROS declares for each topic when the topic is created."""
 DISCOVERY = 3.5
-"""[s] that DDS is given to find other nodes of the same name; it took 0.2 to 2.7 here."""
+"""[s] allowed for DDS to find other nodes of the same name; measured: 0.2 to 2.7."""
 
 
 def setting(
@@ -42,7 +42,7 @@ def setting(
     choices: Sequence[str] = (),
     live: bool = False,
 ) -> Any:
-    """A field of Settings: closed range [low, high] or choices; live: may be set while running."""
+    """A field of Settings: closed range [low, high] or choices; live: may change at run time."""
     about = {"description": description, "low": low, "high": high, "choices": choices, "live": live}
     return field(default=default, metadata=about)
 
@@ -186,13 +186,13 @@ class Settings:
 
     @property
     def skipped(self) -> tuple[str, ...]:
-        """Topics that are not to be published; the bag has them all the same."""
+        """Topics that are not published; they are in the bag anyway."""
         wanted = {CLOCK: self.publish_clock, TF: self.tf}
         return tuple(topic for topic, there in wanted.items() if not there)
 
     @property
     def split(self) -> dict[str, float | None]:
-        """Where the bag is split, as BagSink has it. RbSimError: after too few bytes."""
+        """Limits at which the bag is split, as in BagSink. Raises RbSimError if too small."""
         if 0 < self.split_size < LEAST_SPLIT:
             raise RbSimError(
                 f"parameter split_size: got {self.split_size}; must be 0 (never) or at least"
@@ -205,17 +205,17 @@ class Settings:
 
     @property
     def overrides(self) -> dict[str, Any]:
-        """What load_scene is to change in the scene file."""
+        """Changes of the scene's simulation options for load_scene."""
         given = {name: getattr(self, name) for name in ("duration", "rate", "step", "tolerance")}
         overrides = {name: value for name, value in given.items() if value > 0}
         return overrides | ({"method": self.method} if self.method else {})
 
 
 def refusal(name: str, value: Any) -> str | None:
-    """Why this value is not allowed, in one line; None: it is allowed."""
+    """Why this value is not allowed, in one line; None if it is allowed."""
     matching = [f for f in fields(Settings) if f.name == name]
     if not matching:
-        return None  # not ours (use_sim_time and the like)
+        return None  # a parameter of ROS (use_sim_time etc.)
     (known,) = matching
     if isinstance(known.default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
@@ -233,10 +233,10 @@ def refusal(name: str, value: Any) -> str | None:
 
 
 def declare(node: Node) -> Settings:
-    """Declare all parameters on the node. RbSimError: a start value is not allowed."""
+    """Declare all parameters on the node. Raises RbSimError if a start value is not allowed."""
     values: dict[str, Any] = {}
     for known in fields(Settings):
-        # first without type and range, which rclpy would refuse in words of its own
+        # first without type and range, since rclpy's own error messages are unclear
         anything = ParameterDescriptor(dynamic_typing=True)
         value = node.declare_parameter(known.name, known.default, anything).value
         reason = refusal(known.name, value)
@@ -249,8 +249,8 @@ def declare(node: Node) -> Settings:
 
 
 def warn_of_unknown(node: Node, those: Callable[[str], bool]) -> None:
-    """Say in one line which parameters were given that the node does not have, of those names."""
-    given = node._parameter_overrides  # rclpy has no public way to them
+    """Warn about given parameters that the node does not have, among names selected by `those`."""
+    given = node._parameter_overrides  # no public attribute in rclpy
     unknown = [name for name in given if those(name) and not node.has_parameter(name)]
     known = [field.name for field in fields(Settings)]
     words = []
@@ -269,7 +269,7 @@ def _descriptor(known: Any) -> ParameterDescriptor:
         description=about["description"],
         type=Parameter.Type.from_parameter_value(known.default).value,
         read_only=not about["live"],
-        # `-p duration:=5` is an integer to ROS; accept it where a number is meant
+        # `-p duration:=5` is an integer in ROS; accept it for floating-point parameters
         dynamic_typing=isinstance(known.default, float),
         additional_constraints=" | ".join(choice for choice in about["choices"] if choice),
     )
@@ -284,7 +284,7 @@ def _descriptor(known: Any) -> ParameterDescriptor:
 
 
 def table() -> str:
-    """One line per parameter, for --help."""
+    """Help text with one line per parameter."""
     width = max(len(known.name) for known in fields(Settings))
     return "\n".join(
         f"  {known.name:{width}}  {known.metadata['description']} (default {known.default!r})"
@@ -292,30 +292,30 @@ def table() -> str:
     )
 
 
-# The node's parameters while it lives: those that may change do, from their declaration on.
+# Parameters of a running node, some of which may change from their declaration on.
 #
-# Also while the engine compiles and between two lives of a lifecycle node: what is accepted then is
-# what runs afterwards.
+# Also during compilation and while a lifecycle node is unconfigured: changes accepted then apply
+# to the next run.
 
 
 class LiveSettings:
-    """Declares the parameters; refuses a change with a reason, or has it from then on.
+    """Declares the parameters, and accepts or refuses changes.
 
-    RbSimError: a start value is not allowed.
+    Raises RbSimError if a start value is not allowed.
     """
 
     def __init__(self, node: Node) -> None:
         self.now = declare(node)
-        """the values as they are."""
+        """the present values."""
         self._node = node
         self._changed: Callable[[Settings], None] | None = None
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._accept)
 
     def watch(self, changed: Callable[[Settings], None] | None) -> None:
-        """Call changed(settings) after every change from now on; None: call nobody.
+        """Call changed(settings) after every change from now on; None: no call.
 
-        To be called before `now` is read: a change that comes in between is passed on, too.
+        Call this before reading `now`, so that no change in between is missed.
         """
         self._changed = changed
 
@@ -331,7 +331,7 @@ class LiveSettings:
         news: dict[str, Any] = {
             p.name: kinds[p.name](p.value or 0) for p in parameters if p.name in kinds
         }
-        if news:  # only the live ones get here, and they are all numbers
+        if news:  # only live parameters get here, and all are numbers
             self.now = replace(self.now, **news)
             if (changed := self._changed) is not None:
                 changed(self.now)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""From parameters to a loop that is ready to run: logs, compilation, being alone."""
+"""Preparation of the loop from the parameters: logs, compilation, check for a twin node."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from rb_sim.simulation.simulation import Simulation
 
 RECORDED = ("real_time_factor", "wrench_timeout", "publish_depth", "start_paused", "duration")
-"""Settings that a bag carries beside its scene."""
+"""Settings stored in a bag in addition to its scene."""
 
 LOG_CUT = 4
-"""Exit status of a node whose run is over but whose logs lack a part of it."""
+"""Exit status of a node whose run is complete but whose logs are not."""
 
 
 def described(settings: Settings, presence: Presence) -> Scene:
-    """The scene, published for whoever looks, before anything is compiled. Raises RbSimError."""
+    """The scene, loaded and published before compilation. Raises RbSimError."""
     if not settings.scene:
         raise RbSimError("parameter scene: '' is no scene file; give one: rb_sim_node SCENE")
     scene = load_scene(find_scene(settings.scene), **settings.overrides)
@@ -55,11 +55,10 @@ def described(settings: Settings, presence: Presence) -> Scene:
 def prepared(
     node: Node, scene: Scene, discovery: float, began: float, stop: Interruption
 ) -> Simulation:
-    """The scene compiled, so that nothing compiles in the loop, the interfaces built, and no other
-    node of this name in sight.
+    """The compiled simulation, with interfaces built and no other node of this name in sight.
 
-    discovery: see the parameter [s]. began: when the node was there (time.monotonic). Raises
-    RbSimError, also where a signal that `stop` has noted ends it.
+    Nothing is compiled later in the loop. discovery: see the parameter [s]. began: when the node
+    was created (time.monotonic) [s]. Raises RbSimError, also if a signal noted by `stop` ends it.
     """
     logger = node.get_logger()
 
@@ -92,13 +91,13 @@ def begin(
     logs: LogProcess | None,
     stop: Interruption,
 ) -> None:
-    """Open the logs, offer the topics, show the initial state, and say so; signals end the loop
-    from here on."""
+    """Open the logs, create the topics, publish the initial state, and report it; from here on
+    signals end the loop."""
     stop.logging = True
     if logs is not None:
         stop.left_over = lambda: unfinished(logs)
         logs.ending = lambda: stop.cause is not None
-        logs.plan = logs.plan._replace(run=recorded(settings))  # some may have changed meanwhile
+        logs.plan = logs.plan._replace(run=recorded(settings))  # may have changed meanwhile
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
@@ -109,7 +108,7 @@ def begin(
 
 
 def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
-    """Say that it is over; the exit status."""
+    """Report the end of the run; returns the exit status."""
     cause = stop.cause.name if stop.cause else "left" if loop.left else "duration over"
     node.get_logger().info(f"stopped at t = {loop.t:.9g} s ({cause})")
     if loop.incomplete:
@@ -118,13 +117,13 @@ def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
 
 
 def settle_memory() -> None:
-    """Take what there is out of garbage collection: going through it takes 0.1 s now and then."""
+    """Exclude existing objects from garbage collection, which would take 0.1 s now and then."""
     gc.collect()
     gc.freeze()
 
 
 def the_logs(node: Node, settings: Settings) -> LogProcess | None:
-    """Bag, recording and plots, as the parameters say."""
+    """Log process for bag, recording and plots by the parameters; None without logs."""
     if not settings.out or not (settings.log_bag or settings.log_rerun or settings.log_plots):
         return None
     plan = Plan(
@@ -148,12 +147,12 @@ def the_logs(node: Node, settings: Settings) -> LogProcess | None:
 
 
 def recorded(settings: Settings) -> dict[str, Any]:
-    """What a bag says of the run beside its scene."""
+    """Settings of the run that are stored in the bag."""
     return {"by": "node", **{name: getattr(settings, name) for name in RECORDED}}
 
 
 def announce(node: Node, simulation: Simulation, settings: Settings) -> None:
-    """Say what runs, and which bodies can be commanded."""
+    """Report the scene, its pace, and the bodies that take commands."""
     say = node.get_logger().info
     scene = simulation.scene
     pace = (

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The services of the node: ~/reset, ~/step and ~/pause, and those whose types may be missing."""
+"""Services of the node: ~/reset, ~/step and ~/pause, and those with optional interface packages."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 class Loop(Protocol):
-    """The loop of the node: what services act on."""
+    """The node's loop as seen by the services."""
 
     paused: bool
     inactive: bool
@@ -66,19 +66,19 @@ class Loop(Protocol):
         ...
 
     def pause(self, paused: bool) -> None:
-        """Pause, or go on."""
+        """Pause or continue."""
         ...
 
     def reset(self) -> None:
-        """Begin anew from the scene's initial state."""
+        """Restart from the scene's initial state."""
         ...
 
     def step_once(self) -> None:
-        """Take one sample period while paused."""
+        """Advance one sample period while paused."""
         ...
 
     def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
-        """Put bodies into new states; project: onto the constraints first."""
+        """Set the state of bodies; project: onto the constraints first."""
         ...
 
     def leave(self) -> None:
@@ -86,19 +86,20 @@ class Loop(Protocol):
         ...
 
 
-# ~/advance (rb_sim_interfaces/Advance): wrenches in, samples on, state and reactions out.
+# ~/advance (rb_sim_interfaces/Advance): takes wrenches, advances samples, returns state and
+# reactions.
 #
-# Only while paused: until the next request nothing moves, so a controller may take its time. The
-# wrenches of a request act from its first sample on, and all are refused if one is.
+# Only while paused, so that time stands until the controller's next request. The wrenches of a
+# request act from its first sample on; if one is refused, all are.
 
 
-# The state of a sample as the messages of rb_sim_interfaces, for the answers of services.
+# The state of a sample as messages of rb_sim_interfaces, for the answers of services.
 #
-# The numbers are packed as those of the topics are, so the two agree to the last bit.
+# Values are packed like those of the topics, so that both agree to the last bit.
 
 
 class Answer(NamedTuple):
-    """What an answer says of a sample."""
+    """State of a sample as messages."""
 
     bodies: list[Any]
     """BodyState of each."""
@@ -107,14 +108,13 @@ class Answer(NamedTuple):
     energy: float
     """kinetic plus potential [J]."""
     residual: float
-    """worst violation of a constraint, relative."""
+    """largest constraint violation, relative."""
 
 
 class StateMessages:
-    """Makes the messages of one scene's samples; numbers come as plain floats, all at once.
+    """Builds the messages of one scene's samples; values are plain floats, unpacked at once.
 
-    The messages are the same objects each time, with other numbers: an answer is sent before the
-    next one is made.
+    The message objects are reused, since an answer is sent before the next one is made.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
@@ -129,7 +129,7 @@ class StateMessages:
             *(place for state in self._bodies for place in _of_state(state)),
             *(place for one in self._reactions for place in _of_reaction(one)),
         ]
-        """for each vector, in the order of the numbers: where it goes, and whether it has a w."""
+        """target of each vector, in the order of the values, and whether it has a w component."""
         size = sum(3 + turns for _, turns in self._places) + 2
         numbers = Topic("", "", Layout().doubles(size).codec(), _numbers(layout))
         self._codec = numbers.codec
@@ -157,7 +157,7 @@ def _of_reaction(one: Any) -> tuple[tuple[Any, bool], ...]:
 
 
 def _numbers(layout: SampleLayout) -> list[int]:
-    """Columns of all numbers of an answer, in the order of its vectors."""
+    """Source columns of all values of an answer, in the order of its vectors."""
     of = columns_of(layout)
     moving = np.hstack([of.position, of.orientation, of.velocity, of.spin])
     acting = np.hstack([of.anchor, of.reaction_force, of.reaction_torque])
@@ -165,7 +165,7 @@ def _numbers(layout: SampleLayout) -> list[int]:
 
 
 def set_vector(of: Any, values: Sequence[float]) -> None:
-    """Three plain floats into a message's x, y and z."""
+    """Assign three floats to x, y and z of a message."""
     of.x, of.y, of.z = values
 
 
@@ -173,7 +173,7 @@ GIVEN_TWICE = "given twice"
 
 
 class Lockstep:
-    """Serves ~/advance. loop: the node's; the rest is what it steps with."""
+    """Serves ~/advance. loop: the node's."""
 
     def __init__(
         self,
@@ -219,7 +219,7 @@ class Lockstep:
         return "" if self._loop.paused else "refused: only while paused (call ~/pause with true)"
 
     def _take(self, wrenches: list[Any]) -> str:
-        """Let the wrenches act; why they do not, if so."""
+        """Apply the wrenches; returns the reason if they are refused, else ""."""
         commands: dict[str, Command] = {}
         for one in wrenches:
             command = self._read(one)
@@ -250,7 +250,7 @@ class Lockstep:
         return beyond(command, self._commands.limits) or command
 
     def _fill(self, answer: Any, row: SampleRow) -> None:
-        """State, reactions and events of the last sample."""
+        """Fill in state, reactions and events of the last sample."""
         msg = self._msg
         answer.stamp.sec, answer.stamp.nanosec = divmod(stamp_of(self._stepper.t), NANO)
         state = self._state.of(row)
@@ -271,9 +271,9 @@ def _vector(of: Any) -> Vector:
 
 # ~/reset and ~/step (std_srvs/Trigger), ~/pause (std_srvs/SetBool).
 #
-# They are there from the first second: while the engine compiles, ~/pause says how the node is to
-# start, and the other two are refused with that reason. Whether there is a loop to act on is looked
-# up in a turn of the request's, so that a request never falls between two answers.
+# They exist from the start: during compilation ~/pause sets how the node starts, and the other two
+# are refused. A request checks in its own turn whether there is a loop, so that the loop cannot
+# change before it is answered.
 
 
 COMPILING = "refused: still compiling, or not configured (wait for ~/state paused or running)"
@@ -281,30 +281,30 @@ INACTIVE = "refused: the node is inactive (ros2 lifecycle set NODE activate)"
 
 
 class Services:
-    """Serves the three services; the answers come after the thing is done.
+    """Serves the three services; answers are sent after the action.
 
-    paused: whether the node is to start so.
+    paused: whether the node is to start paused.
     """
 
     def __init__(self, node: Node, *, paused: bool) -> None:
         self.turns = Turns()
-        """whose turn it is: a request's, or that of whoever prepares, runs and ends the loop."""
+        """lock shared by requests and the thread that prepares, runs and ends the loop."""
         self.paused = paused
-        """how the node is to start, as asked last."""
+        """how the node is to start, as last requested."""
         self._loop: Loop | None = None
         serve(node, Trigger, "~/reset", self._reset)
         serve(node, SetBool, "~/pause", self._pause)
         serve(node, Trigger, "~/step", self._step)
 
     def serve(self, loop: Loop | None) -> None:
-        """From here on the services act on the loop; None: on none, as before the first.
+        """Let the services act on this loop from here on; None: on no loop, as at first.
 
-        To be called in a turn, once the loop has shown its initial state.
+        To be called in a turn, after the loop has published its initial state.
         """
         self._loop = loop
 
     def _answered(self, answer: Any, act: Callable[[], str]) -> Any:
-        """The answer, in a turn: what `act` says it has done, or why it is refused."""
+        """Call `act` in a turn and answer with its message, or with the reason of refusal."""
         with self.turns:
             try:
                 answer.message, answer.success = act(), True
@@ -313,7 +313,7 @@ class Services:
         return answer
 
     def _there(self) -> Loop:
-        """The loop; RbSimError where there is none yet."""
+        """The loop. Raises RbSimError if there is none yet."""
         if self._loop is None:
             raise RbSimError(COMPILING)
         return self._loop
@@ -350,10 +350,10 @@ class Services:
         return self._answered(answer, act)
 
 
-# ~/set_state (rb_sim_interfaces/SetState): bodies put elsewhere, checked or projected.
+# ~/set_state (rb_sim_interfaces/SetState): sets the state of bodies, checked or projected.
 #
-# The state is the next sample, one period on, as after ~/reset; commands go on. Poses and twists
-# are those of the body origins in world axes, angular velocities too.
+# The state becomes the next sample, one period later, as after ~/reset; commands continue. Poses
+# and twists are those of the body origins, all in world axes.
 
 
 class SetStateService:
@@ -389,7 +389,7 @@ class SetStateService:
 
 
 def _placement(one: Any) -> Placement:
-    """A BodyState as a placement: the angular velocity in body axes. RbSimError: it cannot be."""
+    """A BodyState as placement (angular velocity in body axes). Raises RbSimError if invalid."""
     pose, twist = one.pose, one.twist
     q = np.array([getattr(pose.orientation, name) for name in "xyzw"])
     if not q.any():
@@ -406,7 +406,7 @@ def _numbers_of(of: Any) -> list[float]:
     return [of.x, of.y, of.z]
 
 
-# The services of simulation_interfaces that this node can serve, where that package is installed.
+# Services of simulation_interfaces that this node supports, if that package is installed.
 #
 # Under the node's name: ~/get_simulator_features, ~/get_simulation_state, ~/set_simulation_state,
 # ~/step_simulation, ~/reset_simulation. They do what ~/pause, ~/step and ~/reset do; simulated time
@@ -427,7 +427,7 @@ TIME_GOES_ON = "simulated time goes on"
 
 
 class SimulationServices:
-    """Serves them. may_quit: whether the node may end by a request (a lifecycle node may not)."""
+    """Serves simulation_interfaces. may_quit: whether a request may end the node."""
 
     def __init__(self, node: Node, loop: Loop, *, may_quit: bool) -> None:
         from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
@@ -449,7 +449,7 @@ class SimulationServices:
 
     @property
     def _state(self) -> int:
-        """As simulation_interfaces counts them: what stands, for whatever reason, is paused."""
+        """State constant of simulation_interfaces; paused if time stands for any reason."""
         loop, states = self._loop, self._states
         if not (loop.paused or loop.inactive or loop.failure):
             return states.STATE_PLAYING
@@ -474,9 +474,9 @@ class SimulationServices:
                 return self._answered(answer, self._result.RESULT_INCORRECT_STATE, str(error))
 
     def _go_to(self, target: int) -> tuple[int, str]:
-        """Go to a state; the result, and why."""
+        """Change to a state; returns result code and reason."""
         loop, states, result = self._loop, self._states, self._result
-        # what an error or the lifecycle holds goes on afterwards, unless it is paused, too
+        # if an error or the lifecycle stops time, it would continue afterwards unless paused too
         if target == self._state and (loop.paused or target != states.STATE_PAUSED):
             return self._srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE, ""
         if target == states.STATE_QUITTING and self._may_quit:
@@ -534,7 +534,7 @@ OWN = "rb_sim_interfaces"
 def offer_services(
     node: Node, loop: Loop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
 ) -> None:
-    """~/advance and ~/set_state, and those of simulation_interfaces, as far as there are types."""
+    """Create ~/advance, ~/set_state and simulation_interfaces' services, if their types exist."""
 
     def own() -> None:
         Lockstep(node, loop, simulation, stepper)

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Who serves ROS: a thread that waits for requests, and takes turns with the loop of samples.
+"""The thread that serves ROS requests, and its lock with the loop of samples.
 
-Waiting for DDS costs 0.1 to 2 ms each time, even where nothing has come, so the loop of samples
-does not: it steps and publishes, and what a request does happens between two of its samples.
+Waiting for DDS costs 0.1 to 2 ms each time, even without messages, so the loop only steps and
+publishes, and requests act between two of its samples.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
 
-# Publishers and subscriptions of the node: reliable, of a depth, with the standard QoS overrides.
+# Publishers and subscriptions of the node: reliable, with a depth and the standard QoS overrides.
 #
-# ROS has the parameters qos_overrides.TOPIC.publisher.{history,depth,reliability,durability}, and
-# the same with `subscription`: they are declared with each, and read at the start only.
+# The parameters qos_overrides.TOPIC.publisher.{history,depth,reliability,durability}, and the same
+# with `subscription`, are declared with each topic and read only at the start.
 
 
 OVERRIDES = (
@@ -60,16 +60,15 @@ OVERRIDES = (
 )
 
 REQUESTS = 1000
-"""Requests, and answers, that a service keeps."""
+"""Queue depth of a service's requests and answers."""
 DEEPEST = 1_000_000
-"""Messages that an override may ask a topic to keep: DDS counts them in 32 bits, and far below that
-limit no memory holds them."""
+"""Largest depth allowed in an override: DDS uses 32 bits, and memory ends far below that limit."""
 
 
 def offer(node: Node, kind: Any, name: str, depth: int, *, latched: bool = False) -> Publisher:
-    """A publisher of messages of class `kind`. latched: who comes late gets the last `depth`.
+    """A publisher of class `kind`. latched: late subscribers get the last `depth` messages.
 
-    Raises RbSimError where an override is none that ROS knows.
+    Raises RbSimError for an invalid override.
     """
     with _named_errors(name, kind) as options:
         return node.create_publisher(
@@ -99,9 +98,9 @@ def accept(
 
 
 def serve(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
-    """A service that keeps REQUESTS requests until they are taken.
+    """Create a service that queues up to REQUESTS requests.
 
-    ROS keeps ten, and forgets the oldest where a client, or several, have more on the way.
+    ROS's default of ten loses the oldest if clients send more at once.
     """
     node.create_service(kind, name, answer, qos_profile=_reliable(REQUESTS))
 
@@ -120,14 +119,14 @@ def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:
 
 @contextmanager
 def _named_errors(name: str, kind: Any) -> Iterator[QoSOverridingOptions]:
-    """The options of a topic; what is refused inside the block becomes an RbSimError."""
+    """The options of a topic; errors inside the block become RbSimError with the topic's name."""
     try:
         check_for_type_support(kind)
     except Exception as error:
         package = kind.__module__.partition(".")[0]
         raise RbSimError(f"topic {name}: {unusable(package, error)}") from None
     try:
-        with warnings.catch_warnings(action="ignore"):  # rclpy's, of a depth that is refused here
+        with warnings.catch_warnings(action="ignore"):  # rclpy's about a depth refused here
             yield QoSOverridingOptions(OVERRIDES, callback=_checked)
     except Exception as error:  # rclpy's own error types share no base class
         words = " ".join(str(error).split())
@@ -135,15 +134,15 @@ def _named_errors(name: str, kind: Any) -> Iterator[QoSOverridingOptions]:
 
 
 def _checked(profile: QoSProfile) -> SetParametersResult:
-    """Whether DDS can have it; it would refuse a depth in many lines of its own, or not at all."""
+    """Validate the depth; DDS's own error has many lines, or is missing."""
     kept = 1 <= profile.depth <= DEEPEST
     reason = "" if kept else f"depth: got {profile.depth}; must be 1 to {DEEPEST}"
     return SetParametersResult(successful=kept, reason=reason)
 
 
 def unusable(package: str, error: Exception) -> str:
-    """Why an interface package that is there is not used, in one line: what its compiled parts
-    raise shares no base class."""
+    """One line on why an installed interface package cannot be used: errors of its compiled parts
+    have no common base class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return f"the package {package} is there, but cannot be loaded: {words}"
 
@@ -155,13 +154,13 @@ def message_class(ros_type: str) -> type:
 
 
 IDLE = 0.1
-"""[s] between looks whether to end."""
+"""[s] between checks for the end."""
 SWITCH = 1e-4
-"""[s] after which the thread that computes gives way to the other one."""
+"""[s] after which the computing thread yields to the serving one."""
 
 
 class Turns:
-    """A lock that the loop yields to a request: `with turns` in a request, `turns.own()` in it."""
+    """A lock yielded to requests: `with turns` in a request, `turns.own()` in the loop."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -169,7 +168,7 @@ class Turns:
         self._asking = 0
 
     def __enter__(self) -> None:
-        with self._counting:  # a transition asks beside the thread that serves
+        with self._counting:  # transitions and the serving thread may request at once
             self._asking += 1
         self._lock.acquire()
         with self._counting:
@@ -184,17 +183,17 @@ class Turns:
         self._lock.release()
 
     def own(self) -> threading.RLock:  # type: ignore[valid-type]
-        """The lock, once no request waits for it: a loop that never sleeps would keep it."""
+        """The lock, once no request waits: a loop that never sleeps would else keep it."""
         while self._asking:
             time.sleep(1e-4)
         return self._lock
 
 
 def executor_for(node: Node) -> Executor:
-    """The executor that wakes by events, where rclpy has it (it is experimental in Jazzy).
+    """The event-based executor if rclpy has it (experimental in Jazzy), else the standard one.
 
-    It takes a request in 0.07 ms of CPU and four times as many per second as the other one, which
-    builds the set of all it waits for anew each time.
+    It takes 0.07 ms of CPU per request and handles four times as many per second, since it does not
+    rebuild its wait set each time.
     """
     try:
         from rclpy.experimental.events_executor import EventsExecutor
@@ -204,10 +203,10 @@ def executor_for(node: Node) -> Executor:
 
 
 class Serving:
-    """Answers for the node in a thread of its own, from `start` to `stop`, or inside of `with`.
+    """Serves the node in a thread, from `start` to `stop`, or inside `with`.
 
-    One for all that the node does, from compiling to its end: a request that has been announced to
-    an executor is not announced to the next, and without another request it would never be taken.
+    One instance for the whole life of the node: a request announced to one executor is not
+    announced to the next, and would not be taken until another one arrives.
     """
 
     def __init__(self, node: Node) -> None:
@@ -225,32 +224,32 @@ class Serving:
         self.stop()
 
     def start(self) -> None:
-        """From here on requests are answered."""
+        """Start to answer requests."""
         sys.setswitchinterval(SWITCH)
         self._thread.start()
 
     def stop(self) -> None:
-        """No request is answered any more; returns when the last one is."""
+        """Stop answering requests; returns after the last answer."""
         self._over.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def check(self) -> None:
-        """Raise what has ended the thread, if anything has."""
+        """Raise the error that ended the thread, if any."""
         if self._error is not None:
             raise self._error
 
     def do(self, act: Callable[[], object]) -> None:
-        """Have the thread that serves do it; returns when it is done, raises what it raises.
+        """Execute `act` in the serving thread; returns when it is done, raises its error.
 
-        For what destroys: an executor that looks at all there is meanwhile ends by an error.
+        For functions that destroy entities, since an executor that is waiting on them would fail.
         """
         done, failed = threading.Event(), []
 
         def carry_out() -> None:
             try:
                 act()
-            except BaseException as error:  # it is of whoever asked
+            except BaseException as error:  # raised to the caller
                 failed.append(error)
             done.set()
 
@@ -258,7 +257,7 @@ class Serving:
             self._executor.create_task(carry_out)
             while not done.wait(IDLE) and self._thread.is_alive():
                 pass
-        if not done.is_set():  # nobody serves, or not any more
+        if not done.is_set():  # the thread is not running
             carry_out()
         if failed:
             raise failed[0]
@@ -271,7 +270,7 @@ class Serving:
                 executor.spin_once(timeout_sec=IDLE)
         except ExternalShutdownException:
             pass
-        except BaseException as error:  # the loop ends by it, instead of going on unheard
+        except BaseException as error:  # raised in the loop by `check`
             self._error = error
         finally:
             executor.remove_node(self._node)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""From one sample instant to the next: take commands, advance, hand the sample to the sinks."""
+"""Advance from one sample to the next: take commands, integrate, pass the sample to the sinks."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
     from rb_sim.simulation.state_override import Placement
 
 
-# Samples computed before they are due: what a call of the kernel costs is shared by many.
+# Prefetch: several samples are computed per kernel call, before they are due.
 #
-# A command acts at a definite sample, so what was computed beyond it is given back when one comes:
-# the motion goes back to where it was kept and comes forward again to the sample that was handed
-# out last. Both ways are the same to the last bit, so nobody can tell from the samples.
+# A command acts at a definite sample, so samples computed beyond it are discarded: the motion
+# returns to a saved state and is integrated again to the last sample handed out. The result is the
+# same to the last bit.
 
 
 MOST = 32
-"""Samples computed in one go."""
+"""Maximum number of samples per kernel call."""
 BUDGET = 2e-4
-"""[s] of wall time that computing ahead may take in one go: a command waits for that."""
+"""[s] of wall-clock time for one call, since a command has to wait for it."""
 QUIET = 4
-"""Samples of a go from which on it is made before one is due: no command has come for some time,
-and one in 32 samples would be late by what the go takes."""
+"""Minimum number of samples per call for computing before a sample is due: no command has come for
+some time then, and one in 32 samples would be late by the duration of a call."""
 
 
 class Ahead:
@@ -57,21 +57,21 @@ class Ahead:
         self._times = np.empty(0)
         """of the rows, in the simulation's own time [s]."""
         self._taken = 0
-        """of the rows."""
+        """number of rows handed out."""
         self._kept: Any = None
-        """the way back to where the rows begin."""
+        """saved state at the start of the rows."""
         self._most = 1
-        """as many as may be computed in one go: the more, the longer no command has come."""
+        """number of samples for the next call; it grows while no command comes."""
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
     ) -> None:
-        """As Simulation.apply_wrench, at the sample that was handed out last."""
+        """As Simulation.apply_wrench, at the last sample handed out."""
         self.settle()
         self._simulation.apply_wrench(body, force, torque, frame)
 
     def settle(self) -> None:
-        """Put the simulation at the sample that was handed out last."""
+        """Return the simulation to the last sample handed out."""
         if self._taken < len(self._rows):
             self._simulation.back_to(self._kept)
             if self._taken:
@@ -79,9 +79,9 @@ class Ahead:
         self._rows, self._taken, self._most = [], 0, 1
 
     def next(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> SampleRow | None:
-        """Sample k, the one behind the last. None: the watch ended it, the last is still the last.
+        """Sample k, the one after the last; None if the watch ended it before.
 
-        shift: of stamps against own time [s]. SimulationError: the integration cannot go on.
+        shift: stamp minus own time [s]. Raises SimulationError if the integration cannot continue.
         """
         if self._taken == len(self._rows):
             rows = self._computed(k, watch, limits)
@@ -93,19 +93,20 @@ class Ahead:
 
     @property
     def is_due(self) -> bool:
-        """Whether `fill` would compute some: none are left, and no command has come for a while."""
+        """Whether `fill` would compute samples: none are left, and no recent command."""
         return self._taken == len(self._rows) and self._most >= QUIET
 
     def fill(self, k: int, shift: float, watch: Watch | None, limits: Limits) -> None:
-        """Compute samples from k on, the one behind the last, before k is due.
+        """Compute samples from k on (the one after the last) before k is due.
 
-        None where some are left, where commands come often, or where the motion ends: `next` tells.
+        Does nothing if samples are left, commands come often, or the motion ends (reported by
+        `next`).
         """
         if self.is_due:
             self._hold(self._several(k, watch, limits) or [], shift)
 
     def take_fresh(self) -> list[SampleRow]:
-        """Samples that were computed together since the last call; none where it was only one."""
+        """Samples computed together since the last call; empty if it was only one."""
         rows, self._fresh = self._fresh, []
         return rows
 
@@ -116,20 +117,20 @@ class Ahead:
         self._taken = 0
 
     def _computed(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
-        """As many samples from k on as are worth it; none where the watch ended it."""
+        """Several samples from k on if possible; empty if the watch ended it."""
         rows = self._several(k, watch, limits) if self._most > 1 else None
         return self._go(k, watch, limits) if rows is None else rows
 
     def _several(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow] | None:
-        """Samples from k on; none, and the state as it was, where the watch ended it.
+        """Samples from k on; empty, with the state restored, if the watch ended it.
 
-        None where they have to come one by one: without a way back, and before an error.
+        None if they must be computed one by one: the state cannot be saved, or an error occurred.
         """
         self._kept, rows = self._simulation.keep(), None
         if self._kept is not None:
             try:
                 rows = self._go(k, watch, limits)
-            except SimulationError:  # raised again at its own sample
+            except SimulationError:  # raised again at the sample where it occurs
                 pass
             if not rows:
                 self._simulation.back_to(self._kept)
@@ -138,7 +139,7 @@ class Ahead:
         return rows
 
     def _go(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
-        """Samples from k on in one call of the kernel, and how many the next one may compute."""
+        """Samples from k on in one kernel call; also sets the number for the next call."""
         began = time.perf_counter()
         self._times = self._own_times(k)
         rows = self._simulation.step_rows(self._times, watch, limits)
@@ -147,7 +148,7 @@ class Ahead:
         return rows
 
     def _own_times(self, k: int) -> Any:
-        """Of the samples from k on, each as a step from the one before reaches it [s]."""
+        """Own times of the samples from k on, each as reached by a step from the one before [s]."""
         times, now = [], self._simulation.time
         for one in range(k, k + self._most):
             now = now + (one / self._rate - now)
@@ -156,14 +157,14 @@ class Ahead:
 
 
 MOST_RECENT = 10_000
-"""Events that are kept for an answer; it says how many it lacks."""
+"""Maximum number of events kept for an answer, which reports how many are missing."""
 
 
 class Stepper:
-    """Owns the count of samples; stamps are k times the sample period, whatever is reset.
+    """Counts the samples; stamps are multiples of the sample period, also across resets.
 
-    A command taken at t_k acts from t_k on; so the sample at t_(k+1) shows it, with the reactions
-    and accelerations that go with it, as applied over (t_k, t_(k+1)].
+    A command taken at t_k acts from t_k on; the sample at t_(k+1) contains it, with the
+    corresponding reactions and accelerations, as applied over (t_k, t_(k+1)].
     """
 
     def __init__(
@@ -172,20 +173,20 @@ class Stepper:
         self.period = 1.0 / rate
         self.limits = NO_LIMITS
         self.watch: Watch | None = None
-        """asked while a sample takes long, whether to go on."""
+        """called while a sample takes long; returns whether to continue."""
         self.samples = 0
         self.last_row: SampleRow | None = None
         """the last sample; None before the first."""
         self._events: deque[ContactEvent] = deque(maxlen=MOST_RECENT)
-        """of contacts, which nobody has taken yet."""
+        """contact events since the last `take_events`."""
         self._forgotten = 0
-        """events that nobody took before MOST_RECENT others came."""
+        """number of older events dropped."""
         self.busy = 0.0
         self.longest = 0.0
-        """wall time spent in steps, and in the longest one, since the last `take_times` [s]."""
+        """wall-clock time in steps, and in the longest one, since the last `take_times` [s]."""
         self.counted = 0
         self.ahead = Ahead(simulation, rate)
-        """what commands are given to."""
+        """receives the commands."""
         self._simulation = simulation
         self._commands = commands
         self._take = [self._taker(sink) for sink in sinks]
@@ -195,10 +196,10 @@ class Stepper:
         self._started_at = 0
         """sample at which the simulation's own time was zero."""
         self._steps_before = 0
-        """steps before the simulation was reset or set last: it counts anew from there."""
+        """steps before the last reset or set state, at which the simulation's count restarts."""
 
     def _taker(self, sink: Sink) -> Callable[[SampleRow], None]:
-        """How the sink takes a sample: as the kernel leaves it, or as a block."""
+        """The sink's function for a sample: as a kernel row if supported, else as a block."""
         by_row = getattr(sink, "write_row", None)
         return by_row or (lambda row: sink.write(row.block(self._simulation.layout)))
 
@@ -214,22 +215,22 @@ class Stepper:
 
     @property
     def steps(self) -> int:
-        """Steps of the method since the start, resets or not."""
+        """Number of integration steps since the start, across resets."""
         return self._steps_before + self._simulation.steps
 
     @property
     def origin(self) -> str:
-        """From where the simulation counts its own time, in words; "" while that is zero."""
+        """Text with the stamp at which the simulation's own time is zero; "" if that is 0."""
         if not self._started_at:
             return ""
         return f" (times of the motion from t = {self._started_at / self._rate:.9g} s on)"
 
     def is_over(self, duration: float) -> bool:
-        """Whether the next sample would lie beyond `duration` [s]; 0: none does."""
+        """Whether the next sample would be beyond `duration` [s]; 0: unlimited."""
         return duration > 0.0 and self.samples + 1 >= samples_at_rate(duration, self._rate)
 
     def emit(self, row: SampleRow | None = None) -> None:
-        """Hand the present state to the sinks, as the sample at `t`. row: that state, if known."""
+        """Pass the present state to the sinks as the sample at `t`. row: that state, if known."""
         simulation = self._simulation
         shift = self._started_at / self._rate
         if row is None:
@@ -248,13 +249,13 @@ class Stepper:
 
     @property
     def last(self) -> SampleBlock | None:
-        """The last sample by name; None before the first."""
+        """The last sample as a block; None before the first."""
         return None if self.last_row is None else self.last_row.block(self._simulation.layout)
 
     def step(self, wrench_timeout: float) -> bool:
-        """One sample period. False: the watch ended it; the state is still that of `t`.
+        """Advance one sample period. False if the watch ended it; the state remains that of `t`.
 
-        SimulationError: the integration cannot go on.
+        Raises SimulationError if the integration cannot continue.
         """
         begun = time.perf_counter()
         self._commands.apply(self.ahead, self.samples / self._rate, wrench_timeout)
@@ -272,23 +273,23 @@ class Stepper:
         return True
 
     def look_ahead(self) -> None:
-        """While no sample is due: compute and pack what comes next, unless that is done."""
+        """Compute and pack the next samples while none is due, unless already done."""
         shift, k = self._started_at / self._rate, self.samples + 1 - self._started_at
         self.ahead.fill(k, shift, self.watch, self.limits)
         self._pack()
 
     def _pack(self) -> None:
-        """Have the sinks prepare for samples that were computed together, if any were."""
+        """Let the sinks prepare samples that were computed together, if any."""
         rows = self.ahead.take_fresh()
         for prepare in self._prepare if rows else ():
             prepare(rows)
 
     def settle(self) -> None:
-        """Put the simulation at the last sample, for who is to look at it or change it."""
+        """Return the simulation to the last sample, before it is inspected or changed."""
         self.ahead.settle()
 
     def reset(self) -> None:
-        """The initial state, without commands, as the next sample; stamps go on."""
+        """Make the initial state, without commands, the next sample; stamps continue."""
         self.settle()
         self._steps_before = self.steps
         self._simulation.reset()
@@ -298,28 +299,27 @@ class Stepper:
         self.emit()
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool) -> None:
-        """The state as the next sample, one period on; commands go on, and so do stamps.
+        """Make this state the next sample, one period later; commands and stamps continue.
 
-        RbSimError: it cannot be taken, and nothing has changed.
+        Raises RbSimError if the state is invalid; nothing has changed then.
         """
         self.settle()
         steps = self.steps
         self._simulation.set_state(bodies, project=project)
         self._steps_before = steps
         self.samples += 1
-        self._started_at += 1  # own time stands still for a period
+        self._started_at += 1  # own time does not advance in this period
         self.emit()
 
     def take_events(self) -> tuple[list[ContactEvent], int]:
-        """Events of contacts since the last call, the last MOST_RECENT of them, and how many more
-        there were before those."""
+        """Contact events since the last call, at most MOST_RECENT; number of older ones dropped."""
         events, forgotten = list(self._events), self._forgotten
         self._events.clear()
         self._forgotten = 0
         return events, forgotten
 
     def take_times(self) -> tuple[float, float]:
-        """Mean and longest wall time of a step since the last call [s]."""
+        """Mean and longest wall-clock time of a step since the last call [s]."""
         mean = self.busy / self.counted if self.counted else 0.0
         longest = self.longest
         self.busy = self.longest = 0.0

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Statics: the reactions that hold bodies at rest, or why there is no equilibrium (LL 38)."""
+"""Statics: reactions of bodies at rest, or why there is no equilibrium (LL 38)."""
 
 import sys
 

@@ -7,14 +7,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The equilibrium of every body as one linear system in the reactions (LL 38.1).
+"""Equilibrium of all bodies as one linear system in the reactions (LL 38.1).
 
     matrix @ x + load = 0,    x admissible
 
-Six rows per body: sum of forces (world axes) and sum of torques about the body's pole (world axes).
-A support contributes columns: the wrench it puts on its body per unit of each of its unknowns, and
-the opposite force at its other end on the parent. Unknowns are tensions and forces [N] and the
-torques of hinges with an axis and of welds [N m].
+Six rows per body: sum of forces and sum of torques about the body's pole, world axes. A support
+contributes columns: the wrench on its body per unit of each of its unknowns, and the opposite force
+at its other end on the parent. Unknowns are tensions and forces [N], and torques of hinges with an
+axis and of welds [N m].
 """
 
 from __future__ import annotations
@@ -43,46 +43,46 @@ Law = Literal["two-way", "one-way"]
 
 
 class Bound(NamedTuple):
-    """|x[tails]| <= coefficient N, N the push x[0], or `push` where that is given."""
+    """x[tails]| <= coefficient N, with N the normal force x[0], or `push` if that is given."""
 
     motion: Literal["slips", "rolls", "spins"]
-    """what happens beyond it."""
+    """motion if the bound is exceeded."""
     coefficient: float
-    """of friction, or the arm of a resistance to turning [m]."""
+    """of friction, or the arm of a rolling or spinning resistance [m]."""
     tails: tuple[int, ...]
     """one or two unknowns of the element."""
     push: float | None = None
-    """[N], of a support that gives way: its depth says how hard it pushes."""
+    """normal force [N] of a compliant support, given by its penetration depth."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """One support placed in the world, m unknowns."""
+    """One support at its position in the world, with m unknowns."""
 
     name: str
     kind: str
     body: str
     parent: str | None
     anchor_W: Array
-    """where it acts on the body, world [m], (3,)."""
+    """point of application on the body, world [m], (3,)."""
     parent_anchor_W: Array
-    """where it acts on the parent; differs from anchor_W for strings and rods, (3,)."""
+    """point of application on the parent; differs from anchor_W for strings and rods, (3,)."""
     force_W: Array
     """force on the body per unknown, (3, m)."""
     torque_W: Array
     """torque on the body about anchor_W per unknown, (3, m)."""
     law: Law
-    """two-way: any x; one-way: x[0] >= 0; its bounds hold besides."""
+    """two-way: any x; one-way: x[0] >= 0; `bounds` apply in addition."""
     friction: float = 0.0
     bounds: tuple[Bound, ...] = ()
     given_W: Array = field(default_factory=lambda: np.zeros(3))
-    """force on the body whatever the unknowns are, (3,)."""
+    """force on the body independent of the unknowns, (3,)."""
     normal_W: Array | None = None
-    """of a contact without unknowns along it, (3,)."""
+    """normal of a contact whose normal force is not an unknown, (3,)."""
 
     @property
     def size(self) -> int:
-        """m."""
+        """Number of unknowns m."""
         return self.force_W.shape[1]
 
     @property
@@ -99,7 +99,7 @@ class Element:
 
 
 def tangents(normal: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a unit normal, right-handed with it."""
+    """Two unit vectors perpendicular to a unit normal, right-handed with it."""
     away = np.zeros(3)
     away[np.argmin(np.abs(normal))] = 1.0
     first = np.cross(normal, away)
@@ -109,7 +109,7 @@ def tangents(normal: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """The linear system and where its rows and columns come from. n bodies, u unknowns."""
+    """The linear system, and the origin of its rows and columns. n bodies, u unknowns."""
 
     bodies: tuple[str, ...]
     elements: tuple[Element, ...]
@@ -122,27 +122,27 @@ class Equilibrium:
     load: Array
     """active wrench on each body, force [N] and torque about its pole [N m], (6 n,)."""
     active: Array
-    """the same of the loads alone, without what elements exert whatever their unknowns, (n, 6)."""
+    """wrench of the loads alone, without `given_W` of the elements, (n, 6)."""
     is_torque: Array
-    """unknowns that are torques, bool (u,)."""
+    """mask of the unknowns that are torques, (u,)."""
     lever: float
     """largest distance of a point of application from its body's pole [m]; 1 if all are zero."""
     reach: float
     """largest distance of a point of application from the world origin [m]."""
     centres: Array
-    """of mass, world [m], (n, 3)."""
+    """centres of mass, world [m], (n, 3)."""
     apart: tuple[str, ...] = ()
-    """contacts whose surfaces do not touch: they hold nothing."""
+    """contacts whose surfaces do not touch, which carry no load."""
 
     def load_about_centres(self) -> Array:
-        """The active loads with their torques about the centres of mass, (n, 6) [N, N m]."""
+        """Active loads with torques about the centres of mass, (n, 6) [N, N m]."""
         total = self.active.copy()
         total[:, 3:] += np.cross(self.poles - self.centres, total[:, :3])
         return total
 
 
 def poles_of(bodies: tuple[str, ...], points: dict[str, list[Array]]) -> Array:
-    """The mean of the points of application on each body, world [m], (n, 3)."""
+    """Mean of the points of application on each body, world [m], (n, 3)."""
     return np.array([np.mean(points[name], axis=0) for name in bodies]).reshape(-1, 3)
 
 
@@ -156,8 +156,8 @@ def put_together(
 ) -> Equilibrium:
     """The system of elements and loads.
 
-    points: where something acts on each body, world [m]; their mean is its pole.
-    loads: active wrench on each body about its pole, (n, 6) [N, N m].
+    points: points of application on each body, world [m]; their mean is its pole. loads: active
+    wrench on each body about its pole, (n, 6) [N, N m].
     """
     poles = poles_of(bodies, points)
     ends = np.cumsum([0, *(element.size for element in elements)])
@@ -199,7 +199,7 @@ def add_end(
     bodies: tuple[str, ...],
     poles: Array,
 ) -> None:
-    """Add the element's wrench on its body and the opposite one on its parent."""
+    """Add the element's wrench on its body, and the opposite one on its parent."""
     for name, anchor, sign in (
         (element.body, element.anchor_W, 1.0),
         (element.parent, element.parent_anchor_W, -1.0),
@@ -214,24 +214,22 @@ def add_end(
             loads[row, 3:] += sign * np.cross(lever, element.given_W)
 
 
-# All reactions that balance the loads, as an affine set cut by cones.
+# Reactions that balance the loads: an affine set intersected with cones.
 #
-# Scaled unknowns: forces by the largest load, torques by it times the lever (see `Equilibrium`).
-# With x = x0 + Z y, Z an orthonormal basis of the states of self-stress (null space of the matrix),
-# every question about the reactions is a small cone program in y. The margin of an x is the largest
-# s such that x stays admissible after s has been taken off every tension and normal force: >= 0
-# says admissible, and how far from slack, lift-off or slip.
+# Scaled unknowns: forces relative to the largest load, torques to it times the lever (see
+# `Equilibrium`). With x = x0 + Z y, Z an orthonormal basis of the states of self-stress (null space
+# of the matrix), every question about the reactions is a small cone program in y. The margin of x
+# is the largest s that can be subtracted from every tension and normal force such that x remains
+# admissible: x is admissible if it is >= 0, and it measures the distance from slack, lift-off or
+# slip.
 
 
 LOWEST_FRICTION = 1e-3
-"""coefficient of friction below which a contact's margin is measured in friction force."""
+"""Coefficient of friction below which a contact's margin is measured as friction force."""
 
 
 class Reduced(NamedTuple):
-    """The scaled system after elimination of the balance equations.
-
-    u unknowns, r rows, k = u - rank.
-    """
+    """The scaled system without the balance equations: u unknowns, r rows, k = u - rank."""
 
     force: float
     """unit of force [N]: the largest load (force, or torque over lever); 1 without loads."""
@@ -240,15 +238,15 @@ class Reduced(NamedTuple):
     row_unit: Array
     """SI value of one scaled row, (r,)."""
     particular: Array
-    """x0: the shortest scaled solution in the least-squares sense, (u,)."""
+    """x0: minimum-norm scaled least-squares solution, (u,)."""
     self_stress: Array
     """Z, (u, k)."""
     motions: Array
     """orthonormal virtual motions that no support resists (scaled rows), (r, r - rank)."""
     uncarried: Array
-    """part of the scaled load along those motions: what no reaction can balance, (r,)."""
+    """component of the scaled load along those motions, which no reaction can balance, (r,)."""
     round_off: float
-    """imbalance (scaled) that rounding explains."""
+    """scaled imbalance due to rounding."""
 
 
 def eliminate(system: Equilibrium) -> Reduced:
@@ -262,7 +260,7 @@ def eliminate(system: Equilibrium) -> Reduced:
     noise = 8.0 * float(np.finfo(float).eps) * (1.0 + system.reach / system.lever)
     found = split(u, sigma, vt, max(LEAST_SINGULAR, noise))
     x = found.least(-load)
-    for _ in range(2):  # iterative refinement: the balance closes to round-off
+    for _ in range(2):  # iterative refinement of the balance to rounding
         x = x - found.least(matrix @ x + load)
     motions = u[:, found.rank :]
     return Reduced(
@@ -278,7 +276,7 @@ def eliminate(system: Equilibrium) -> Reduced:
 
 
 class Cone(NamedTuple):
-    """|x[tails]| <= coefficient x[head] + constant, scaled."""
+    """x[tails]| <= coefficient x[head] + constant, scaled."""
 
     element: Element
     bound: Bound
@@ -289,7 +287,7 @@ class Cone(NamedTuple):
 
 
 def cones_of(system: Equilibrium, force: float) -> list[Cone]:
-    """The bounds of all elements, scaled: arms are over the lever where torques are."""
+    """Bounds of all elements, scaled; arms relative to the lever if the tails are torques."""
     found = []
     for element, column in zip(system.elements, system.columns, strict=True):
         for bound in element.bounds:
@@ -303,44 +301,44 @@ def cones_of(system: Equilibrium, force: float) -> list[Cone]:
 
 
 def _share(cone: Cone) -> float:
-    """Friction force per unit of margin: the coefficient, or LOWEST_FRICTION if that is more.
+    """Friction force per unit of margin: the coefficient, but at least LOWEST_FRICTION.
 
-    So the margin of a rubbing contact is the normal force that it can spare; at coefficients so low
-    that this would drown in rounding, it is a friction force of fixed size.
+    So the margin of a frictional contact is its spare normal force; for very low coefficients,
+    where that would be lost in rounding, it is a friction force of fixed scale.
     """
     return max(cone.coefficient, LOWEST_FRICTION)
 
 
 class AdmissibleSet:
-    """{x = x0 + Z y : pulls only, pushes only, within friction}, optionally relaxed.
+    """{x = x0 + Z y : tensions and normal forces >= 0, within friction}, optionally relaxed.
 
-    relax: scaled force by which every tension and normal force is let off (0: not at all).
+    relax: scaled force by which every tension and normal force may violate its bound (0: none).
     """
 
     def __init__(self, system: Equilibrium, reduced: Reduced, relax: float = 0.0) -> None:
         self.reduced = reduced
         self.one_way: list[int] = []
         self.owners: list[tuple[str, Bound | None]] = []
-        """element of each inequality, and which of its bounds it is."""
+        """element of each inequality, and its bound (None: the one-way condition)."""
         for element, column in zip(system.elements, system.columns, strict=True):
-            if element.law == "one-way" and not element.bounds:  # a bound says it, too
+            if element.law == "one-way" and not element.bounds:  # implied by a bound
                 self.one_way.append(column.start)
                 self.owners.append((element.name, None))
         self.cones = cones_of(system, reduced.force)
         self.owners += [(cone.element.name, cone.bound) for cone in self.cones]
         self.relax = relax
         self.gap = 0.0
-        """largest bound of the error of an optimum so far, scaled force."""
+        """largest error bound of an optimum so far, scaled force."""
         self._found: dict[tuple[float, ...], Optimum] = {}
 
     @property
     def freedom(self) -> int:
-        """k: dimension of the states of self-stress."""
+        """k: dimension of the space of states of self-stress."""
         return self.reduced.self_stress.shape[1]
 
     @cached_property
     def program(self) -> Cones:
-        """The cones on y; heads and tails are measured as normal forces (see `_share`)."""
+        """The cones in y; heads and tails are scaled to normal forces (see `_share`)."""
         x, z = self.reduced.particular, self.reduced.self_stress
         soc_h = np.zeros((len(self.cones), 3))
         soc_G = np.zeros((len(self.cones), 3, self.freedom))
@@ -357,7 +355,7 @@ class AdmissibleSet:
         return Cones(x[self.one_way] + self.relax, z[self.one_way], soc_h, soc_G)
 
     def slack(self, x: Array) -> Array:
-        """How far each one-way or friction support is from giving, scaled force, as `owners`."""
+        """Distance of each support in `owners` from its bound, scaled force."""
         plain = x[self.one_way]
         round_ = []
         for cone in self.cones:
@@ -367,19 +365,19 @@ class AdmissibleSet:
         return np.concatenate([plain, np.array(round_)])
 
     def at(self, y: Array) -> Array:
-        """x of a y."""
+        """x for a given y."""
         return self.reduced.particular + self.reduced.self_stress @ y
 
     def widest(self) -> Array:
-        """The y of largest margin (capped at one unit of force)."""
+        """The y with the largest margin (at most one unit of force)."""
         return self._noted(widest(self.program))
 
     def near_middle(self, y: Array) -> Array:
-        """A strictly admissible y of moderate size, from which programs are solved more sharply."""
+        """A strictly admissible y of moderate size, as a better start of cone programs."""
         return self._noted(moderate(self.program, y))
 
     def shortest(self, inside: Array) -> Array:
-        """x of least Euclidean norm in SI units (N and N m); `inside`: a strictly admissible y."""
+        """The x of minimum norm in SI units (N and N m). inside: a strictly admissible y."""
         if self.freedom == 0:
             return self.reduced.particular
         weight = self.reduced.unit / self.reduced.force
@@ -393,10 +391,10 @@ class AdmissibleSet:
         return self.at(self._minimise(objective, self.program, inside).y)
 
     def least(self, row: Array, inside: Array) -> float:
-        """Minimum of row . x over the set; -inf when unbounded."""
+        """Minimum of row . x over the set; -inf if unbounded. inside: a strictly admissible y."""
         slope = row @ self.reduced.self_stress
         slope = slope / np.linalg.norm(slope)
-        key = tuple(np.round(slope, 12) + 0.0)  # the two ends of a support ask the same
+        key = tuple(np.round(slope, 12) + 0.0)  # shared by the two ends of a support
         if key not in self._found:
             self._found[key] = self._minimise(linear(slope), self.program, inside)
         best = self._found[key]

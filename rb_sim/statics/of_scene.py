@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""An ordinary scene asked for its equilibrium: its initial pose, at rest (LL 38.1).
+"""Equilibrium of an ordinary scene in its initial pose, at rest (LL 38.1).
 
-The constraints give the same lines, with the same signs, as when they move; effects load the bodies
-as their laws say for bodies at rest; contacts push within their laws of friction where surfaces
-touch. Initial velocities, driven rates and the motion of supports count as none, commands too.
+Constraints contribute the same equations, with the same signs, as in motion; effects contribute
+their loads on bodies at rest; contacts act within their friction laws if the surfaces touch.
+Initial velocities, driven rates, motion of supports and commands are taken as zero.
 """
 
 from __future__ import annotations
@@ -49,45 +49,45 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import Bound, Element, Equilibrium, poles_of, put_together, tangents
 
-# Contacts and strings of an ordinary scene, at rest: what each point may push and rub.
+# Contacts and strings at rest: admissible normal and friction forces at each point.
 
 
 Array = NDArray[np.float64]
 
 
 class Standing(NamedTuple):
-    """One constraint of a scene at its initial pose."""
+    """One constraint of a scene in its initial pose."""
 
     place: InitialPlace
     name: str
     spec: Any
     B: BodyState
     A: BodyState
-    """of the parent, or of the world."""
+    """state of the parent, or of the world."""
     length: float
-    """of the scene [m]."""
+    """characteristic length of the scene [m]."""
 
 
 class Found(NamedTuple):
-    """Its points."""
+    """Elements of the closed contact points, and names of the open ones."""
 
     closed: list[Element]
     apart: list[str]
 
 
 class Point(NamedTuple):
-    """A point of contact in the world."""
+    """A contact point in the world."""
 
     at: Array
     normal: Array
-    """into the body."""
+    """unit normal, into the body."""
     gap: float
 
 
 def touching_elements(standing: Standing) -> Found:
-    """An element for each point that touches; the names of those that do not.
+    """An element for each closed contact point; names of the open ones.
 
-    Raises ValueError for a bilateral contact with Coulomb friction: N may pull there.
+    Raises ValueError for a bilateral contact with Coulomb friction, whose normal force may pull.
     """
     law = standing.spec.law()
     bounded = 0.0 < law.static < math.inf or law.rolling_arm > 0.0 or law.spinning_arm > 0.0
@@ -108,7 +108,7 @@ def touching_elements(standing: Standing) -> Found:
 
 
 def points_of(standing: Standing) -> Iterator[Point]:
-    """Where it touches, or would; of a box on a box the corners of what both faces share."""
+    """Contact points, also open ones; for two boxes the corners of the common face area."""
     spec, B, A = standing.spec, standing.B, standing.A
     boxes = box_sizes(spec, standing.place)
     if boxes is not None:
@@ -120,7 +120,8 @@ def points_of(standing: Standing) -> Iterator[Point]:
 
 
 def points_of_boxes(sizes: list[float], B: BodyState, A: BodyState) -> Iterator[Point]:
-    """sizes: centre from C and half edges of the body's box, then of the parent's [m]."""
+    """Contact points of two boxes. sizes: centre from C and half edges of the body's box, then of
+    the parent's [m]."""
     half_B, half_A = tuple(sizes[3:6]), tuple(sizes[9:])
     centre_B = add(B.p_WC, rotate(B.q_WB, tuple(sizes[:3])))
     centre_A = add(A.p_WC, rotate(A.q_WB, tuple(sizes[6:9])))
@@ -130,7 +131,7 @@ def points_of_boxes(sizes: list[float], B: BodyState, A: BodyState) -> Iterator[
 
 
 def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> Element:
-    """What one point that touches may exert."""
+    """The element of one closed contact point."""
     spec, normal = standing.spec, point.normal
     depth = max(-point.gap, 0.0)
     push = law.spring[0] * depth if law.compliant else None
@@ -161,7 +162,7 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
 
 
 def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:
-    """What its normal force bounds; unknowns: N (where it is one), two tangents, the torques."""
+    """Bounds by the normal force. Unknowns: N (if unknown), two tangential forces, torques."""
     found: list[Bound] = []
     k = 0 if law.compliant else 1
     if law.static > 0.0:
@@ -177,18 +178,18 @@ def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:
 
 
 KINDS = {"distance": "rod"}
-"""What the short form calls the same support. Its number is the pull, positive in tension, where
-the row of the constraint pushes the body away from the other end."""
+"""Kinds of supports by constraint type. The unknown of a rod is its tension, positive in tension,
+whereas the constraint row pushes the body away from the other end."""
 
 LINES = ("string", "rod", "distance")
 """Constraints that act along a line between two points."""
 
 
 def at_rest(scene: Scene) -> Equilibrium:
-    """The equilibrium of the scene's bodies at their initial pose.
+    """Equilibrium system of the scene's bodies in their initial pose.
 
-    Raises SceneError for a pose that violates a constraint, and for a bilateral contact with
-    Coulomb friction.
+    Raises SceneError if the pose violates a constraint, and for a bilateral contact with Coulomb
+    friction.
     """
     place = InitialPlace(scene)
     states = {name: still(place.state(name)) for name in scene.bodies}
@@ -249,7 +250,7 @@ def length_of(scene: Scene, place: InitialPlace) -> float:
 
 
 def check_pose(scene: Scene, standing: Standing) -> None:
-    """Refuse a pose that violates a joint, or in which what is rigid overlaps."""
+    """Raise SceneError if the pose violates a joint, or rigid bodies overlap."""
     spec, place, scale = standing.spec, standing.place, standing.length
     worst, amount = 0.0, ""
     if not isinstance(spec, Touching):
@@ -270,24 +271,24 @@ def check_pose(scene: Scene, standing: Standing) -> None:
 
 
 def far_end(spec: Any, place: InitialPlace, A: BodyState) -> Array:
-    """Where a string or a rod is fastened to its parent, world [m], (3,)."""
+    """Attachment point of a string or rod on its parent, world [m], (3,)."""
     return np.array(add(A.p_WC, rotate(A.q_WB, place.from_com(spec.parent, spec.point_A))))
 
 
 def has_parent(spec: Any) -> bool:
-    """Whether a body, not the world, holds it."""
+    """Whether the constraint has a parent body (else the world)."""
     return getattr(spec, "parent", None) is not None
 
 
 def still(state: BodyState) -> BodyState:
-    """The same pose without velocities."""
+    """The same pose with zero velocities."""
     return state._replace(v_WC=(0.0, 0.0, 0.0), w_WB_B=(0.0, 0.0, 0.0))
 
 
 def joint_elements(
     name: str, spec: Any, place: InitialPlace, B: BodyState, A: BodyState, *, whole: bool = False
 ) -> Iterator[Element]:
-    """An element for each reaction of a joint that is no total; whole: one for their total."""
+    """An element for each reaction of a joint except totals; whole: one element for the total."""
     groups: dict[str, list[Any]] = {}
     for part in spec.parts(place):
         groups.setdefault("" if whole else part.outputs[-1], []).append(part.row)
@@ -316,30 +317,30 @@ def joint_elements(
 
 
 def lines_of(row: Any, B: BodyState, A: BodyState) -> Array:
-    """One part of a constraint: the Jacobian and the columns after it, (lines, ROW_WIDTH)."""
+    """Jacobian and further columns of one part of a constraint, (equations, ROW_WIDTH)."""
     G = np.zeros((COUNT[type(row)], ROW_WIDTH))
     fill(row, 0.0, B, A, G, 0)
     return G
 
 
 class Load(NamedTuple):
-    """What an effect exerts on a body at rest."""
+    """Wrench of an effect on a body at rest."""
 
     name: str
-    """of the effect."""
+    """name of the effect."""
     body: str
     point: Array
-    """where the force acts, world [m], (3,)."""
+    """point of application of the force, world [m], (3,)."""
     force: Array
     """world axes [N], (3,)."""
     torque: Array
     """about the point, world axes [N m], (3,)."""
     pushes: bool
-    """whether the scene gives it as a force at a point; else it pulls, as a weight does."""
+    """whether it is a force at a point, drawn towards it; else drawn away, like a weight."""
 
 
 def active_loads(scene: Scene, place: InitialPlace, states: dict[str, BodyState]) -> Iterator[Load]:
-    """What the effects exert on their bodies and on those that they act against."""
+    """Loads of the effects on their bodies and, opposite, on the parents."""
     effects: dict[str, Any] = dict(scene.effects)
     for name, spec in effects.items():
         if spec.commandable:
@@ -348,7 +349,7 @@ def active_loads(scene: Scene, place: InitialPlace, states: dict[str, BodyState]
             B, A = states[body], WORLD if parent is None else states[parent]
             force_W, torque_B = wrench(row, 0.0, place.inertial(body), B, A)
             force, about_C = np.array(force_W, float), np.array(rotate(B.q_WB, torque_B), float)
-            arm = ZERO  # from C
+            arm = ZERO  # point of application relative to C
             if hasattr(spec, "point_B"):
                 arm = rotate(B.q_WB, place.from_com(body, spec.point_B))
             moved = np.cross(arm, force)

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A drawing of a statics scene: bodies, supports, loads, and the reactions as arrows.
+"""Drawing of a statics scene: bodies, supports, loads, and reactions as arrows.
 
-A scene that lies in a coordinate plane is drawn in it; any other one is seen from above the corner
-between +x, -y and +z (orthographic), with the axes in the corner.
+A scene in a coordinate plane is drawn in that plane; any other one in an orthographic view from
+above, from between +x and -y, with the axes in the corner.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from rb_sim.statics.equilibrium import Element, Equilibrium, tangents
 from rb_sim.statics.of_scene import Load, active_loads, at_rest, still
 from rb_sim.statics.statics_tables import StaticsResult
 
-# Where the points of a scene lie in its picture: the surfaces of shapes and the projection.
+# Surfaces of shapes, and projection to the picture.
 
 
 Array = NDArray[np.float64]
 
 STEPS = 48
-"""points around a circle."""
+"""Number of points on a circle."""
 
 
 def surface_points(body: Body) -> Array:
@@ -83,7 +83,7 @@ def _ball() -> Array:
 
 
 def _ring(axis: tuple[float, float, float]) -> Array:
-    """Unit circle across the axis."""
+    """Points on the unit circle perpendicular to the axis."""
     n = np.array(axis)
     first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     first /= np.linalg.norm(first)
@@ -98,7 +98,7 @@ def _tube(radius: float, length: float, axis: tuple[float, float, float]) -> Arr
 
 
 def projection(cloud: Array, vectors: Array) -> tuple[Array, tuple[str, str] | None]:
-    """Projection (2, 3) and names of the picture's axes; None for the oblique view."""
+    """Projection matrix (2, 3) and names of the picture's axes; None for the oblique view."""
     spread = np.ptp(cloud, axis=0)
     largest = float(spread.max()) or 1.0
     strongest = float(np.abs(vectors).max(initial=0.0)) or 1.0
@@ -121,7 +121,7 @@ def projection(cloud: Array, vectors: Array) -> tuple[Array, tuple[str, str] | N
 
 
 class Drawn(NamedTuple):
-    """Everything but the answer."""
+    """Contents of the picture except the result."""
 
     title: str
     bodies: dict[str, Body]
@@ -130,12 +130,12 @@ class Drawn(NamedTuple):
     system: Equilibrium
 
     def centre(self, name: str) -> Array:
-        """Of mass, world [m], (3,)."""
+        """Centre of mass, world [m], (3,)."""
         return np.array(self.states[name].p_WC)
 
 
 def drawn_of(scene: Scene) -> Drawn:
-    """What is drawn of a scene; loads that are none at rest are left out."""
+    """The contents for a scene, without loads that are zero at rest."""
     place = InitialPlace(scene)
     states = {name: still(place.state(name)) for name in scene.bodies}
     loads = [
@@ -147,13 +147,13 @@ def drawn_of(scene: Scene) -> Drawn:
 
 BODY = "#d9c39a"
 LONGEST = 0.30
-"""length of the longest arrow as a share of the scene's size."""
+"""Length of the longest arrow, relative to the scene's size."""
 SHORTEST = 0.06
-"""length of the shortest arrow that is drawn."""
+"""Length of the shortest arrow, relative to the scene's size."""
 
 
 def draw(scene: Scene, result: StaticsResult) -> Figure:
-    """The picture; save it with `Figure.savefig`."""
+    """The picture as a matplotlib figure."""
     canvas = _Canvas(scene, result)
     canvas.bodies()
     canvas.supports()
@@ -163,17 +163,17 @@ def draw(scene: Scene, result: StaticsResult) -> Figure:
 
 
 def save_picture(scene: Scene, result: StaticsResult, path: Path) -> None:
-    """Draw and write a picture file (the format follows from the extension)."""
+    """Write the picture to a file, whose extension gives the format."""
     draw(scene, result).savefig(path, dpi=140)
 
 
 def _greek(text: str) -> str:
-    """The text with the letter for mu, which no line break parts from its factor."""
+    """The text with the letter μ, and no line break between it and its factor."""
     return re.sub(r"(\d) μ", "\\1\u00a0μ", re.sub(r"\bmu\b", "μ", text))
 
 
 class _Canvas:
-    """One picture in the making: the view, the scale, and the marks made so far."""
+    """A picture under construction: view, scale, and marks so far."""
 
     def __init__(self, scene: Scene, result: StaticsResult) -> None:
         self.drawn_scene, self.result = drawn_of(scene), result
@@ -193,18 +193,18 @@ class _Canvas:
         self.texts: list[Any] = []
 
     def _vectors(self) -> Array:
-        """Forces that must be seen, world axes, (n, 3)."""
+        """Forces to be shown, world axes, (n, 3)."""
         forces = [reaction.force for reaction in self.result.reactions.values()]
         forces += [element.force_W[:, 0] for element in self.system.elements]
         forces += [load.force for load in self.drawn_scene.loads]
         return np.array([f for f in forces if f.any()]).reshape(-1, 3)
 
     def flat(self, point: Array) -> Array:
-        """A world point in the picture, (2,)."""
+        """Position of a world point in the picture, (2,)."""
         return self.view @ point
 
     def bodies(self) -> None:
-        """Shapes filled; from a support outside the shape a leg to its nearest point."""
+        """Draw the shapes, and a leg from each support outside the shape to its nearest point."""
         for name in self.drawn_scene.bodies:
             ends = [(e.anchor_W, e) for e in self.system.elements if e.body == name]
             ends += [(e.parent_anchor_W, e) for e in self.system.elements if e.parent == name]
@@ -214,7 +214,7 @@ class _Canvas:
             core = surface if len(surface) else self.drawn_scene.centre(name)[None]
             for end, element in ends:
                 leg = core[np.argmin(np.linalg.norm(core - end, axis=1))] - end
-                if element.kind == "contact" and len(surface):  # a leg stands on its ground
+                if element.kind == "contact" and len(surface):  # a leg along the normal
                     leg = element.force_W[:, 0] * float(leg @ element.force_W[:, 0])
                 if np.linalg.norm(leg) > 0.05 * self.size or not len(surface):
                     self._line(end, end + leg, color="#8a6d3b", linewidth=4, zorder=1)
@@ -229,7 +229,7 @@ class _Canvas:
         self.axes.add_patch(patch)
 
     def supports(self) -> None:
-        """Strings and rods as lines, contacts as hatched ground, hinges as circles."""
+        """Draw strings and rods as lines, contacts as hatched ground, hinges as circles."""
         giving = {finding.name for finding in self.result.findings}
         for element in self.system.elements:
             colour = VERMILLION if element.name in giving else "#222222"
@@ -251,7 +251,7 @@ class _Canvas:
                 )
 
     def _ground(self, element: Element, colour: str) -> None:
-        """A patch of the ground; seen edge-on a line with hatches on the far side."""
+        """Draw a patch of the ground; edge-on a line with hatching on the far side."""
         anchor, normal = self.flat(element.anchor_W), self.view @ element.force_W[:, 0]
         half = 0.07 * self.size
         if self.labels is None:
@@ -279,7 +279,7 @@ class _Canvas:
         self.axes.plot(*ends.T, solid_capstyle="round", zorder=zorder, **style)
 
     def loads(self) -> None:
-        """Weights as arrows from the centre of mass, other forces as arrows that push."""
+        """Draw weights as arrows from the centre of mass, other forces as arrows to their point."""
         for name, _, point, force, torque, pushes in self.drawn_scene.loads:
             size = float(np.linalg.norm(force))
             text = f"{name}\n{size:.4g} N" if size > 0.0 else name
@@ -293,7 +293,7 @@ class _Canvas:
                 self._text(self.flat(point), text, TEXT)
 
     def reactions(self) -> None:
-        """Reactions as red arrows from the anchor, tensions blue; ranges below the value."""
+        """Draw reactions as red arrows, tensions as blue ones, with values and ranges."""
         strongest = self._strongest()
         for name, reaction in self.result.reactions.items():
             span = self.result.ranges[name]
@@ -327,7 +327,7 @@ class _Canvas:
     def _arrow(
         self, point: Array, force: Array, colour: str, pushes: bool = False
     ) -> tuple[Array, Array]:
-        """Draw a force that pulls from the point, or pushes on it; returns tail and tip, (2,)."""
+        """Draw a force from the point, or towards it (`pushes`); returns tail and tip, (2,)."""
         share = max(LONGEST * float(np.linalg.norm(force)) / self._strongest(), SHORTEST)
         step = share * self.size * (self.view @ (force / np.linalg.norm(force)))
         start = self.flat(point) - (step if pushes else 0.0)
@@ -343,7 +343,7 @@ class _Canvas:
         return start, tip
 
     def _text(self, at: Array, text: str, colour: str, away: Array | None = None) -> None:
-        """A label at a point of the picture, on the side to which `away` points."""
+        """Draw a label at a point of the picture, offset in direction `away`."""
         away = np.zeros(2) if away is None else away / (float(np.linalg.norm(away)) or 1.0)
         at = at + 0.025 * self.size * away
         self.axes.text(
@@ -360,7 +360,7 @@ class _Canvas:
         self.drawn.append(np.array([at + 0.12 * self.size * away]))
 
     def finish(self) -> Figure:
-        """Frame, titles, axes."""
+        """Set frame, titles and axes; returns the figure."""
         cloud = np.concatenate(self.drawn)
         low, high = cloud.min(axis=0), cloud.max(axis=0)
         margin = 0.10 * float(np.max(high - low))
@@ -373,14 +373,14 @@ class _Canvas:
             self.axes.set_xlabel(f"{self.labels[0]} [m]")
             self.axes.set_ylabel(f"{self.labels[1]} [m]")
             self.axes.grid(alpha=0.25)
-            self.axes.spines[:].set_visible(False)  # labels lie across a frame
+            self.axes.spines[:].set_visible(False)  # labels may cross a frame
         else:
             self.axes.set_axis_off()
             self._triad()
         return self.figure
 
     def _triad(self) -> None:
-        """The world axes in the lower left corner."""
+        """Draw the world axes in the lower left corner."""
         inset = self.axes.inset_axes((0.0, 0.0, 0.14, 0.14))
         inset.set_axis_off()
         inset.set_xlim(-1.3, 1.3)

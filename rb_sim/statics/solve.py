@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Which reactions hold the bodies at rest, if any do (LL 38.1).
+"""Solution of statics: reactions of the bodies at rest, if there is an equilibrium (LL 38.1).
 
-The verdict follows from two numbers, both relative to the largest load: the imbalance, the part of
-the load that no reaction could carry, and the margin, by which the safest balanced state clears
+The verdict follows from two numbers relative to the largest load: the imbalance, the part of the
+load that no reaction can carry, and the margin, the distance of the safest balanced state from
 slack, lift-off and slip.
 """
 
@@ -34,7 +34,7 @@ from rb_sim.statics.equilibrium import (
 from rb_sim.statics.of_scene import at_rest
 from rb_sim.statics.statics_tables import Finding, Reaction, ReactionRange, StaticsResult, Verdict
 
-# The verdict in words: what gives, what is about to give, what is not unique.
+# Explanation of the verdict: failing supports, supports at their limit, non-unique reactions.
 
 
 Array = NDArray[np.float64]
@@ -43,11 +43,11 @@ AXES = ("x", "y", "z")
 
 
 def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...]:
-    """Which balance fails, body by body, when no reaction could carry the load.
+    """The failing balances, body by body, if no reaction can carry the load.
 
     The uncarried part of the load, read as a virtual motion (velocity of the pole and angular
     velocity of each body), is one that no support resists and on which the loads do work: the body
-    starts to move that way, and the load along it is what nothing balances.
+    starts to move that way, and the load along it is not balanced.
     """
     scaled = reduced.uncarried.reshape(-1, 2, 3)
     load = system.load.reshape(-1, 2, 3)
@@ -77,7 +77,7 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
 
 
 def _support_on(system: Equilibrium, body: str, through: Array, axis: Array) -> Array:
-    """A point of support of the body on the axis, if there is one; else `through`."""
+    """A support point of the body on the axis, if there is one; else `through`."""
     for element in system.elements:
         for name, anchor in (
             (element.body, element.anchor_W),
@@ -108,10 +108,10 @@ def _failing_torque(name: str, axis: Array, through: Array, amount: float) -> Fi
 def failing_supports(
     system: Equilibrium, reduced: Reduced, admissible: AdmissibleSet, widest: Array
 ) -> tuple[Finding, ...]:
-    """The supports that give when the balance asks of them what they cannot do.
+    """The supports that cannot provide what the balance requires.
 
-    Judged in the balanced state that asks the least: those that fall short of it by as much as the
-    worst one (within a part in a thousand).
+    Judged in the balanced state with the least violation: those within 0.1 % of the largest
+    violation.
     """
     x = admissible.at(widest)
     slack = admissible.slack(x)
@@ -131,12 +131,12 @@ WANTING = {
     "rolls": "rolls: it would need a rolling resistance of {need} m and has {has} m",
     "spins": "spins: it would need a spinning resistance of {need} m and has {has} m",
 }
-"""What is said of a contact beyond one of its bounds."""
+"""Explanation for a contact beyond one of its bounds."""
 TURNING = {"slips": "slipping", "rolls": "rolling", "spins": "spinning"}
 
 
 def _gives(element: Element, bound: Bound | None, values: Array) -> Finding:
-    """What a support would have to do and cannot."""
+    """Finding for a support beyond its bound."""
     first = float(values[0]) if bound is None or bound.push is None else bound.push
     if element.kind == "string":
         need = f"it would have to push with {_number(-first)} N"
@@ -157,7 +157,7 @@ def _gives(element: Element, bound: Bound | None, values: Array) -> Finding:
 def explain_limit(
     system: Equilibrium, admissible: AdmissibleSet, widest: Array, tolerance: float
 ) -> tuple[Finding, ...]:
-    """The supports that are on the point of giving in every admissible state."""
+    """Supports at their limit in every admissible state."""
     x = admissible.at(widest)
     values = admissible.reduced.unit * x
     floor = 1e3 * tolerance * admissible.reduced.force
@@ -191,7 +191,7 @@ def explain_state(
     indeterminacy: int,
     findings: tuple[Finding, ...],
 ) -> str:
-    """One line for a state that exists."""
+    """One-line explanation of a state that exists."""
     if verdict == "at the limit":
         return "at the limit: " + "; ".join(finding.words for finding in findings)
     if verdict == "equilibrium":
@@ -221,7 +221,7 @@ def _vector(vector: Array) -> str:
 
 
 def _direction(unit: Array) -> str:
-    """x, y, z with the sign where it is one of them, else the vector."""
+    """x, y or z with sign if the unit vector is along an axis, else the vector."""
     largest = int(np.argmax(np.abs(unit)))
     if abs(abs(unit[largest]) - 1.0) < 1e-9:
         return ("" if unit[largest] > 0 else "-") + AXES[largest]
@@ -229,15 +229,15 @@ def _direction(unit: Array) -> str:
 
 
 TOLERANCE = 1e-10
-"""half-width of the band called "at the limit", relative to the largest load."""
+"""Half-width of the band called "at the limit", relative to the largest load."""
 
 
 def solve(scene: Scene, *, tolerance: float = TOLERANCE, ranges: bool = True) -> StaticsResult:
     """The reactions that hold the bodies of a scene at rest, or why there is no equilibrium.
 
     tolerance: half-width of the band in which the verdict is "at the limit", relative to the
-        largest load. Below 1e-12 rounding decides.
-    ranges: also find the range of every component when the reactions are not unique.
+        largest load. Below 1e-12 the verdict depends on rounding.
+    ranges: also find the range of every component if the reactions are not unique.
     """
     return solved(at_rest(scene), tolerance=tolerance, ranges=ranges)
 
@@ -245,7 +245,7 @@ def solve(scene: Scene, *, tolerance: float = TOLERANCE, ranges: bool = True) ->
 def solved(
     system: Equilibrium, *, tolerance: float = TOLERANCE, ranges: bool = True
 ) -> StaticsResult:
-    """As `solve`, of supports and loads in place."""
+    """As `solve`, for a given system."""
     reduced = eliminate(system)
     if float(np.linalg.norm(reduced.uncarried)) > max(tolerance, reduced.round_off):
         findings = uncarried_loads(system, reduced)
@@ -313,7 +313,7 @@ def _without(
 
 
 def _reactions(system: Equilibrium, reduced: Reduced, x: Array) -> dict[str, Reaction]:
-    """Reactions in SI units of scaled unknowns."""
+    """Reactions in SI units for the scaled unknowns x."""
     found = {}
     for element, column in zip(system.elements, system.columns, strict=True):
         values = (reduced.unit * x)[column]
@@ -343,7 +343,7 @@ def _along(element: Element, values: Array) -> float | None:
 def _ranges(
     system: Equilibrium, admissible: AdmissibleSet, inside: Array, x: Array, wanted: bool
 ) -> dict[str, ReactionRange]:
-    """Range of each component; nan where it is not unique and not `wanted`."""
+    """Range of each component; nan if it is not unique and not `wanted`."""
     found = {}
     for element, column in zip(system.elements, system.columns, strict=True):
         rows = np.zeros((7, len(x)))
@@ -368,7 +368,7 @@ def _ranges(
 def _span(
     admissible: AdmissibleSet, row: Array, inside: Array, x: Array, wanted: bool
 ) -> tuple[float, float]:
-    """[min, max] of row . x; equal ends where it has one value."""
+    """[min, max] of row . x; equal if the value is unique."""
     value = float(row @ x)
     if not row.any() or admissible.fixed(row):
         return value, value
@@ -377,14 +377,14 @@ def _span(
     low, high = admissible.least(row, inside), -admissible.least(-row, inside)
     size = float(np.abs(row).max())
     if high - low <= 10.0 * admissible.relax * size:
-        return value, value  # as wide as the set was let off
+        return value, value  # the width is due to the relaxation
     round_off = admissible.reduced.round_off * size
     low, high = (0.0 if abs(end) <= round_off else end for end in (low, high))
     return min(low, value), max(high, value)
 
 
 def balance(system: Equilibrium, reactions: dict[str, Reaction]) -> dict[str, tuple[Array, Array]]:
-    """Sum of forces [N] and of torques about the centre of mass [N m] on each body."""
+    """Sum of forces [N] and of torques about the centre of mass [N m] on each body, (3,) each."""
     centres, total, names = system.centres, system.load_about_centres(), list(system.bodies)
     for reaction in reactions.values():
         for body, point, force, torque in reaction.ends():

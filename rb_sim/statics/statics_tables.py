@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The result of the statics of a scene: as data, as a table for the terminal, as JSON."""
+"""The result of statics: as data, as a table for the terminal, as JSON."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ class Reaction:
     torque: Array
     """about the anchor [N m], (3,)."""
     anchor: Array
-    """where it acts on the body, world [m], (3,)."""
+    """point of application on the body, world [m], (3,)."""
     parent_anchor: Array
-    """where the opposite force acts on the parent, world [m], (3,)."""
+    """point of application of the opposite force on the parent, world [m], (3,)."""
     direction: Array | None
     """normal of a contact, direction of a string or rod away from the body; world, (3,)."""
     along: float | None
-    """component of the force along `direction`: normal force, tension (a rod may push) [N]."""
+    """force along `direction`: normal force, or tension (negative in compression) [N]."""
     friction: float | None
-    """coefficient of friction; inf for rough, None where there is none to speak of."""
+    """coefficient of friction; inf for rough, None without friction."""
 
     @property
     def friction_used(self) -> float | None:
-        """|tangential| / normal of a rubbing contact; nan without normal force."""
+        """tangential force| / normal force of a frictional contact; nan without normal force."""
         if self.friction is None or self.direction is None or self.along is None:
             return None
         across = float(np.linalg.norm(self.force - self.along * self.direction))
@@ -104,7 +104,7 @@ class Finding:
     name: str
     """the support, or the body whose balance fails."""
     amount: float
-    """missing pull or push [N]; needed friction coefficient, or arm [m]; uncarried force [N] or
+    """missing pull or push [N]; required friction coefficient, or arm [m]; uncarried force [N] or
     torque [N m]."""
     words: str
 
@@ -154,7 +154,7 @@ COLOURS = {
 
 
 def print_report(scene: Scene, result: StaticsResult, console: Console) -> None:
-    """Verdict in words, then one line per component of a reaction that can be other than zero."""
+    """Print the verdict, then one line for each component of a reaction that can be non-zero."""
     if scene.description:
         console.print(Text(scene.description))
     console.print(Text(result.explanation, style=f"bold {COLOURS[result.verdict]}"))
@@ -188,7 +188,7 @@ def _on(reaction: Reaction) -> str:
 
 
 def _lines(reaction: Reaction, span: ReactionRange, scale: float):
-    """(component, value, range) of what is not zero for good."""
+    """Yield (component, value, range) of each component that can be non-zero."""
     tiny = 1e-12 * scale
     if reaction.along is not None and span.along is not None:
         word = {"contact": "normal N", "string": "tension T"}.get(reaction.kind, "pull S")
@@ -230,7 +230,7 @@ def _closing_line(result: StaticsResult) -> str:
 
 
 def as_dict(scene: Scene, result: StaticsResult) -> dict[str, Any]:
-    """The answer in plain types; infinite ends of ranges become null, nan too."""
+    """The result in plain types; infinite and nan values become null."""
     return {
         "scene": scene.name,
         "description": scene.description,
@@ -285,6 +285,6 @@ def _number(value: float) -> float | None:
 
 
 def write_json(scene: Scene, result: StaticsResult, path: Path) -> None:
-    """Write the answer as JSON."""
+    """Write the result as JSON."""
     text = json.dumps(as_dict(scene, result), indent=2, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Many runs of one scene: plans, the scheduler, the table of runs and what it says."""
+"""Many runs of one scene: plans, scheduler, table of runs, report."""
 
 from rb_sim.sweeps.plan import load_plan
 from rb_sim.sweeps.sweep import SweepResult, sweep

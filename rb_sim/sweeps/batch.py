@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A batch: the runs that one task of the scheduler does, written by the worker that does them."""
+"""A batch: the runs of one task of the scheduler, simulated and written by a worker."""
 
 from __future__ import annotations
 
@@ -43,38 +43,38 @@ from rb_sim.sweeps.storage import (
 )
 from rb_sim.trajectory.trajectory import XYZ, Trajectory
 
-# The runs of a batch that go through the machine together, in its vector lanes.
+# Simulation of many runs at once in the processor's vector lanes (SIMD).
 #
-# What cannot go together (contacts, several bodies, tables over time, implicit methods, `auto`) or
-# does not come to its end in time is left to `PlanRunner.run`, one at a time.
+# Runs that do not support it (contacts, several bodies, tables over time, implicit methods, `auto`)
+# or exceed the time limit are left to `PlanRunner.run`, one at a time.
 
 
 MOST_NUMBERS = 1 << 21
-"""Samples of the runs that are together in memory, in numbers: 16 MB."""
+"""Maximum number of sample values in memory for the runs simulated together: 16 MB."""
 
 FEWEST = 8
-"""Runs that share the lanes: where the samples of fewer fill the memory, each goes alone."""
+"""Minimum number of runs that share the lanes; if memory allows fewer, each is simulated alone."""
 
 
 FIELDS = {
     "reaction": ("reaction_force", "reaction_torque", "anchor"),
     "energy": ("kinetic_energy", "potential_energy"),
 }
-"""Fields of a block behind a name in an expression, where they are not called the same."""
+"""Fields of a block for a name in an expression, if they have other names."""
 
 
 class Placed(NamedTuple):
-    """A run, ready to start."""
+    """A run that is ready to start."""
 
     index: int
-    """in the batch."""
+    """index in the batch."""
     start: tuple[float, ...]
     given: list[float]
-    """inputs of the laws."""
+    """values of the laws' inputs."""
 
 
 class Alike(NamedTuple):
-    """What runs have in common that share lanes: the method with its settings, the instants."""
+    """Settings that runs in the same lanes must share: method, duration, rate."""
 
     kind: type
     method: Any
@@ -83,7 +83,7 @@ class Alike(NamedTuple):
 
 
 class LaneRunner:
-    """Runs many points of one plan; its lanes are compiled once."""
+    """Simulates many points of one plan in lanes, which are compiled once."""
 
     def __init__(self, runner: PlanRunner) -> None:
         self._runner = runner
@@ -91,7 +91,7 @@ class LaneRunner:
         self._layout: SampleLayout | None = None
 
     def rows(self, points: Sequence[Mapping[str, float]]) -> dict[int, dict[str, Any]]:
-        """Rows of the runs that went through the lanes, by index; others are to be run alone."""
+        """Table rows of the runs simulated in lanes, by index; the others must be run singly."""
         found: dict[int, dict[str, Any]] = {}
         for alike, placed in self._placed(points).items():
             times = instants_at_rate(0.0, alike.duration, alike.rate)
@@ -106,7 +106,7 @@ class LaneRunner:
         return found
 
     def _placed(self, points: Sequence[Mapping[str, float]]) -> dict[Alike, list[Placed]]:
-        """The runs that can share lanes, by what they have to have in common."""
+        """Runs that can use lanes, by their common settings."""
         family = self._runner.family
         groups: dict[Alike, list[Placed]] = {}
         if family is None or not isinstance(family.laws, ReducedLaws):
@@ -120,11 +120,11 @@ class LaneRunner:
                 options = at_its_size(scene).simulation
                 method = compile_method(options, options.duration)
                 instants = samples_at_rate(options.duration, options.rate)
-            except RbSimError:  # said in the row of that run
+            except RbSimError:  # reported in the row of that run
                 continue
             if compiled.laws is not family.laws or compiled.breakpoints or instants > MOST_NUMBERS:
                 continue
-            if compiled.absolute:  # lanes have one tolerance for all
+            if compiled.absolute:  # lanes do not support tolerances of single bodies
                 continue
             self._layout = compiled.layout
             given = family.laws.inputs.values(compiled.system, 0.0)
@@ -147,7 +147,7 @@ class LaneRunner:
         times: np.ndarray,
         points: Sequence[Mapping[str, float]],
     ) -> dict[int, dict[str, Any]]:
-        """Rows of these runs; those that failed or took too long are left out."""
+        """Table rows of these runs, without those that failed or took too long."""
         end = time.perf_counter() + self._runner.loaded.plan.seconds_per_run
         starts = np.array([run.start for run in placed])
         given = np.array([run.given for run in placed]).reshape(len(placed), -1)
@@ -162,14 +162,14 @@ class LaneRunner:
                 continue
             values[:, lanes.columns] = runs.samples[k]
             trajectory = Trajectory(block_of(times, values, layout, command), layout)
-            with suppress(RbSimError):  # said in the row of that run
+            with suppress(RbSimError):  # reported in the row of that run
                 outputs = self._runner.outputs(points[run.index], trajectory)
                 found[run.index] = ended(int(runs.steps[k]), outputs)
         return found
 
 
 def columns_of(layout: SampleLayout, quantities: Iterable[str]) -> list[int]:
-    """The columns of a row of samples behind these names of expressions."""
+    """Columns of a sample row that these names of expressions need."""
     numbers = np.arange(float(row_width(layout)))[None]
     block = block_of(np.zeros(1), numbers, layout, np.zeros((1, len(layout.commanded), 6)))
     fields = [field for name in quantities if name != "t" for field in FIELDS.get(name, (name,))]
@@ -178,20 +178,20 @@ def columns_of(layout: SampleLayout, quantities: Iterable[str]) -> list[int]:
 
 
 class Batch(NamedTuple):
-    """The work of one task."""
+    """The runs of one task."""
 
     number: int
     runs: np.ndarray
     """numbers of the runs, shape (n,)."""
     values: dict[str, np.ndarray]
-    """of the varied names, shape (n,) each."""
+    """values of the varied names, shape (n,) each."""
     bodies: tuple[str, ...]
     start: str = ""
-    """of the sweep (see `storage.alone`)."""
+    """identifier of the sweep's start (see `storage.alone`)."""
 
 
 class Done(NamedTuple):
-    """What the scheduler gets of a batch; the rows themselves stay with the worker's file."""
+    """Result of a batch for the scheduler; the rows themselves are in the worker's file."""
 
     number: int
     runs: int
@@ -199,10 +199,7 @@ class Done(NamedTuple):
 
 
 class BatchRunner:
-    """Runs many points of a plan: through the machine's lanes where they can, else one at a time.
-
-    lanes: False keeps all to one at a time.
-    """
+    """Runs points of a plan: in lanes if possible, else singly. lanes: False disables lanes."""
 
     def __init__(self, runner: PlanRunner, lanes: bool = True) -> None:
         self.runner = runner
@@ -211,7 +208,7 @@ class BatchRunner:
     def rows(
         self, runs: Sequence[int], points: Sequence[Mapping[str, float]]
     ) -> Iterator[tuple[dict[str, Any], Trajectory | None]]:
-        """(status, reason, steps and outputs, samples where they are to be kept) of each run."""
+        """Yield (status, reason, steps and outputs; samples to be kept or None) of each run."""
         kept = self.runner.loaded.plan.trajectories
         together = [i for i, run in enumerate(runs) if run >= kept]
         found: dict[int, dict[str, Any]] = {}
@@ -228,7 +225,7 @@ class BatchRunner:
 
 @functools.lru_cache(maxsize=2)
 def _runner(plan: str) -> BatchRunner:
-    """The runner of a plan, made once per worker."""
+    """The runner of a plan, created once per worker."""
     data = json.loads(plan)
     runner = PlanRunner(LoadedPlan.from_dict(data["plan"]), data["looks"])
     return BatchRunner(runner, data["lanes"])
@@ -239,19 +236,13 @@ def described(
     looks: Sequence[Mapping[str, float]],
     lanes: bool = True,
 ) -> str:
-    """What a worker has to know of a plan, as JSON.
-
-    looks: values of a few runs (see PlanRunner).
-    """
+    """The plan for a worker, as JSON. looks: values of a few runs (see PlanRunner)."""
     description = {"plan": loaded.as_dict(), "looks": list(looks), "lanes": lanes}
     return json.dumps(description)
 
 
 def do_batch(plan: str, folder: str, batch: Batch) -> Done:
-    """Simulate the runs of a batch and write their rows below `folder`.
-
-    plan: as `described` gives it.
-    """
+    """Simulate the runs of a batch and write their rows to `folder`. plan: from `described`."""
     several = _runner(plan)
     runner = several.runner
     schema = table_schema(runner.loaded, batch.bodies)
@@ -273,7 +264,7 @@ def do_batch(plan: str, folder: str, batch: Batch) -> Done:
 
 
 def write_trajectory(folder: Path, run: int, trajectory: Trajectory) -> None:
-    """Write all samples of one run as Parquet, a column a component."""
+    """Write all samples of one run as Parquet, one column for each component."""
     columns: dict[str, np.ndarray] = {"t": trajectory.t, "energy": trajectory.energy}
     for quantity, (components, _) in COMPONENTS.items():
         for body, values in getattr(trajectory, quantity).items():

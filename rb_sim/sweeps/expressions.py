@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Outputs as people write them: `max(norm(reaction.tip.force))`, `last(position.coin.z)`.
+"""Expressions for outputs, such as `max(norm(reaction.tip.force))` or `last(position.coin.z)`.
 
-An expression is parsed by Python's own grammar and evaluated on the samples of a run by the few
-kinds of nodes that arithmetic has; nothing in it can reach anything else.
+An expression is parsed by Python's grammar and evaluated on the samples of a run; only arithmetic
+nodes and listed functions are allowed, so it cannot access anything else.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rb_sim.base.names import one_of
 from rb_sim.trajectory.trajectory import QUANTITIES, Trajectory
 
 MOST_CHARACTERS = 1000
-"""Of one expression: beyond, Python's parser may run out of its own stack."""
+"""Maximum length of an expression; Python's parser could overflow its stack on longer ones."""
 
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: np.add,
@@ -52,9 +52,8 @@ _COMPARE: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def one_a_sample(x: Any) -> Any:
-    """The values over time as they are; raises ValueError where each is a vector.
-
-    The largest of all components, or their mean, is nothing that anybody asks for.
+    """The values over time unchanged. Raises ValueError if each is a vector, since the maximum or
+    mean over all components would be meaningless.
     """
     if np.ndim(x) > 1:
         raise ValueError("these are vectors; must be numbers: name a component (.x) or take norm()")
@@ -71,7 +70,7 @@ def _over_time(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _norm(x: Any) -> Any:
-    """The length of a vector, or of one a sample."""
+    """Norm of a vector, or of the vector at each sample."""
     if np.shape(x)[-1:] in ((), (1,)):
         raise ValueError("norm() takes vectors; must be abs() of a number")
     return np.sqrt(np.sum(np.square(1.0 * np.asarray(x)), axis=-1))
@@ -102,16 +101,16 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": np.where,
     "sum": _over_time(np.sum),
 }
-"""What every expression may call; a run adds those that need its samples (see `samples`)."""
+"""Functions allowed in every expression; `functions` adds those that need the samples of a run."""
 
 NAMES = {"pi": np.pi}
 
 POINTWISE = ("abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan2")
-"""Functions whose value at one sample depends on that sample alone."""
+"""Functions whose value at a sample depends only on that sample."""
 
 
 def _pointwise(node: ast.AST) -> bool:
-    """True if the value at one sample depends on that sample alone."""
+    """Whether the value at a sample depends only on that sample."""
     match node:
         case ast.Constant() | ast.Name() | ast.operator() | ast.unaryop() | ast.cmpop():
             return True
@@ -127,10 +126,10 @@ def _pointwise(node: ast.AST) -> bool:
 
 
 class Expression:
-    """An expression that has been read and found to be one.
+    """A parsed and validated expression.
 
-    text: as written. key: where it stands in the plan, for messages.
-    Raises RbSimError where it is no expression or holds what expressions may not.
+    text: as written. key: its place in the plan, for messages. Raises RbSimError if it is not an
+    expression or contains disallowed parts.
     """
 
     def __init__(self, text: str, key: str) -> None:
@@ -145,7 +144,7 @@ class Expression:
     def value(self, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
         """The value for these names (arrays, numbers, or objects and mappings of them).
 
-        Raises RbSimError for an unknown name or function, or arguments that do not fit.
+        Raises RbSimError for unknown names or functions, or wrong arguments.
         """
         known = {**FUNCTIONS, **functions}
         try:
@@ -158,13 +157,13 @@ class Expression:
 
     @property
     def names(self) -> set[str]:
-        """The names that it starts from, functions aside."""
+        """Names used in the expression, without functions."""
         called = {id(x.func) for x in ast.walk(self._tree) if isinstance(x, ast.Call)}
         found = [x for x in ast.walk(self._tree) if isinstance(x, ast.Name)]
         return {x.id for x in found if id(x) not in called}
 
     def of_ends(self, numbers: Iterable[str]) -> bool:
-        """True if only the first and the last sample matter. numbers: names that are no samples."""
+        """Whether only first and last sample matter. numbers: names that are not samples."""
         known = {*numbers, *NAMES}
 
         def holds(node: ast.AST) -> bool:
@@ -220,46 +219,46 @@ class Expression:
         raise self._refuse(f"{ast.unparse(node)[:40]!r} is not allowed in an expression")
 
     def _named(self, names: Any, name: str) -> Any:
-        """The entry `name` of a mapping; x, y, z, w are the components of an array."""
+        """The entry `name` of a mapping; for an array x, y, z, w are its components."""
         if isinstance(names, Mapping):
             if name not in names:
                 raise self._refuse(f"{name!r} must be {one_of(name, names)}")
             return names[name]
         size = np.shape(names)[-1] if np.ndim(names) else 1
-        components = "xyzw"[:size] if size > 1 else ""  # a single one: a number over time
+        components = "xyzw"[:size] if size > 1 else ""  # size 1: a number over time
         if len(name) != 1 or name not in components:
             allowed = one_of(name, components) if components else "omitted: it is a number"
             raise self._refuse(f"{name!r} must be {allowed}")
         return np.asarray(names)[..., components.index(name)]
 
     def _indexed(self, value: Any, index: Any) -> Any:
-        """The entry of that name: a number could be meant as a component or as a sample."""
+        """The entry with a string index; a number could mean component or sample."""
         if isinstance(index, str):
             return self._named(value, index)
         allowed = "must be a name: components are .x, .y, .z, the ends of a run first() and last()"
         raise self._refuse(f"the index {index!r} {allowed}")
 
 
-# What an output expression sees of a run: its samples, by the names used everywhere else.
+# Names and functions of an output expression for a run.
 
 
 BY_BODY = tuple(q.name for q in QUANTITIES if q.along == "body")
 WHOLE_RUN = ("t", *(q.name for q in QUANTITIES if not q.along and not q.components))
 MAPPINGS = ("reaction", "contact_state")
-"""Names that expressions take further by the name of a constraint."""
+"""Names that are followed by the name of a constraint."""
 
 EVENT_KINDS = (
     *("ambiguous", "closes", "impact", "jams", "leaps", "opens", "rests", "reverses", "rolls"),
     *("slack", "slips", "spins", "sticks", "stops rolling", "stops spinning", "taut"),
 )
-"""What can happen at a contact (see rb_sim.contact.event_workspace)."""
+"""Kinds of contact events (see rb_sim.contact.event_workspace)."""
 
 COMPONENTS = {q.name: (q.components, q.unit) for q in QUANTITIES if q.name in BY_BODY}
-"""Components and unit of each quantity of a body."""
+"""Components and unit of each body quantity."""
 
 
 def names(run: Trajectory) -> dict[str, Any]:
-    """Arrays over time: of the whole run, by body, by reaction and by contact."""
+    """Arrays over time by name: of the run, and by body, reaction and contact."""
     columns: dict[str, Any] = {name: getattr(run.block, name) for name in WHOLE_RUN}
     if not run.layout.contacts:
         del columns["contact_work"]
@@ -271,16 +270,16 @@ def names(run: Trajectory) -> dict[str, Any]:
 
 
 def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
-    """What an expression may call of this very run."""
+    """Functions of an expression that need the samples of this run."""
 
     def times(contact: str, kind: str) -> np.ndarray:
-        """Instants of the events of that kind at that contact [s]."""
+        """Times of the events of that kind at that contact [s]."""
         _known(contact, run.layout.contacts, "contact")
         _known(kind, EVENT_KINDS, "kind of event")
         return np.array([e.t for e in run.events if e.contact == contact and e.kind == kind])
 
     def event_time(contact: str, kind: str, number: float = 1.0) -> float:
-        """The instant of the event of that number, counted from 1; NaN if there is none [s]."""
+        """Time of the event with that number, counted from 1 [s]; NaN if there is none."""
         if not (number >= 1 and number == int(number)):
             raise ValueError(f"got the number {number:g}; must be a whole number >= 1")
         found = times(contact, kind)
@@ -291,12 +290,12 @@ def functions(run: Trajectory) -> dict[str, Callable[..., Any]]:
         return float(len(times(contact, kind)))
 
     def integral(x: Any) -> Any:
-        """Over time, by the trapezoidal rule."""
+        """Integral over time, by the trapezoidal rule."""
         x = one_a_sample(1.0 * np.asarray(x))
         return np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(run.t))
 
     def time_of(condition: Any) -> float:
-        """The first sample at which the condition holds; NaN if none [s]."""
+        """Time of the first sample at which the condition holds [s]; NaN if there is none."""
         found = np.flatnonzero(one_a_sample(np.asarray(condition)))
         return float(run.t[found[0]]) if len(found) else float("nan")
 
@@ -316,7 +315,7 @@ def _known(name: str, allowed: tuple[str, ...], what: str) -> None:
 
 
 def final_state(run: Trajectory) -> dict[str, float]:
-    """Every component of the last sample of every body, by `quantity.body.component`."""
+    """Components of the last sample of every body, by `quantity.body.component`."""
     state = {}
     for quantity in BY_BODY:
         by_body: Mapping[str, Any] = getattr(run, quantity)
@@ -327,7 +326,7 @@ def final_state(run: Trajectory) -> dict[str, float]:
 
 
 def final_units(bodies: tuple[str, ...]) -> dict[str, str]:
-    """The columns of `final_state` with their units, in the same order."""
+    """Columns of `final_state` with their units, in the same order."""
     return {
         f"{quantity}.{body}.{component}": unit
         for quantity, (components, unit) in COMPONENTS.items()

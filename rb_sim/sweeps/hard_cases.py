@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Hard cases: read from a file, run with each of their settings, judged, and reported.
+"""Hard cases: loaded from files, run with each of their settings, judged, and reported.
 
-The report is JSON, a page in Markdown, and a picture.
+The report consists of JSON, a Markdown page, and a picture.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
 
 
-# A case: a scene, how it is run, what must hold, and why it is hard; one YAML file each.
+# A case: a scene, its runs, checks with bounds, and why it is hard; one YAML file each.
 
 
 SUFFIX = ".yaml"
@@ -56,32 +56,32 @@ class _Strict(BaseModel):
 
 
 class Setting(_Strict):
-    """One way to run the scene."""
+    """Settings of one run of the scene."""
 
     method: Literal[METHODS]  # type: ignore[valid-type]
     step: float | None = Field(default=None, gt=0.0)
     tolerance: float | None = Field(default=None, gt=0.0)
     duration: float | None = Field(default=None, gt=0.0)
-    """instead of the scene's, where the method needs more steps [s]."""
+    """instead of the scene's, if the method needs more steps [s]."""
 
 
 class Check(_Strict):
-    """What must hold of every run.
+    """A check of every run.
 
-    energy: change of energy less work, over what was exchanged. momentum: the worse of both
-    balances. residual: violation of constraints. formula: largest size of a formula over the
-    samples. against: largest pose difference to another setting. warned: that a check warns, or the
-    run is refused; the figure is 0 then, else 1. refused: likewise, only by an error.
+    Figures: energy: (change of energy - work) / energy exchanged. momentum: the worse of both
+    balances. residual: constraint violation. formula: largest absolute value of a formula over the
+    samples. against: largest pose difference from another setting. warned: 0 if a check warns or
+    the run is refused, else 1. refused: 0 if the run ends with an error, else 1.
     """
 
     figure: Literal["energy", "momentum", "residual", "formula", "against", "warned", "refused"]
     formula: str = ""
     against: Setting | None = None
     words: str = ""
-    """what an error must say, of refused and warned."""
+    """pattern that the message must match, for refused and warned."""
     bound: float = Field(default=0.5, gt=0.0)
     because: str = ""
-    """how the bound follows from order, step and conditioning."""
+    """derivation of the bound from order, step and conditioning."""
 
     @model_validator(mode="after")
     def _complete(self) -> Check:
@@ -97,15 +97,15 @@ class Case(_Strict):
 
     title: str
     theme: str = "other"
-    """under which the picture shows it."""
+    """group in the picture."""
     why: str
     """why it is hard."""
     engines: Mapping[str, str] = {}
-    """engines known to fail it, and how; or to hold it, where they do."""
+    """engines known to fail it, and how; or known to pass it."""
     quick: bool = False
-    """whether it is cheap enough for `--quick` and for every run of the tests."""
+    """whether it is cheap enough for `--quick` and for every test run."""
     limit: str = ""
-    """what is not held today, and why: the row then shows what is and does not fail."""
+    """bound that does not hold at present, and why: failures then count as a known limit."""
     scene: Mapping[str, Any] | str
     """as in a scene file, or the name of a shipped scene."""
     runs: tuple[Setting, ...] = Field(min_length=1)
@@ -114,7 +114,7 @@ class Case(_Strict):
 
 
 def load_case(path: Path) -> Case:
-    """The case in a file. Raises RbSimError in one line for what is not one."""
+    """The case in a file. Raises RbSimError in one line if it is not valid."""
     mapping = parse(read_text(path), str(path))
     if not isinstance(mapping, Mapping):
         raise RbSimError(f"{path}: a case must be a mapping with title, why, scene, runs, checks")
@@ -127,9 +127,9 @@ def load_case(path: Path) -> Case:
 
 
 def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
-    """The cases of a folder whose names have one of the parts `only`; all without.
+    """The cases of a folder whose names contain one of the parts `only`; all if it is empty.
 
-    Raises RbSimError if there are none, or none with one of the parts.
+    Raises RbSimError if there are none, or none for one of the parts.
     """
     paths = sorted(folder.glob(f"*{SUFFIX}"))
     names = [path.stem for path in paths]
@@ -142,9 +142,9 @@ def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
     return [load_case(path) for path in wanted]
 
 
-# What must be small in a case, written as a formula over the samples of a run.
+# Formulas over the samples of a run.
 #
-# Expressions as those of sweeps. Names: t; for each body B: B_x B_y B_z, B_vx B_vy B_vz (centre of
+# Expressions as in sweeps. Names: t; for each body B: B_x B_y B_z, B_vx B_vy B_vz (centre of
 # mass, world), B_wx B_wy B_wz (body axes), B_qx B_qy B_qz B_qw; for each reaction R: R_fx R_fy
 # R_fz, R_tx R_ty R_tz; energy, kinetic, potential, residual; pi.
 
@@ -153,13 +153,13 @@ FUNCTIONS: dict[str, Any] = {
     **{name: getattr(np, name) for name in ("cosh", "sinh", "tanh", "hypot")},
     **{"atan": np.arctan, "max": np.maximum},
 }
-"""Besides those of expressions; max is that of two."""
+"""Functions in addition to those of expressions; max takes two arguments."""
 
 
 def largest(formula: str, block: SampleBlock, layout: SampleLayout) -> float:
-    """The largest size of the formula over the samples; infinite where it is not finite.
+    """Largest absolute value of the formula over the samples; infinite if it is not finite.
 
-    Raises RbSimError for a formula that is not one, or that names what the run has not.
+    Raises RbSimError for an invalid formula or unknown names.
     """
     found = np.asarray(Expression(formula, "formula").value(columns(block, layout), FUNCTIONS))
     if found.dtype.kind not in "bif" or found.ndim > 1:
@@ -168,7 +168,7 @@ def largest(formula: str, block: SampleBlock, layout: SampleLayout) -> float:
 
 
 def columns(block: SampleBlock, layout: SampleLayout) -> dict[str, Any]:
-    """The names a formula may use."""
+    """Names and values allowed in a formula."""
     names: dict[str, Any] = {"t": block.t, "pi": np.pi, "residual": block.residual}
     names |= {"energy": block.energy, "kinetic": block.kinetic_energy}
     names["potential"] = block.potential_energy
@@ -184,18 +184,18 @@ def columns(block: SampleBlock, layout: SampleLayout) -> dict[str, Any]:
 
 
 def components(start: str, values: Array, letters: str) -> dict[str, Array]:
-    """Columns by name."""
+    """Components by name."""
     return {f"{start}{letter}": values[:, k] for k, letter in enumerate(letters)}
 
 
-# Runs a case with each of its settings and measures what must hold.
+# Runs and figures of a case.
 
 
 HOLDS, FAILS, LIMIT = "holds", "FAILS", "limit"
-"""Verdicts; limit: what is not held, and said so in the case."""
+"""Verdicts; limit: the bound does not hold, as documented in the case."""
 
 MOST_STEPS = 5e7
-"""Steps between two samples beyond which a run is given up as one that does not advance."""
+"""Number of steps between two samples above which a run is abandoned as stuck."""
 
 
 class Row(NamedTuple):
@@ -204,7 +204,7 @@ class Row(NamedTuple):
     case: str
     method: str
     knob: str
-    """the step, or the tolerance."""
+    """the step or the tolerance."""
     check: str
     figure: float
     bound: float
@@ -212,16 +212,16 @@ class Row(NamedTuple):
     """CPU time of the run."""
     verdict: str
     said: str
-    """what an error or a check said, or ""."""
+    """message of an error or a check, or ""."""
 
     @property
     def margin(self) -> float:
-        """Bound over figure."""
+        """Bound divided by figure."""
         return self.bound / self.figure if self.figure > 0.0 else float("inf")
 
 
 class Outcome(NamedTuple):
-    """What one run gave."""
+    """Result of one run."""
 
     run: Trajectory | None
     check_list: CheckList | None
@@ -230,7 +230,7 @@ class Outcome(NamedTuple):
 
 
 def rows_of(case: Case) -> Iterator[Row]:
-    """The rows of a case, as they are measured."""
+    """Yield the rows of a case as they are measured."""
     for setting in case.runs:
         outcome = run(case, setting)
         for check in case.checks:
@@ -245,7 +245,7 @@ def rows_of(case: Case) -> Iterator[Row]:
 
 
 def run(case: Case, setting: Setting) -> Outcome:
-    """The case under one setting, watched."""
+    """Run the case with one setting, with all checks."""
     from rb_sim.motion.motion import Limits
 
     given = {
@@ -270,7 +270,7 @@ def run(case: Case, setting: Setting) -> Outcome:
                 blocks.append(block)
         seconds = time.process_time() - began
     except (RbSimError, ZeroDivisionError) as error:
-        # plain Python divides by zero where compiled code goes on with infinity, then NaN
+        # plain Python raises on division by zero, compiled code continues with infinity and NaN
         return Outcome(None, check_list, str(error) or "division", time.process_time() - began)
     from rb_sim.mechanics.samples import concatenate
 
@@ -279,7 +279,7 @@ def run(case: Case, setting: Setting) -> Outcome:
 
 
 def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
-    """(figure, what was said); infinite where the run did not come to its end."""
+    """(figure, message); infinite if the run did not complete."""
     findings = outcome.check_list.findings if outcome.check_list is not None else ()
     lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
     said = lines[0] if lines else ""
@@ -315,7 +315,7 @@ def _formula(case: Case, check: Check, outcome: Outcome) -> float:
 
 
 def _against(case: Case, check: Check, outcome: Outcome) -> float:
-    """Largest pose difference [m, rad] to the run with another setting."""
+    """Largest pose difference [m, rad] from the run with another setting."""
     assert check.against is not None and outcome.run is not None
     other = run(case, check.against).run
     if other is None or len(other) != len(outcome.run):
@@ -372,7 +372,7 @@ and *equal* compare the figure with rb_sim's own, which is only as accurate as i
 
 
 class PeerRow(NamedTuple):
-    """The best that an engine gave for one check of a case."""
+    """The best result of another engine for one check of a case."""
 
     case: str
     engine: str
@@ -382,7 +382,7 @@ class PeerRow(NamedTuple):
     figure: float
     bound: float
     ours: float
-    """the best figure of rb_sim's rows."""
+    """rb_sim's best figure."""
     seconds: float
     """CPU time of that run."""
     verdict: str
@@ -395,7 +395,7 @@ def write(
     peers: Sequence[PeerRow] = (),
     quick: bool = False,
 ) -> list[Path]:
-    """Write the three files into the folder, four with rows of peers. Raises OSError."""
+    """Write the three files into the folder, four with rows of other engines. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"hard-cases.{kind}" for kind in ("json", "md", "png")]
     write_json(paths[0], [{**row._asdict(), "margin": row.margin} for row in rows])
@@ -414,7 +414,7 @@ def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def finite(value: object) -> object:
-    """The value, or None for a number that JSON does not have."""
+    """The value, or None for a number that JSON cannot represent."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -426,7 +426,7 @@ def number(value: float) -> str:
 def markdown(
     cases: Sequence[Case], rows: Sequence[Row], peers: Sequence[PeerRow] = (), quick: bool = False
 ) -> str:
-    """The tables, and what each case is, why its bound is what it is, and who fails it."""
+    """The Markdown page: tables, and for each case its description, bounds and failing engines."""
     lines = [
         f"| {row.case} | {row.method} | {row.knob} | {row.check} | {number(row.figure)} "
         f"| {row.bound:.2g} | {number(row.margin)} | {row.seconds:.2g} | {row.verdict} |\n"
@@ -439,7 +439,7 @@ def markdown(
 
 
 def beside(peers: Sequence[PeerRow]) -> str:
-    """The table of the other engines; "" without rows."""
+    """The table of other engines; "" without rows."""
     if not peers:
         return ""
     engines = dict.fromkeys(row.engine for row in peers)
@@ -453,7 +453,7 @@ def beside(peers: Sequence[PeerRow]) -> str:
 
 
 def described(case: Case) -> str:
-    """The section of one case."""
+    """Markdown section of one case."""
     parts = [f"\n## {case.name}\n\n{sentence(case.title)} {sentence(case.why)}\n"]
     for check in case.checks:
         if check.because:
@@ -467,7 +467,7 @@ def described(case: Case) -> str:
 
 
 def sentence(text: str) -> str:
-    """One line that begins with a capital, but for names like rk4, and ends in a full stop."""
+    """One line that starts with a capital (except names like rk4) and ends with a full stop."""
     line = " ".join(text.split())
     if line.partition(" ")[0].isalpha():
         line = line[:1].upper() + line[1:]
@@ -478,16 +478,16 @@ WIDE = 10.0
 """Margin below which a case is marked."""
 
 FARTHEST = 1e8
-"""Margins are drawn up to here."""
+"""Largest margin drawn; larger ones are clipped."""
 
 COLUMNS = 3
 MARKER = 5.0
-"""Diameter of the dot of a case's least margin [points]."""
+"""Diameter of the dot for a case's smallest margin [points]."""
 
 
 def picture(cases: Sequence[Case], rows: Sequence[Row], path: Path) -> None:
-    """The margins of every case, bound over figure: a line a case, grouped by theme, the least
-    first; on one page."""
+    """Draw the margins (bound divided by figure), one line per case, grouped by theme, smallest
+    first, on one page."""
     from matplotlib.figure import Figure
 
     groups: dict[str, list[str]] = {}
@@ -531,8 +531,9 @@ def picture(cases: Sequence[Case], rows: Sequence[Row], path: Path) -> None:
 
 
 def balanced(groups: Sequence[Sequence[str]]) -> list[list[tuple[str, bool]]]:
-    """The groups, a theme and its names each, in COLUMNS of about one height; the longest first.
-    A line is a text and whether it is a theme; an empty one is between groups."""
+    """The groups (theme and its names) in COLUMNS columns of similar height, longest first.
+
+    A line is a text and whether it is a theme; groups are separated by an empty line."""
     columns: list[list[tuple[str, bool]]] = [[] for _ in range(min(COLUMNS, len(groups)))]
     for theme, *names in sorted(groups, key=lambda group: -len(group)):
         column = min(columns, key=len)
@@ -542,22 +543,22 @@ def balanced(groups: Sequence[Sequence[str]]) -> list[list[tuple[str, bool]]]:
 
 
 def is_words(row: Row) -> bool:
-    """Whether what must come is a message, not a figure."""
+    """Whether the check expects a message, not a figure."""
     return row.check in ("warned", "refused")
 
 
 def least_margin(rows: Sequence[Row]) -> float:
-    """The least of a case; beyond all others without a figure."""
+    """Smallest margin of a case; infinite without a figure."""
     return min((row.margin for row in rows if not is_words(row)), default=math.inf)
 
 
 def colour_of(row: Row) -> str:
-    """That of its margin, or of its verdict where it does not hold."""
+    """Colour by margin, or by verdict if the bound does not hold."""
     return BAD if row.verdict in (FAILS, LIMIT) else NARROW if row.margin < WIDE else GOOD
 
 
 def draw_case(axes: Any, place: int, rows: Sequence[Row]) -> None:
-    """A dot for each check of each run, large that with the least margin; words as words."""
+    """Draw a dot for each check, large for the smallest margin; message checks as text."""
     figures = sorted((row for row in rows if not is_words(row)), key=lambda row: row.margin)
     axes.plot([0.1, FARTHEST], [place, place], color="0.92", lw=0.6, zorder=1)
     for k, row in reversed([*enumerate(figures)]):
@@ -581,7 +582,7 @@ def draw_case(axes: Any, place: int, rows: Sequence[Row]) -> None:
 
 
 def legend() -> Iterator[Any]:
-    """What the dots mean."""
+    """Legend of the dots."""
     from matplotlib.lines import Line2D
 
     for colour, face, label in (

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""One run of a plan: the scene with its values in place, simulated, as one row of the table."""
+"""One run of a plan: the scene with its values, simulated, as one row of the table."""
 
 from __future__ import annotations
 
@@ -41,17 +41,14 @@ from rb_sim.sweeps.expressions import NAMES, Expression
 from rb_sim.sweeps.plan import FIXED_COLUMNS, LoadedPlan
 from rb_sim.trajectory.trajectory import Trajectory
 
-# Numbers in a scene by their path: `bodies.coin.position[2]`, `effects.weight.acceleration[2]`.
+# Paths of numbers in a scene: `bodies.coin.position[2]`, `effects.weight.acceleration[2]`.
 
 
 Path = tuple[str | int, ...]
 
 
 def parse(text: str, file: str) -> Path:
-    """The keys and indices that `text` names.
-
-    Raises SceneError where it is no path.
-    """
+    """Keys and indices of the path `text`. Raises SceneError if it is not a path."""
     keys = keys_of(text)
     if keys is None:
         allowed = """must be a path like bodies.coin.position[2] or bodies["v1.2"].mass"""
@@ -60,7 +57,7 @@ def parse(text: str, file: str) -> Path:
 
 
 def placed(data: Any, path: Path, value: Any, text: str, file: str) -> Any:
-    """As `replaced`; text: the path as the user wrote it. Raises SceneError."""
+    """As `replaced`, with errors as SceneError. text: the path as written."""
     try:
         return replaced(data, path, value)
     except RbSimError as error:
@@ -68,7 +65,7 @@ def placed(data: Any, path: Path, value: Any, text: str, file: str) -> Any:
 
 
 def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
-    """Raise SceneError where two paths lead to the same number: one value would undo the other.
+    """Raise SceneError if two paths overlap: one value would overwrite the other.
 
     named: the paths as written and as parsed.
     """
@@ -80,9 +77,9 @@ def check_apart(named: Sequence[tuple[str, Path]], file: str) -> None:
 
 
 def with_default(data: Any, defaults: Any, path: Path) -> Any:
-    """A copy of `data` in which what `path` goes through is there, taken from `defaults` if absent.
+    """Copy of `data` with missing parts along `path` filled in from `defaults`.
 
-    defaults: the same scene with every default written out.
+    defaults: the same scene with all defaults written out.
     """
     if not path or not isinstance(data, Mapping) or not isinstance(defaults, Mapping):
         return data
@@ -93,23 +90,23 @@ def with_default(data: Any, defaults: Any, path: Path) -> Any:
 
 
 OK, FAILED, GIVEN_UP = "ok", "failed", "given up"
-"""What became of a run: it ended; it raised an error; it took longer than it may."""
+"""Status of a run: completed; raised an error; exceeded its time limit."""
 
 TAKEN = frozenset(
     {*FIXED_COLUMNS, *NAMES, *expressions.WHOLE_RUN, *expressions.BY_BODY, *expressions.MAPPINGS}
 )
-"""Names that a varied number cannot have."""
+"""Names that are not allowed for varied numbers."""
 
 SECTIONS = frozenset({"bodies", "constraints", "effects"})
-"""Of a scene: mappings from a name to what is checked by itself."""
+"""Sections of a scene that map names to independently validated entries."""
 
 
 class PlanRunner:
-    """Runs single points of one plan; made once per process, it reads every expression once.
+    """Runs single points of one plan; created once per process.
 
-    looks: values of a few runs that differ in everything that varies; from them it learns which
-    numbers the compiled laws have to take as inputs, so that they are compiled once for all runs.
-    Raises RbSimError for an expression or a path that is none.
+    looks: values of a few runs that together vary everything; they show which numbers the compiled
+    laws must take as inputs, so that laws are compiled once for all runs. Raises RbSimError for an
+    invalid expression or path.
     """
 
     def __init__(self, loaded: LoadedPlan, looks: Sequence[Mapping[str, float]] = ()) -> None:
@@ -137,7 +134,7 @@ class PlanRunner:
         self._hash = hashlib.sha256(text.encode())
 
     def _check_targets(self) -> None:
-        """Raise RbSimError where a varied number would change nothing, or two the same."""
+        """Raise RbSimError if a varied number has no effect, or two set the same value."""
         plan, file = self.loaded.plan, self.loaded.file
         settings = [(f"simulation: {{{key}: ...}}", ("simulation", key)) for key in plan.simulation]
         places = [place for several in self._paths.values() for place in several]
@@ -151,7 +148,7 @@ class PlanRunner:
 
     @cached_property
     def quantities(self) -> set[str]:
-        """The names of samples that the outputs need."""
+        """Names of samples that the outputs need."""
         whole = {*expressions.WHOLE_RUN, *expressions.BY_BODY, "reaction"}
         named = {name for output in self.expressions.values() for name in output.names}
         return (named & whole) | (
@@ -160,13 +157,13 @@ class PlanRunner:
 
     @cached_property
     def of_ends(self) -> bool:
-        """True if the outputs need the first and the last sample only."""
+        """Whether the outputs need only the first and the last sample."""
         varied = self.loaded.plan.vary
         return all(output.of_ends(varied) for output in self.expressions.values())
 
     def _with_defaults(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The scene as plain data, with those of its defaults written out that a path names; and
-        as it was checked."""
+        """The scene as plain data, with the defaults that a path refers to written out; and its
+        validated sections."""
         data = self.loaded.scene
         checked = scene_from_mapping(data, file=self.loaded.scene_file)
         defaults = checked.model_dump(by_alias=True, mode="json", warnings=False)
@@ -177,25 +174,25 @@ class PlanRunner:
 
     @cached_property
     def family(self) -> Family | None:
-        """The laws that the runs of the plan share; None where they share none.
+        """The laws shared by the runs of the plan; None if none are shared.
 
-        It follows from the plan alone, so that a run gives the same bits in every worker.
+        It depends only on the plan, so that a run gives the same bits in every worker.
         """
         members = []
         for values in self._looks:
-            with suppress(RbSimError):  # said in the row of that run
+            with suppress(RbSimError):  # reported in the row of that run
                 members.append(compile_scene(self.scene(values)))
         return family_of(members) if members else None
 
     def scene_hash(self, values: Mapping[str, float]) -> str:
-        """Names a run: what it simulates, how, and which outputs are kept of it."""
+        """Hash of a run: scene, settings, values and outputs."""
         digest = self._hash.copy()
         for name in sorted(values):
             digest.update(name.encode() + struct.pack("<d", values[name]))
         return digest.hexdigest()[:24]
 
     def mapping(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """The scene as plain data with these values in place."""
+        """The scene as plain data with these values."""
         data = self._base
         for name, places in self._paths.items():
             for text, path in places:
@@ -206,7 +203,7 @@ class PlanRunner:
         return data
 
     def scene(self, values: Mapping[str, float]) -> Scene:
-        """The checked scene of one run."""
+        """The validated scene of one run."""
         data = self.mapping(values)
         return scene_from_plain(
             self._known(data),
@@ -216,29 +213,29 @@ class PlanRunner:
         )
 
     def _known(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """The data with what no value has touched as it was checked already, once for all runs."""
+        """The data with unchanged entries replaced by validated objects, to save time."""
         known = dict(data)
         for section in SECTIONS.intersection(data):
             own, base, checked = (of[section] or {} for of in (data, self._base, self._checked))
-            if not isinstance(own, Mapping):  # the scene's check says so
+            if not isinstance(own, Mapping):  # reported by the scene's validation
                 continue
             known[section] = {
-                # a contact of all bodies is checked under other names, one for each body
+                # a contact of all bodies is validated under other names, one for each body
                 name: checked.get(name, entry) if entry is base[name] else entry
                 for name, entry in own.items()
             }
         return known
 
     def scene_text(self, values: Mapping[str, float]) -> str:
-        """YAML of the scene of one run, with the plan's own way to integrate: it runs alone."""
+        """YAML of the scene of one run with the plan's simulation options, to be run on its own."""
         data = self.mapping(values)
         options = self.scene(values).simulation.model_dump(exclude_none=True, exclude_unset=True)
         return yaml_reader.write({**data, "simulation": options})
 
     def run(self, values: Mapping[str, float]) -> tuple[dict[str, Any], Trajectory | None]:
-        """(status, reason, steps and outputs of one run; its samples, None where it failed).
+        """(status, reason, steps and outputs of one run; its samples, None if it failed).
 
-        What goes wrong with this very run becomes its status and reason, not an exception.
+        Errors of this run become its status and reason, not exceptions.
         """
         columns = {name: math.nan for name in self.expressions}
         row: dict[str, Any] = {"status": OK, "reason": "", "steps": 0, **columns}
@@ -259,9 +256,9 @@ class PlanRunner:
         return row, trajectory
 
     def _simulated(self, simulation: Simulation) -> tuple[Trajectory, bool]:
-        """The samples of a run, and whether it came to its end in time, compiling aside."""
+        """Samples of a run, and whether it completed in time, compilation excluded."""
         options = simulation.scene.simulation
-        began: float | None = None  # when it is first asked: what had to be compiled is by then
+        began: float | None = None  # set at the first call, after compilation
         late = False
 
         def goes_on(_: float) -> bool:
@@ -277,7 +274,7 @@ class PlanRunner:
         return run, bool(whole) or not late
 
     def outputs(self, values: Mapping[str, float], run: Trajectory) -> dict[str, float]:
-        """The plan's outputs of a run. Raises RbSimError for one that is not a single number."""
+        """The plan's outputs of a run. Raises RbSimError if one is not a single number."""
         names, functions = {**expressions.names(run), **values}, expressions.functions(run)
         kept = {}
         for name, expression in self.expressions.items():
@@ -287,9 +284,9 @@ class PlanRunner:
         return kept
 
     def check(self, values: Mapping[str, float]) -> Simulation:
-        """The simulation of one run, for a look before all others start.
+        """The simulation of one run, to validate the plan before all others start.
 
-        Raises RbSimError for what would be wrong with every run: a path, an output.
+        Raises RbSimError for errors common to all runs: a path, an output.
         """
         for name in values:
             if name in TAKEN:
@@ -303,12 +300,12 @@ class PlanRunner:
 
 
 def ended(steps: int, outputs: Mapping[str, float]) -> dict[str, Any]:
-    """The row of a run that came to its end."""
+    """The row of a completed run."""
     return {"status": OK, "reason": "", "steps": steps, **outputs}
 
 
 def _numbers(expression: Expression, value: Any) -> Any:
-    """What a derived expression puts into the scene; raises RbSimError where that is no number."""
+    """Value of a derived expression for the scene. Raises RbSimError if it is not numeric."""
     try:
         return np.asarray(value, dtype=float).tolist()
     except (TypeError, ValueError):
@@ -316,7 +313,7 @@ def _numbers(expression: Expression, value: Any) -> Any:
 
 
 def _one_number(expression: Expression, value: Any) -> float:
-    """The value of an output; raises RbSimError where it is not a single number."""
+    """Value of an output. Raises RbSimError if it is not a single number."""
     if isinstance(value, (str, Mapping)):
         what = "no number"
     elif np.ndim(value):

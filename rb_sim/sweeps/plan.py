@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A plan: a scene, what varies in it, and what is kept of every run."""
+"""A plan: a scene, its varied numbers, and the outputs kept of every run."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ from rb_sim.scene.load import OVERRIDES
 from rb_sim.scene.yaml_reader import validated
 
 MOST_RUNS = 10_000_000
-"""Of one plan: beyond, not even the numbers that vary fit into the memory of one process."""
+"""Maximum number of runs of a plan: the varied values of more do not fit into memory."""
 
 Sampling = Literal["random", "sobol", "latin_hypercube", "saltelli"]
 Pair = Annotated[tuple[Finite, Finite], Strict(False)]
 
 
 class Grid(Spec):
-    """Evenly spaced values, both ends included."""
+    """Evenly spaced values, including both ends."""
 
     start: Finite = Field(alias="from")
     stop: Finite = Field(alias="to")
@@ -82,16 +82,16 @@ NOT_SI = frozenset(
     "° deg degree degrees rpm turn turns mm cm dm km um in inch ft g t lb lbs ms us min h kN MN mN "
     "kJ mJ kW bar hp mph".split()
 )
-"""Units that a number of a scene never has: a column named so would hold something else."""
+"""Units not allowed for a varied number, since a scene is in SI units."""
 
 KINDS = ("grid", "list", "normal", "uniform", "log_uniform")
 
 
 class Vary(Spec):
-    """One number that varies: where it goes in the scene, and which values it takes."""
+    """A varied number: its paths in the scene, and its values."""
 
     path: str | Annotated[tuple[str, ...], Strict(False), Field(min_length=1)] | None = None
-    """in the scene, or several that get the same value; None: only named by `derived`."""
+    """path in the scene, or several that get the same value; None: used only by `derived`."""
     unit: str = ""
     grid: Grid | None = None
     values: Annotated[tuple[Finite, ...], Strict(False), Field(min_length=1)] | None = Field(
@@ -103,14 +103,14 @@ class Vary(Spec):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The paths in the scene that get the value."""
+        """Paths in the scene that get the value."""
         if self.path is None:
             return ()
         return (self.path,) if isinstance(self.path, str) else self.path
 
     @property
     def random(self) -> bool:
-        """True where the values are drawn, False where they are listed."""
+        """True if the values are drawn, False if they are listed."""
         return self.grid is None and self.values is None
 
     @model_validator(mode="after")
@@ -127,7 +127,7 @@ class Vary(Spec):
 
 
 class Correlation(Spec):
-    """A correlation between two drawn numbers (of the normal variables behind them)."""
+    """Correlation between two drawn numbers (between their underlying normal variables)."""
 
     between: Annotated[tuple[Identifier, Identifier], Strict(False)]
     coefficient: Annotated[Finite, Field(gt=-1.0, lt=1.0)]
@@ -152,12 +152,12 @@ class Plan(Spec):
     scene: str
     """a YAML file (relative to the plan), or the name of a shipped scene."""
     simulation: dict[str, Any] = Field(default_factory=dict)
-    """duration, rate, method, step or tolerance instead of the scene's."""
+    """duration, rate, method, step or tolerance that replace the scene's."""
     vary: dict[Identifier, Vary] = Field(min_length=1)
     derived: dict[str, str] = Field(default_factory=dict)
     """path in the scene -> expression of the varied names."""
     draws: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
-    """of the drawn numbers; for saltelli the base samples N of N (D + 2) runs."""
+    """number of draws; for saltelli the base samples N of N (D + 2) runs."""
     sampling: Sampling = "random"
     seed: Annotated[int, Field(ge=0)] = 0
     correlations: Annotated[tuple[Correlation, ...], Strict(False)] = ()
@@ -165,11 +165,11 @@ class Plan(Spec):
         default_factory=dict
     )
     final_state: bool = False
-    """keep position, orientation and velocities of every body at the end."""
+    """keep position, orientation and velocities of every body at the end of each run."""
     trajectories: Annotated[int, Field(ge=0, le=10_000)] = 0
-    """of so many runs (the first ones) all samples are kept."""
+    """number of runs (the first ones) of which all samples are kept."""
     seconds_per_run: Positive = 60.0
-    """wall time after which a run is given up [s]."""
+    """wall-clock time limit of a run [s]."""
 
     _file: str = ""
 
@@ -194,7 +194,7 @@ class Plan(Spec):
         return self
 
     def _check_correlations(self, drawn: list[str]) -> None:
-        """Raise the error for a correlation that cannot be."""
+        """Raise the error of an invalid correlation."""
         if self.correlations and self.sampling == "saltelli":
             allowed = refuse("omitted: Sobol indices are of numbers that do not depend on others")
             raise refuse_at((("correlations",), "some", allowed))
@@ -210,7 +210,7 @@ class Plan(Spec):
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
-        """How many values each listed number takes, in the order of the plan."""
+        """Number of values of each listed number, in the order of the plan."""
         return tuple(
             vary.grid.count if vary.grid else len(vary.values or ())
             for vary in self.vary.values()
@@ -219,12 +219,12 @@ class Plan(Spec):
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """The names that are drawn."""
+        """Names of the drawn numbers."""
         return tuple(name for name, vary in self.vary.items() if vary.random)
 
     @property
     def runs(self) -> int:
-        """How many runs the plan has."""
+        """Number of runs of the plan."""
         draws = self.draws or 1
         if self.sampling == "saltelli" and self.drawn:
             draws *= len(self.drawn) + 2
@@ -232,11 +232,11 @@ class Plan(Spec):
 
 
 FIXED_COLUMNS = ("run", "batch", "scene_hash", "status", "reason", "steps")
-"""Columns that every table of runs has."""
+"""Columns of every table of runs."""
 
 
 class LoadedPlan:
-    """A plan with the scene that it names, as plain data.
+    """A plan and its scene, as plain data.
 
     plan, file: as read. scene_file: the scene's path. scene: the scene's mapping.
     """
@@ -245,21 +245,21 @@ class LoadedPlan:
         self.plan, self.file, self.scene_file, self.scene = plan, file, scene_file, scene
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data from which `from_dict` makes the same plan, `vary` in the same order."""
+        """Plain data for `from_dict`; keeps the order of `vary`."""
         plan = self.plan.model_dump(by_alias=True, exclude_unset=True, mode="json")
         return {"plan": plan, "file": self.file, "scene_file": self.scene_file, "scene": self.scene}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> LoadedPlan:
-        """The plan of `as_dict`."""
+        """The plan from the data of `as_dict`."""
         plan = validated(Plan, data["plan"], data["file"])
         return cls(plan, data["file"], data["scene_file"], data["scene"])
 
 
 def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
-    """The plan of a YAML file, of the name of a shipped plan, or of a mapping.
+    """The plan of a YAML file, a shipped plan (by name), or a mapping.
 
-    Raises SceneError with file, key, value and what is allowed, in one line.
+    Raises SceneError with file, key, value and allowed values, in one line.
     """
     if isinstance(source, dict):
         data, file, folder = source, "<plan>", Path()
@@ -288,7 +288,7 @@ def load_plan(source: str | Path | dict[str, Any]) -> LoadedPlan:
 
 
 def shipped_plans() -> dict[str, Path]:
-    """The plans that come with rb_sim, by name."""
+    """Paths of the plans shipped with rb_sim, by name."""
 
     for folder in scene_folders():
         found = {path.stem: path for path in sorted((folder / "sweeps").glob("*.yaml"))}
@@ -299,9 +299,9 @@ def shipped_plans() -> dict[str, Path]:
 
 
 def find_plan(source: str | Path) -> Path:
-    """The path of a plan given by its file or by the name of a shipped one.
+    """Path of a plan given by file or by the name of a shipped one.
 
-    Raises SceneError that lists the shipped plans.
+    Raises SceneError, which lists the shipped plans.
     """
     path = Path(source)
     if path.is_file():
@@ -314,14 +314,14 @@ def find_plan(source: str | Path) -> Path:
     raise SceneError(f"{why}; a plan must be {allowed}", file=str(source))
 
 
-# The values of the varied numbers: every run of a plan is one row.
+# Values of the varied numbers in every run.
 
 
 def points(plan: Plan) -> dict[str, np.ndarray]:
-    """The value of each varied name in every run, shape (runs,) each.
+    """Value of each varied name in every run, shape (runs,) each.
 
-    Runs are ordered with the draws innermost: every point of the grid sees the same draws (common
-    random numbers).  The same plan gives the same values on every machine.
+    The draws are the innermost index: every grid point gets the same draws (common random numbers).
+    The same plan gives the same values on every machine.
     """
     draws = _drawn(plan)
     count = len(next(iter(draws.values()))) if draws else 1
@@ -338,7 +338,7 @@ def points(plan: Plan) -> dict[str, np.ndarray]:
 
 
 def listed(vary: Vary) -> np.ndarray:
-    """The values of a number that is not drawn."""
+    """Values of a listed number."""
     if vary.grid is None:
         return np.array(vary.values, dtype=float)
     grid = vary.grid
@@ -347,7 +347,7 @@ def listed(vary: Vary) -> np.ndarray:
 
 
 def _drawn(plan: Plan) -> dict[str, np.ndarray]:
-    """The draws of each drawn name."""
+    """Draws of each drawn name."""
     names = plan.drawn
     if not names:
         return {}
@@ -366,7 +366,7 @@ def _unit_cube(plan: Plan, dimensions: int) -> np.ndarray:
     if plan.sampling == "random":
         u = np.random.default_rng(plan.seed).random((plan.draws, dimensions))
     else:
-        with warnings.catch_warnings():  # a number of draws that is no power of 2 is allowed
+        with warnings.catch_warnings():  # draws need not be a power of 2
             warnings.simplefilter("ignore", UserWarning)
             u = engines[plan.sampling](dimensions, seed=plan.seed).random(plan.draws)
     tiny = np.finfo(float).tiny
@@ -374,7 +374,7 @@ def _unit_cube(plan: Plan, dimensions: int) -> np.ndarray:
 
 
 def _saltelli(plan: Plan, dimensions: int) -> np.ndarray:
-    """Saltelli's design for Sobol indices of first and total order (SALib)."""
+    """Saltelli's design for first-order and total Sobol indices (SALib), (runs, dimensions)."""
     try:
         from SALib.sample import sobol
     except ImportError as error:
@@ -393,7 +393,7 @@ def saltelli_problem(names: list[str]) -> dict[str, Any]:
 
 
 def _factor(plan: Plan, names: tuple[str, ...]) -> np.ndarray:
-    """Cholesky factor of the correlations; raises RbSimError where they contradict each other."""
+    """Cholesky factor of the correlations. Raises RbSimError if not positive definite."""
     matrix = np.eye(len(names))
     for pair in plan.correlations:
         i, j = (names.index(name) for name in pair.between)
@@ -408,7 +408,7 @@ def _factor(plan: Plan, names: tuple[str, ...]) -> np.ndarray:
 
 
 def _quantile(vary: Vary, u: np.ndarray) -> np.ndarray:
-    """The values of a drawn number at the probabilities u."""
+    """Values of a drawn number at the probabilities u."""
     if vary.normal is not None:
         return vary.normal.mean + vary.normal.std * stats.norm.ppf(u)
     if vary.uniform is not None:

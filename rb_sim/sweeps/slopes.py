@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How the outputs of a plan change with what varies, at the middle of the plan."""
+"""Derivatives of the outputs of a plan with respect to the varied numbers, at its medians."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from rb_sim.trajectory.trajectory import Trajectory
 Long = np.longdouble
 
 SIDE = 1e-4
-"""Step of the central differences beside, of the spread of the number."""
+"""Step of the central differences, relative to the spread of the number."""
 LEAST_SIDE = 1e-6
-"""Step, of the spread of the number, along the derivative of the samples: in extended precision the
-difference of an expression so near beside is its derivative to twelve digits."""
+"""Step along the derivative of the samples, relative to the spread of the number: in extended
+precision the difference of an expression then gives its derivative to twelve digits."""
 
 
 class Slope(NamedTuple):
     """d output / d number, in their units."""
 
     exact: float
-    """carried along the motion; NaN where that cannot be (see Slopes.why)."""
+    """by integrated sensitivities; NaN if not available (see Slopes.why)."""
     difference: float
-    """of two runs beside; NaN where one of them failed."""
+    """central difference of two runs; NaN if one of them failed."""
 
 
 class Slopes(NamedTuple):
-    """The slopes of all outputs at one point."""
+    """Derivatives of all outputs at one point."""
 
     point: dict[str, float]
     by_output: dict[str, dict[str, Slope]]
     why: str
-    """why there are no exact ones; "" where there are."""
+    """why there are no exact derivatives; "" if there are."""
 
 
 def slopes(runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, float]) -> Slopes:
-    """Slopes of every output by every number of which a spread > 0 is given."""
+    """Derivatives of every output by every number with a spread > 0."""
     names = [name for name, width in spread.items() if width > 0.0]
     outputs = list(runner.expressions)
     smooth, why = _without_settings(runner, point, {name: spread[name] for name in names})
@@ -73,13 +73,13 @@ def slopes(runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, 
 def _without_settings(
     runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, float]
 ) -> tuple[dict[str, float], str]:
-    """The numbers that leave duration, rate and method as they are, and why others are missing."""
+    """Numbers that do not affect duration, rate and method; and why others are excluded."""
     kept, missing = {}, []
     for name, width in spread.items():
         try:
             beside = runner.scene({**point, name: point[name] + SIDE * width})
             settings = changed_settings(runner.scene(point), beside)
-        except RbSimError as error:  # a median at an end of what is allowed
+        except RbSimError as error:  # the median is at a limit of the allowed range
             missing.append(f"{name}: {error}")
             continue
         if settings:
@@ -92,7 +92,7 @@ def _without_settings(
 def _difference(
     runner: PlanRunner, point: Mapping[str, float], name: str, h: float
 ) -> dict[str, float]:
-    """Central differences of all outputs; NaN where a run failed."""
+    """Central differences of all outputs; NaN if a run failed."""
     rows = [runner.run({**point, name: point[name] + side})[0] for side in (h, -h)]
     return {
         output: (rows[0][output] - rows[1][output]) / (2.0 * h) for output in runner.expressions
@@ -102,9 +102,9 @@ def _difference(
 def _exact(
     runner: PlanRunner, point: Mapping[str, float], spread: Mapping[str, float]
 ) -> dict[tuple[str, str], float]:
-    """The derivatives carried along the motion, by output and number.
+    """Derivatives by integrated sensitivities, by output and number.
 
-    An output that has none (the instant of a sample) is left out.
+    Outputs without a derivative (e.g. the time of a sample) are omitted.
     """
     names = list(spread)
 
@@ -133,9 +133,9 @@ def change_of(
     run: Trajectory,
     h: float,
 ) -> float:
-    """Derivative of an expression along `changes` of the values that it starts from.
+    """Derivative of an expression along `changes` of its input values.
 
-    h: step of the central difference. Raises RbSimError for an expression of instants.
+    h: step of the central difference. Raises RbSimError for expressions of instants.
     """
     functions = expressions.functions(run) | dict.fromkeys(INSTANTS, _no_derivative)
     high, low = (expression.value(_moved(values, changes, s), functions) for s in (h, -h))
@@ -150,7 +150,7 @@ def _no_derivative(*_: Any) -> Any:
 
 
 def _moved(values: Mapping[str, Any], changes: Mapping[str, Any], s: float) -> dict[str, Any]:
-    """Values + s changes of arrays in nested mappings, in extended precision."""
+    """values + s changes for arrays in nested mappings, in extended precision."""
     return {
         name: _moved(value, changes[name], s)
         if isinstance(value, Mapping)

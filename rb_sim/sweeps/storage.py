@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The table of runs on disk (Parquet), and what of a plan it holds already."""
+"""The table of runs on disk (Parquet), and reuse of the runs that it contains."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     import pyarrow
 
 
-# The table of runs: a Parquet dataset, one file a batch, written whole or not at all.
+# The table of runs: a Parquet dataset, one file per batch, written atomically.
 #
-# pandas.read_parquet(DIR/runs), polars.scan_parquet, DuckDB and Dask read it in one line each.
+# Readable by pandas.read_parquet(DIR/runs), polars.scan_parquet, DuckDB and Dask.
 
 
 RUNS, TRAJECTORIES = "runs", "trajectories"
-"""Folders of a sweep: the table, and all samples of a few runs."""
+"""Folders of a sweep: the table, and the samples of some runs."""
 
 
 def arrow() -> Any:
-    """The module pyarrow; raises MissingExtraError where it is not installed."""
+    """The module pyarrow. Raises MissingExtraError if it is not installed."""
     try:
         import pyarrow
         import pyarrow.dataset
@@ -54,7 +54,7 @@ def arrow() -> Any:
 
 
 def table_schema(loaded: LoadedPlan, bodies: tuple[str, ...]) -> pyarrow.Schema:
-    """Columns of the table with their units; plan, scene and versions in the schema's metadata."""
+    """Columns of the table with units; plan, scene and versions as metadata of the schema."""
     pa, plan = arrow(), loaded.plan
 
     def column(name: str, unit: str) -> Any:
@@ -76,21 +76,18 @@ def table_schema(loaded: LoadedPlan, bodies: tuple[str, ...]) -> pyarrow.Schema:
 
 
 def batch_file(folder: Path, batch: int) -> Path:
-    """Where the rows of a batch are kept."""
+    """Path of the rows of a batch."""
     return folder / RUNS / f"batch={batch:06d}" / "part.parquet"
 
 
 def write_rows(path: Path, rows: list[dict[str, Any]], schema: pyarrow.Schema) -> None:
-    """Write the rows as one Parquet file that is there whole or not at all."""
+    """Write the rows as one Parquet file, atomically. Raises SinkError."""
     pa = arrow()
     write_table(path, pa.Table.from_pylist(rows, schema=schema))
 
 
 def write_table(path: Path, table: pyarrow.Table) -> None:
-    """Write a table as one Parquet file that is there whole or not at all.
-
-    Raises SinkError where the disk does not take it.
-    """
+    """Write a table as one Parquet file, atomically. Raises SinkError if it cannot be written."""
     pa = arrow()
     unfinished = path.parent / f".{path.name}.{os.getpid()}"
     try:
@@ -107,12 +104,12 @@ def write_table(path: Path, table: pyarrow.Table) -> None:
 
 
 def batch_files(folder: Path) -> list[Path]:
-    """The files of the table, in the order of their numbers."""
+    """Files of the table, ordered by batch number."""
     return sorted((folder / RUNS).glob("batch=*/part.parquet"))
 
 
 def batch_number(path: Path) -> int:
-    """The number of the batch whose rows that file holds. Raises RbSimError where it has none."""
+    """Number of the batch in that file. Raises RbSimError if it has none."""
     try:
         return int(path.parent.name.removeprefix("batch="))
     except ValueError:
@@ -120,14 +117,14 @@ def batch_number(path: Path) -> int:
 
 
 def trajectory_file(folder: Path, run: int) -> Path:
-    """Where all samples of a run are kept."""
+    """Path of the samples of a run."""
     return folder / TRAJECTORIES / f"run={run:08d}" / "part.parquet"
 
 
 def read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
     """These columns of a file of the table (all if None).
 
-    Raises RbSimError where it not the table of a sweep.
+    Raises RbSimError if it is not the table of a sweep.
     """
     pa = arrow()
     try:
@@ -138,7 +135,7 @@ def read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
 
 
 def plan_of(schema: pyarrow.Schema) -> LoadedPlan:
-    """The plan that a table was made by. Raises RbSimError where it names none."""
+    """The plan of a table. Raises RbSimError if it contains none."""
     try:
         return LoadedPlan.from_dict(json.loads(schema.metadata[b"plan"]))
     except (TypeError, KeyError, ValueError):
@@ -146,14 +143,14 @@ def plan_of(schema: pyarrow.Schema) -> LoadedPlan:
 
 
 def start_file(folder: Path) -> Path:
-    """It names the start that writes in the folder, and is locked as long as that goes on."""
+    """File with the identifier of the sweep that writes in the folder and locks the file."""
     return folder / ".start"
 
 
 def is_overtaken(folder: Path, start: str) -> bool:
-    """True if another start writes in the folder now: what this one has left to do is done there.
+    """Whether another sweep is writing in the folder now, and will do the remaining runs.
 
-    A worker of a cluster ends its batch even where the sweep that asked for it was killed.
+    A worker of a cluster completes its batch even if its sweep was killed.
     """
     try:
         return start_file(folder).read_text() != start
@@ -163,9 +160,9 @@ def is_overtaken(folder: Path, start: str) -> bool:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[str]:
-    """Names this start in the folder, made if absent, where no other sweep writes meanwhile.
+    """Lock the folder for this sweep, creating it if needed; yields the identifier of this start.
 
-    Raises RbSimError where one does, or where the folder cannot be written.
+    Raises RbSimError if another sweep holds the lock, or the folder cannot be written.
     """
     try:
         (folder / RUNS).mkdir(parents=True, exist_ok=True)
@@ -174,7 +171,7 @@ def alone(folder: Path) -> Iterator[str]:
         raise RbSimError(f"{folder}: cannot be written: {error.strerror}") from None
     with lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # let go when this process ends
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # released when this process ends
         except OSError:
             raise RbSimError(
                 f"{folder}: another sweep is writing there; must be another folder, or wait"
@@ -187,7 +184,7 @@ def alone(folder: Path) -> Iterator[str]:
 
 
 def open_dataset(folder: Path) -> Any:
-    """The dataset of a sweep, nothing of it read yet. Raises RbSimError where there is none."""
+    """The dataset of a sweep, not yet read. Raises RbSimError if there is none."""
     pa = arrow()
     if not batch_files(folder):
         raise RbSimError(
@@ -200,31 +197,31 @@ def open_dataset(folder: Path) -> Any:
 
 
 def open_table(folder: Path) -> pyarrow.Table:
-    """All rows of a sweep, ordered by run. Raises RbSimError where the folder holds none."""
+    """All rows of a sweep, ordered by run. Raises RbSimError if the folder has none."""
     dataset = open_dataset(folder)
     table = dataset.to_table().sort_by("run")
     return table.replace_schema_metadata(dataset.schema.metadata)
 
 
-# What a folder holds of a plan already: the runs that do not have to be done again.
+# Reuse of the runs of a plan that a folder already contains.
 #
-# A row belongs to a plan where the plan has a run of the same hash (see `PlanRunner.scene_hash`).
-# A plan that grows, by draws or by points of a grid, numbers its runs anew, and so are the rows.
+# A row belongs to a plan if the plan has a run with the same hash (see `PlanRunner.scene_hash`). A
+# plan that grew, by draws or grid points, numbers its runs differently; rows are renumbered.
 
 
 NONE = -1
-"""Instead of the number of a run: the plan has none such."""
+"""Run number of a row that belongs to no run of the plan."""
 
 
 def take_over(
     folder: Path, plan: Plan, hashes: np.ndarray, schema: pyarrow.Schema
 ) -> tuple[np.ndarray, int]:
-    """(which runs of the plan the folder holds, shape (runs,); number of the next batch).
+    """(mask of the plan's runs that the folder contains, shape (runs,); number of the next batch).
 
-    hashes: of the plan's runs, as bytes, shape (runs,). schema: of a table by this plan.
-    The rows get the numbers that this plan gives their runs, and its metadata. Rows that are to be
-    done again are taken out: given up after less time than the plan allows, or without the samples
-    that it keeps. Raises RbSimError where a row belongs to no run of the plan.
+    hashes: of the plan's runs, as bytes, shape (runs,). schema: of a table of this plan. The rows
+    get this plan's run numbers and metadata. Rows are deleted if their run must be repeated: it
+    exceeded a shorter time limit, or its samples are missing. Raises RbSimError if a row belongs to
+    no run of the plan.
     """
     files = batch_files(folder)
     columns = [_runs_and_hashes(path) for path in files]
@@ -237,7 +234,7 @@ def take_over(
             f"{folder}: holds {foreign} rows that are no runs of this plan (another scene, other "
             "values, outputs or settings, or another version of rb_sim); must be another folder"
         )
-    for run in before[before != now].tolist():  # samples are known by the number of their run
+    for run in before[before != now].tolist():  # samples are stored under the old run number
         shutil.rmtree(trajectory_file(folder, run).parent, ignore_errors=True)
     held = np.zeros(len(hashes), dtype=bool)
     for path, old, new in zip(files, np.split(before, sizes), np.split(now, sizes), strict=False):
@@ -251,10 +248,10 @@ def take_over(
 
 
 def _numbered(before: np.ndarray, names: np.ndarray, hashes: np.ndarray) -> np.ndarray:
-    """The number that the plan gives the run of each row, NONE where it has none such.
+    """The plan's run number for each row, NONE if there is none.
 
-    before: numbers so far, names: hashes of the rows. Runs of equal values are counted each: the
-    k-th row of them is the k-th run.
+    before: numbers so far, names: hashes of the rows. Runs of equal values are matched in order:
+    the k-th row to the k-th run.
     """
     order = np.argsort(hashes, kind="stable")
     wanted = hashes[order]
@@ -275,7 +272,7 @@ def _runs_and_hashes(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _kept(folder: Path, table: pyarrow.Table, runs: np.ndarray, plan: Plan) -> np.ndarray:
-    """Which rows need not be done again. runs: the numbers that they have now."""
+    """Mask of the rows whose runs need not be repeated. runs: their present numbers."""
     status = np.array(table.column("status").to_pylist(), dtype=object)
     limit = plan_of(table.schema).plan.seconds_per_run
     kept = (status != GIVEN_UP) | (limit >= plan.seconds_per_run)
@@ -287,7 +284,7 @@ def _kept(folder: Path, table: pyarrow.Table, runs: np.ndarray, plan: Plan) -> n
 def _rewrite(
     path: Path, table: pyarrow.Table, runs: np.ndarray, kept: np.ndarray, schema: pyarrow.Schema
 ) -> None:
-    """Write the rows that are kept, with their numbers, in place of the file."""
+    """Replace the file by the kept rows with their new numbers; delete it if there are none."""
     pa: Any = arrow()
     columns = [pa.array(runs) if name == "run" else table.column(name) for name in schema.names]
     renewed = pa.Table.from_arrays(columns, schema=schema).filter(pa.array(kept))

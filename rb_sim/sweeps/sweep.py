@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`sweep`: all runs of a plan, on all cores or on a cluster, into a table on disk."""
+"""`sweep`: simulates all runs of a plan, on all cores or a cluster, into a table on disk."""
 
 from __future__ import annotations
 
@@ -44,28 +44,27 @@ from rb_sim.sweeps.one_run import PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.storage import take_over
 
-# The scheduler: batches go to the workers of dask.distributed, here or on a cluster.
+# The scheduler: batches are distributed to workers of dask.distributed, local or on a cluster.
 #
-# Only a few batches per worker are in flight, so that neither the scheduler's memory nor its time
-# grows with the number of runs.  A worker that dies costs its batch, which dask runs again
-# elsewhere.
+# Only a few batches per worker are submitted at once, so that the scheduler's memory and time do
+# not grow with the number of runs. If a worker dies, dask repeats its batch elsewhere.
 
 
-# Whether the script that asks for workers may be imported by them.
+# Check that the calling script can be imported by workers.
 #
-# Processes that are spawned import the script that started them: what it does outside of
-# `if __name__ == "__main__":` is done in each of them again, sweeps included.
+# Spawned processes import the script that started them and execute all of it outside of
+# `if __name__ == "__main__":`, including sweeps.
 
 
 def check_guarded() -> None:
-    """Raise RbSimError where a script calls this from a line that its workers would run, too."""
+    """Raise RbSimError if a script calls this from a line that its workers would execute too."""
     frame = _of_the_script()
     if frame is None:
         return
     script = Path(frame.f_code.co_filename)
     try:
         tree = ast.parse(script.read_text(encoding="utf-8"))
-    except (OSError, ValueError, SyntaxError):  # typed in, or of a notebook: nobody imports it
+    except (OSError, ValueError, SyntaxError):  # interactive or a notebook: never imported
         return
     if not any(_guards(node, frame.f_lineno) for node in tree.body):
         raise RbSimError(
@@ -75,7 +74,7 @@ def check_guarded() -> None:
 
 
 def _of_the_script() -> FrameType | None:
-    """The frame of the script that was started, in which the call is; None where it is in none."""
+    """Frame of the started script that contains the call; None if there is none."""
     if getattr(sys.modules.get("__main__"), "__file__", None) is None:
         return None
     frame = inspect.currentframe()
@@ -87,29 +86,29 @@ def _of_the_script() -> FrameType | None:
 
 
 def _guards(node: ast.stmt, line: int) -> bool:
-    """Whether the statement keeps that line from those who import the file."""
+    """Whether the statement prevents the execution of that line on import."""
     if not isinstance(node, ast.If) or not node.lineno <= line <= (node.end_lineno or line):
         return False
     return any(isinstance(x, ast.Name) and x.id == "__name__" for x in ast.walk(node.test))
 
 
 IN_FLIGHT = 3
-"""Batches per worker that are submitted ahead."""
+"""Number of batches per worker submitted ahead."""
 
 CONNECT = 20.0
-"""How long to wait for a scheduler [s]."""
+"""Timeout for the connection to a scheduler [s]."""
 
 
 START = 120.0
-"""How long workers on this machine may take to answer; a busy machine starts them slowly [s]."""
+"""Timeout for the start of local workers, which is slow on a busy machine [s]."""
 
 
 @contextmanager
 def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
-    """A dask client: of the scheduler at that address, or of workers on this machine.
+    """A dask client: of the scheduler at that address, or of local workers.
 
-    workers: processes of one thread each; one a core if None.
-    Raises RbSimError where the scheduler does not answer.
+    workers: number of single-threaded processes; None: one per core. Raises RbSimError if the
+    scheduler does not answer.
     """
     try:
         from dask import config
@@ -125,7 +124,7 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             yield connected
         return
     quiet = {"distributed.worker.daemon": False, "distributed.logging.distributed": "error"}
-    quiet["distributed.worker.profile.enabled"] = False  # 100 looks a second at what the runs do
+    quiet["distributed.worker.profile.enabled"] = False  # it would sample 100 times a second
     with config.set({**quiet, "distributed.comm.timeouts.connect": f"{START:g}s"}):
         settings: dict[str, Any] = {"dashboard_address": ":0", "silence_logs": 50}
         settings |= {"threads_per_worker": 1, "processes": True}
@@ -138,12 +137,12 @@ def client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes that begin inside do not hear Ctrl-C, which a terminal sends to all at once.
+    """Processes started inside the block ignore Ctrl-C, which a terminal sends to the whole group.
 
-    They are ended by this process then, instead of each by itself with a traceback. It hears of an
-    interrupt itself at the end of the block.
+    This process then ends them, instead of each ending with its own traceback. An interrupt of this
+    process is delivered at the end of the block.
     """
-    resource_tracker.ensure_running()  # which lets SIGINT through again once it has started
+    resource_tracker.ensure_running()  # its start unblocks SIGINT, so start it before
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -158,9 +157,9 @@ def run_batches(
     batches: Iterable[Batch],
     report: Callable[[Done], None],
 ) -> None:
-    """Do all batches; `report` gets each as it ends.
+    """Execute all batches; `report` is called with each result.
 
-    Raises SimulationError where a batch killed every worker that tried it.
+    Raises SimulationError if a batch killed every worker that tried it.
     """
     from distributed import as_completed
 
@@ -189,18 +188,18 @@ def run_batches(
             running.add(submit(following))
 
 
-# Some runs of a sweep once more, under all checks: those that share lanes nobody watches.
+# Repetition of some runs with all checks, since runs in lanes have none.
 
 
 FEW, MOST, ONE_IN = 2, 8, 50
-"""Runs that are looked at: one in fifty, which costs as much as watching all of them would."""
+"""Number of repeated runs: one in fifty within these limits, as costly as checking all runs."""
 
 
 class Lost(NamedTuple):
-    """Accuracy that was lost in a run of a sweep."""
+    """A failed accuracy check of a run of a sweep."""
 
     run: int
-    """its number in the plan."""
+    """its run number in the plan."""
     finding: Finding
 
     def __str__(self) -> str:
@@ -208,7 +207,7 @@ class Lost(NamedTuple):
 
 
 def to_look_at(runs: np.ndarray) -> list[int]:
-    """Some of these runs, spread over all, the first and the last among them."""
+    """Some of these runs, evenly spread, including the first and the last."""
     count = min(len(runs), max(FEW, min(MOST, len(runs) // ONE_IN)))
     return sorted({int(runs[i]) for i in np.linspace(0, len(runs) - 1, count).round().astype(int)})
 
@@ -216,10 +215,9 @@ def to_look_at(runs: np.ndarray) -> list[int]:
 def look_over(
     runner: PlanRunner, values: Mapping[str, np.ndarray], runs: Sequence[int]
 ) -> tuple[Lost, ...]:
-    """What the checks find of lost accuracy in these runs of the plan.
+    """Findings of the accuracy checks in these runs of the plan.
 
-    A run that fails, or takes longer than the plan lets it, is reported as far as it went; why it
-    ended is in its row.
+    A run that fails or exceeds its time limit is checked up to that point; its row has the reason.
     """
     found: list[Lost] = []
     for run in runs:
@@ -229,11 +227,11 @@ def look_over(
 
 
 def findings(runner: PlanRunner, values: Mapping[str, float]) -> tuple[Finding, ...]:
-    """What the checks find in the run with these values, simulated by itself."""
+    """Findings of the accuracy checks in the run with these values, simulated singly."""
     try:
         simulation = Simulation(runner.scene(values), family=runner.family, announce=None)
         simulation.warm()
-    except RbSimError:  # as its row says
+    except RbSimError:  # reported in its row
         return ()
     options = simulation.scene.simulation
     end = time.perf_counter() + runner.loaded.plan.seconds_per_run
@@ -248,20 +246,20 @@ def findings(runner: PlanRunner, values: Mapping[str, float]) -> tuple[Finding, 
 
 
 BATCH_TIME = 1.0
-"""CPU time of a batch, about [s]: the scheduler's milliseconds are then lost in it, and a worker
-that dies, or an end in between, loses little."""
+"""Approximate CPU time of a batch [s]: large against the scheduler's overhead of milliseconds, but
+little is lost if a worker dies or the sweep is ended."""
 
 LOOKS, MANY_LOOKS, CHEAP = 3, 64, 0.01
-"""Runs from whose cost the size of a batch follows; many where each costs less than CHEAP [s]."""
+"""Number of runs timed to choose the batch size; MANY_LOOKS if a run costs less than CHEAP [s]."""
 
 MANY_CHECKS = 64
-"""Runs of which one must start before the sweep does; what stops all of them stops every run."""
+"""Number of runs tried at the start; if none starts, the plan is wrong."""
 
 LARGEST_BATCH = 2000
-"""Runs per batch at most: the rows of one batch are what a worker keeps in memory."""
+"""Maximum number of runs per batch; a worker keeps the rows of one batch in memory."""
 
 Progress = Callable[[int, int, int], None]
-"""Called with (runs done, runs in all, runs that failed)."""
+"""Called with (completed runs, all runs, failed runs)."""
 
 
 class SweepResult(NamedTuple):
@@ -274,9 +272,9 @@ class SweepResult(NamedTuple):
     reused: int
     """Runs that the folder had already."""
     failed: int
-    """Runs of now that failed; their rows have the reason."""
+    """Runs of this call that failed; their rows have the reason."""
     looked_at: int = 0
-    """Runs of now that were repeated with all accuracy checks."""
+    """Runs of this call that were repeated with all accuracy checks."""
     lost: tuple[Lost, ...] = ()
     """Accuracy checks that failed in the repeated runs."""
 
@@ -295,10 +293,11 @@ def sweep(
     lanes: bool = True,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run a scene many times with varied numbers; runs that `out` has already are not repeated.
+    """Run a scene many times with varied numbers; runs already in `out` are not repeated.
 
-    At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks; those that fail are
-    AccuracyWarnings and in the result's `lost`. A run that fails has its reason in its row.
+    At the end 2 % of the runs (2 to 8) are repeated with all accuracy checks; failed checks are
+    issued as AccuracyWarnings and listed in the result's `lost`. A failed run has the reason in its
+    row.
 
     Args:
         plan: Plan file (YAML), name of a shipped plan, or mapping.
@@ -350,7 +349,7 @@ def sweep(
 
 
 def _check_arguments(out: Any, workers: int | None, batch: int | None) -> None:
-    """Raise RbSimError for numbers that are none, or no folder."""
+    """Raise RbSimError for invalid numbers or folder."""
     for name, value in (("workers", workers), ("batch", batch)):
         if value is not None and not (isinstance(value, Integral) and value >= 1):
             raise RbSimError(f"{name}: got {value!r}; must be a whole number >= 1")
@@ -363,7 +362,7 @@ def _row(values: dict[str, np.ndarray], run: int) -> dict[str, float]:
 
 
 def _looks(values: dict[str, np.ndarray]) -> list[dict[str, float]]:
-    """A few runs that together differ in everything that varies: both ends of each number."""
+    """A few runs that together vary everything: those at both ends of each number."""
     ends = {0, len(next(iter(values.values()))) // 2}
     for column in values.values():
         ends |= {int(column.argmin()), int(column.argmax())}
@@ -371,9 +370,9 @@ def _looks(values: dict[str, np.ndarray]) -> list[dict[str, float]]:
 
 
 def _checked(runner: PlanRunner, values: dict[str, np.ndarray]) -> Simulation:
-    """The simulation of the first run that starts, of some that are spread over all.
+    """The simulation of the first run that starts, among some spread over all.
 
-    Raises RbSimError with the reason of the first one where none of them starts.
+    Raises the RbSimError of the first one if none starts.
     """
     count = len(next(iter(values.values())))
     first: RbSimError | None = None
@@ -389,7 +388,7 @@ def _checked(runner: PlanRunner, values: dict[str, np.ndarray]) -> Simulation:
 def _missing(
     runner: PlanRunner, values: dict[str, np.ndarray], folder: Path, bodies: tuple[str, ...]
 ) -> tuple[np.ndarray, int]:
-    """(numbers of the runs that are still to be done, number of the next batch)."""
+    """(numbers of the runs still to be done, number of the next batch)."""
     count = len(next(iter(values.values())))
     if not storage.batch_files(folder):
         return np.arange(count), 0
@@ -407,18 +406,18 @@ def _missing(
 def _batch_size(
     runner: BatchRunner, values: dict[str, np.ndarray], todo: np.ndarray, workers: int
 ) -> int:
-    """Runs per batch, from what a few of them cost; every worker gets several batches."""
+    """Runs per batch, from the measured cost of a few; every worker gets several batches."""
 
     def cost(runs: list[int]) -> float:
-        """Wall time of each [s]."""
+        """Wall-clock time per run [s]."""
         began = time.perf_counter()
         for _ in runner.rows(runs, [_row(values, run) for run in runs]):
             pass
         return max(1e-5, (time.perf_counter() - began) / len(runs))
 
-    cost(todo[:1].tolist())  # compiles what all of them share
+    cost(todo[:1].tolist())  # compiles the laws shared by all runs
     each = cost(todo[:: max(1, len(todo) // LOOKS)][:LOOKS].tolist())
-    if each < CHEAP:  # what runs together costs less
+    if each < CHEAP:  # runs in lanes cost less
         many = todo[:: max(1, len(todo) // MANY_LOOKS)][:MANY_LOOKS].tolist()
         each = min(each, cost(many))
     fair = math.ceil(len(todo) / (4 * workers))
@@ -428,7 +427,7 @@ def _batch_size(
 def _batches(
     values: dict[str, np.ndarray], todo: np.ndarray, size: int, first: Batch
 ) -> Iterator[Batch]:
-    """The runs to be done in batches like the first one, which has its number only."""
+    """The runs to be done in batches; `first` gives the first number and the common fields."""
     for i in range(0, len(todo), size):
         runs = todo[i : i + size]
         chosen = {name: column[runs] for name, column in values.items()}

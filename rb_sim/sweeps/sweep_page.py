@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a sweep says: distributions, scatter matrix, Sobol indices, worst runs, basin maps.
+"""Report of a sweep: distributions, scatter matrix, Sobol indices, extreme runs, maps.
 
-One HTML file that opens offline (plotly's own JavaScript is inside), beside it a picture of each
-output and the worst runs as scenes of their own.
+One HTML file that opens offline (it contains plotly's JavaScript), a picture of each output, and
+the extreme runs as scene files.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     import pyarrow
 
 
-# The table of a sweep, read a column at a time: a report of a million runs stays small.
+# The table of a sweep, read one column at a time to bound memory.
 
 
 class RunTable:
-    """The rows of a sweep ordered by run; only the column that is asked for is in memory.
+    """Rows of a sweep ordered by run; only the requested column is in memory.
 
-    Raises RbSimError where the folder holds no sweep.
+    Raises RbSimError if the folder contains no sweep.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -55,22 +55,22 @@ class RunTable:
         self.runs = runs[self._order]
         """numbers of all runs, shape (rows,)."""
         self.ok = self._read("status", _is_ok)[self._order]
-        """which runs came to their end, shape (rows,)."""
+        """mask of the completed runs, shape (rows,)."""
 
     def __len__(self) -> int:
         return len(self.runs)
 
     @property
     def good_runs(self) -> np.ndarray:
-        """Numbers of the runs that came to their end, shape (good,)."""
+        """Numbers of the completed runs, shape (good,)."""
         return self.runs[self.ok]
 
     def plan(self) -> LoadedPlan:
-        """The plan that the table was made by. Raises RbSimError where it names none."""
+        """The plan of the table. Raises RbSimError if it contains none."""
         return storage.plan_of(self.schema)
 
     def label(self, name: str) -> str:
-        """The name of a column with its unit."""
+        """Name of a column with its unit."""
         about: Mapping[bytes, bytes] = self.schema.field(name).metadata or {}
         unit = about.get(b"unit", b"").decode()
         return f"{name} [{unit}]" if unit not in ("", "1") else name
@@ -80,12 +80,12 @@ class RunTable:
         return self._read(name, lambda values: values.to_numpy().astype(float))[self._order]
 
     def good(self, name: str) -> np.ndarray:
-        """A column of the runs that came to their end, shape (good,)."""
+        """A column of the completed runs, shape (good,)."""
         values = self.column(name)
         return values if self.ok.all() else values[self.ok]
 
     def failures(self) -> dict[str, int]:
-        """How many runs did not come to their end, by "status: reason"."""
+        """Number of runs that did not complete, by "status: reason"."""
         counts: Counter[str] = Counter()
         if not self.ok.all():
             for table in self._tables(["status", "reason"]):
@@ -94,11 +94,11 @@ class RunTable:
         return dict(counts)
 
     def _read(self, name: str, convert: Callable[[Any], np.ndarray]) -> np.ndarray:
-        """A column of all files one after the other, each made an array by `convert`."""
+        """A column of all files, concatenated, each converted to an array by `convert`."""
         return np.concatenate([convert(table.column(0)) for table in self._tables([name])])
 
     def _tables(self, names: list[str]) -> Iterator[pyarrow.Table]:
-        """These columns of one file after the other: to read ahead would outweigh them."""
+        """Yield these columns of one file after the other, without reading ahead."""
         for file in self._files:
             yield storage.read(Path(file), names)
 
@@ -108,7 +108,7 @@ def _is_ok(status: Any) -> np.ndarray:
     return compute.equal(status, OK).to_numpy().astype(bool)
 
 
-# The pictures of a sweep's report: plotly for the page, matplotlib for the maps as PNG.
+# Pictures of the report: plotly for the page, matplotlib for PNG files.
 
 
 STYLE = (
@@ -118,7 +118,7 @@ STYLE = (
 
 
 def page(title: str, sections: list[str]) -> str:
-    """A self-contained HTML page; plotly's JavaScript is in it once."""
+    """A self-contained HTML page with plotly's JavaScript."""
     from plotly.offline import get_plotlyjs
 
     head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{STYLE}</style>"
@@ -138,7 +138,7 @@ def _figure(title: str, figure: Any) -> str:
 
 
 def distributions(table: RunTable, outputs: list[str]) -> str:
-    """A histogram of each output; nothing where there are none."""
+    """HTML with a histogram of each output; "" without outputs."""
     if not outputs:
         return ""
     from plotly import graph_objects as go
@@ -158,7 +158,7 @@ def distributions(table: RunTable, outputs: list[str]) -> str:
 
 
 def scatter_matrix(table: RunTable, names: list[str], columns: int, most: int) -> str:
-    """Every pair of these of so many columns, of at most `most` runs evenly picked."""
+    """HTML with a scatter plot of every pair of `names` (of `columns`), for `most` runs."""
     from plotly import graph_objects as go
 
     picked = slice(None, None, max(1, len(table) // most))
@@ -171,14 +171,14 @@ def scatter_matrix(table: RunTable, names: list[str], columns: int, most: int) -
 
 
 def picked_columns(varied: list[str], outputs: list[str], most: int) -> list[str]:
-    """At most so many columns, of both sorts as far as there are any."""
+    """At most `most` columns, both varied numbers and outputs."""
     left = max(most // 2, most - len(outputs))
     chosen = varied[:left]
     return [*chosen, *outputs[: most - len(chosen)]]
 
 
 def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
-    """First-order and total Sobol indices side by side; nothing where there are none."""
+    """HTML with first-order and total Sobol indices; "" without indices."""
     from plotly import graph_objects as go
 
     sections = []
@@ -200,13 +200,13 @@ class Axis(NamedTuple):
 
     name: str
     values: np.ndarray
-    """in rising order, each once."""
+    """increasing, without repetition."""
     places: np.ndarray
-    """where each of them stands in the plan."""
+    """index of each value in the plan."""
 
 
 def grid_axes(loaded: LoadedPlan) -> list[Axis]:
-    """The listed numbers of a plan that draws none and lists one or two; else []."""
+    """Axes of a plan with one or two listed and no drawn numbers; else []."""
     plan = loaded.plan
     listing = [(name, listed(vary)) for name, vary in plan.vary.items() if not vary.random]
     if plan.drawn or len(listing) > 2:
@@ -215,14 +215,14 @@ def grid_axes(loaded: LoadedPlan) -> list[Axis]:
 
 
 def grid_values(loaded: LoadedPlan, table: RunTable, output: str) -> np.ndarray:
-    """An output over the axes of the grid, NaN where its run failed."""
+    """An output on the grid; NaN if the run failed."""
     values = np.full(loaded.plan.grid_shape, np.nan)
     values.ravel()[table.good_runs] = table.good(output)
     return values[np.ix_(*(axis.places for axis in grid_axes(loaded)))]
 
 
 def maps_section(loaded: LoadedPlan, table: RunTable, outputs: list[str]) -> str:
-    """A map of each output over the two numbers that vary on a grid."""
+    """HTML with a map of each output over two listed numbers; else ""."""
     from plotly import graph_objects as go
 
     axes = grid_axes(loaded)
@@ -239,9 +239,8 @@ def maps_section(loaded: LoadedPlan, table: RunTable, outputs: list[str]) -> str
 
 
 def save(loaded: LoadedPlan, table: RunTable, outputs: list[str], folder: Path) -> list[Path]:
-    """A PNG of each output in `folder`: over a grid of two numbers a map, of one a curve.
-
-    Where anything is drawn it is a histogram.
+    """Write a PNG of each output to `folder`: a map over two listed numbers, a curve over one, else
+    a histogram. Returns the paths.
     """
     from matplotlib.figure import Figure
 
@@ -297,20 +296,20 @@ def _draw_histogram(axis: Any, table: RunTable, output: str) -> str:
 
 
 WORST = 3
-"""Runs listed at either end of each output."""
+"""Number of runs listed at either end of each output."""
 
 MOST_IN_SCATTER = 6
-"""Columns of the scatter matrix: beyond, nobody can read it."""
+"""Maximum number of columns of the scatter matrix."""
 
 MOST_WITH_EXTREMES = 40
-"""Outputs whose worst runs are listed; the final state of many bodies has more columns."""
+"""Maximum number of outputs with listed extremes (final states have many columns)."""
 
 MOST_POINTS = 5000
-"""Drawn in one scatter matrix."""
+"""Maximum number of points in a scatter plot."""
 
 
 class Extreme(NamedTuple):
-    """A run at an end of an output's distribution, and how to see it alone."""
+    """A run at an end of an output's distribution, and how to reproduce it."""
 
     output: str
     which: str
@@ -318,17 +317,17 @@ class Extreme(NamedTuple):
     run: int
     value: float
     scene: Path
-    """YAML file that runs it."""
+    """its scene file (YAML)."""
 
     @property
     def command(self) -> str:
-        """The command that runs it alone, with bag, recording and plots."""
+        """The command that runs it with bag, recording and plots."""
         scene, folder = (quote(str(path)) for path in (self.scene, self.scene.with_suffix("")))
         return f"rb_sim run {scene} --out {folder}"
 
 
 class Report(NamedTuple):
-    """What has been written, and the figures in it."""
+    """Files of a report, and its figures."""
 
     html: Path
     pictures: tuple[Path, ...]
@@ -341,9 +340,9 @@ class Report(NamedTuple):
 
 
 def report(folder: str | Path) -> Report:
-    """Write report.html, pictures and worst runs of the sweep in `folder`.
+    """Write report.html, pictures and extreme runs of the sweep in `folder`.
 
-    Raises RbSimError where the folder holds no sweep or cannot be written, MissingExtraError
+    Raises RbSimError if the folder contains no sweep or cannot be written, MissingExtraError
     without plotly.
     """
     try:
@@ -359,7 +358,7 @@ def report(folder: str | Path) -> Report:
 
 
 def _written(where: Path) -> Report:
-    """The report of the sweep in that folder."""
+    """Write the report of the sweep in that folder."""
     table = RunTable(where)
     loaded = table.plan()
     outputs = numeric_outputs(loaded, table)
@@ -389,14 +388,14 @@ def _written(where: Path) -> Report:
 
 
 def _middle(loaded: LoadedPlan, table: RunTable) -> tuple[dict[str, float], dict[str, float]]:
-    """The median of each varied number, among its values, and its standard deviation."""
+    """Median (an actual value) and standard deviation of each varied number."""
     columns = {name: table.column(name) for name in loaded.plan.vary}
     point = {n: float(np.quantile(c, 0.5, method="lower")) for n, c in columns.items()}
     return point, {name: float(values.std()) for name, values in columns.items()}
 
 
 def numeric_outputs(loaded: LoadedPlan, table: RunTable) -> list[str]:
-    """The plan's outputs; the final state where it has none."""
+    """The plan's outputs; the final state if it has none."""
     named = list(loaded.plan.outputs)
     return named or [n for n in table.schema.names if "." in n]
 
@@ -404,7 +403,7 @@ def numeric_outputs(loaded: LoadedPlan, table: RunTable) -> list[str]:
 def _extremes(
     loaded: LoadedPlan, table: RunTable, outputs: list[str], folder: Path
 ) -> list[Extreme]:
-    """The runs at both ends of each output, their scenes written into `folder`."""
+    """Runs at both ends of each output, with scenes written into `folder`."""
     runs, found = table.good_runs, []
     rows_found: list[int] = []
     for name in outputs[:MOST_WITH_EXTREMES]:
@@ -422,7 +421,7 @@ def _extremes(
 
 
 def _write_scenes(loaded: LoadedPlan, table: RunTable, rows: list[int], folder: Path) -> None:
-    """Write the scenes of these rows of the good runs, as run_NUMBER.yaml."""
+    """Write the scenes of these rows of completed runs, as run_NUMBER.yaml."""
     runner = PlanRunner(loaded)
     folder.mkdir(parents=True, exist_ok=True)
     columns = {name: table.good(name)[rows] for name in loaded.plan.vary}
@@ -434,9 +433,9 @@ def _write_scenes(loaded: LoadedPlan, table: RunTable, rows: list[int], folder: 
 def sobol_indices(
     loaded: LoadedPlan, table: RunTable, outputs: list[str]
 ) -> dict[str, dict[str, tuple[float, float]]]:
-    """First-order and total Sobol indices of each output by each drawn name (Saltelli 2010).
+    """First-order and total Sobol indices of each output for each drawn name (Saltelli 2010).
 
-    {} unless the plan's sampling is saltelli without a grid, and every run came to its end.
+    {} unless the sampling is saltelli without a grid, and all runs completed.
     """
     plan = loaded.plan
     complete = len(table) == plan.runs and bool(table.ok.all())
@@ -467,7 +466,7 @@ def _summary(loaded: LoadedPlan, table: RunTable) -> str:
 
 
 def _slopes_section(found: Slopes, table: RunTable) -> str:
-    """A table of derivatives, exact beside differences."""
+    """HTML table of derivatives, exact and by differences."""
     rows = [
         (table.label(output), table.label(name), f"{slope.exact:.9g}", f"{slope.difference:.9g}")
         for output, by_name in found.by_output.items()
@@ -482,14 +481,14 @@ def _slopes_section(found: Slopes, table: RunTable) -> str:
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Rows of texts, which are escaped."""
+    """HTML table of text rows, which are escaped."""
     cells = [("th", heads), *(("td", row) for row in rows)]
     lines = ("".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in row) for tag, row in cells)
     return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
 
 
 def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable, outputs: int) -> str:
-    """A table of the runs at the ends of each output; nothing where there are no outputs."""
+    """HTML table of the extreme runs of each output; "" without outputs."""
     if not extremes:
         return ""
     rows = [
@@ -501,7 +500,7 @@ def _extremes_section(extremes: tuple[Extreme, ...], table: RunTable, outputs: i
 
 
 def _failures_section(table: RunTable) -> str:
-    """Runs that did not come to their end, by reason."""
+    """HTML table of the runs that did not complete, by reason."""
     reasons = table.failures()
     if not reasons:
         return ""

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Analysis of recorded bags: ours, and those of anybody with poses in them."""
+"""Analysis of recorded bags: of rb_sim, or of any other program that records poses."""

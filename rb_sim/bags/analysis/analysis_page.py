@@ -7,12 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""One HTML file that needs nothing else: a verdict, plots that share their time axis, tables.
+"""Result of a bag analysis as plain data, aligned tables (CSV, Parquet), and an HTML report.
 
-Below 2 MB for a bag with many topics: curves are the envelopes of their samples, as fine as
-CURVE_BYTES allows, and spectra the largest density in each of SPECTRAL_BANDS.
-
-What an analysis of a bag found, as plain data too.
+The report is one self-contained file below 2 MB even for many topics: curves are envelopes with at
+most CURVE_BYTES, and spectra show the largest density in each of SPECTRAL_BANDS bands.
 """
 
 from __future__ import annotations
@@ -47,12 +45,12 @@ from rb_sim.io.panels import LEAST_DRAWN
 from rb_sim.io.sink import Envelope, Thinned
 
 Reading = tuple[str, str, np.ndarray, np.ndarray]
-"""Source, kind, times [s] of shape (n,) and numbers of shape (n, size of the kind)."""
+"""Source, kind, times [s] of shape (n,), values of shape (n, number of columns of the kind)."""
 
 
 @dataclass
 class Analysis:
-    """What was found; `figures` and `bodies` also give curves and spectra to draw."""
+    """Result of an analysis; `figures` and `bodies` also give curves and spectra to plot."""
 
     name: str
     figures: dict[str, Figures] = field(default_factory=dict)
@@ -60,29 +58,29 @@ class Analysis:
     kinds: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     balance: dict[str, Any] | None = None
-    """of a run of ours."""
+    """energy and momentum balance of a run of rb_sim."""
     balances: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """of somebody else's poses, by what they are of."""
+    """balances of a foreign bag, by scene or body."""
     constraints: dict[str, Any] | None = None
     """errors of the constraints, recomputed from the poses."""
     contacts: dict[str, Any] | None = None
     other_topics: dict[str, str] = field(default_factory=dict)
     length: float = 0.0
-    """how far the scene's bodies reach from their origins [m]; 0 where no scene is known."""
+    """largest distance of a body's points from its origin [m]; 0 without a scene."""
     title: str = ""
-    """of the scene; "" where none is known."""
+    """title of the scene; "" without a scene."""
     facts: list[str] = field(default_factory=list)
-    """lines about the run that was recorded."""
+    """lines about the recorded run."""
     bytes: int = 0
     messages: int = 0
 
     def add(self, name: str, kind: str, t: np.ndarray, values: np.ndarray) -> None:
-        """The next readings of a source."""
+        """Append readings of a source."""
         self.kinds[name] = kind
         self.figures.setdefault(name, Figures(COLUMNS[kind])).add(t, values)
 
     def begin_anew(self) -> None:
-        """What comes is another motion."""
+        """Mark a restart: later readings belong to another motion."""
         for figures in self.figures.values():
             figures.begin_anew()
         for body in self.bodies.values():
@@ -110,31 +108,31 @@ class Analysis:
         }
 
 
-# Samples of all sources on the times of the first one: for CSV and Parquet.
+# Table for CSV and Parquet: all sources interpolated to the times of the first one.
 
 
 MOST_ROWS = 1_000_000
-"""Of a table; of longer bags every second, fourth ... sample is taken."""
+"""Maximum rows of a table; longer bags are thinned by powers of two."""
 AT_ONCE = 1_000_000
-"""Numbers that are made text of at once."""
+"""Numbers converted to text at once, which bounds memory."""
 
 
 class Aligned:
-    """Collects sources; memory is bounded by MOST_ROWS for each."""
+    """Collects sources for one table; keeps at most MOST_ROWS rows for each."""
 
     def __init__(self) -> None:
         self._sources: dict[str, tuple[tuple[str, ...], Thinned]] = {}
 
     def add(self, source: str, columns: tuple[str, ...], t: np.ndarray, values: np.ndarray) -> None:
-        """The next readings of a source."""
+        """Append readings of a source."""
         if source not in self._sources:
             self._sources[source] = (columns, Thinned(1 + len(columns), MOST_ROWS))
         self._sources[source][1].add(np.column_stack([t, values]))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """t and SOURCE.COLUMN, all on the times of the first source; NaN outside of a source.
+        """Columns t and SOURCE.COLUMN at the times of the first source.
 
-        Between two readings the numbers are linear.
+        Other sources are interpolated linearly; NaN outside of their time span.
         """
         first = next(iter(self._sources.values()))[1].rows[:, 0]
         t = np.unique(first)
@@ -151,14 +149,14 @@ class Aligned:
         return found
 
     def units(self) -> dict[str, str]:
-        """Unit of each column, "" for a number without one."""
+        """Unit of each column; "" for a dimensionless number."""
         found = {"t": "s"}
         for source, (names, _) in self._sources.items():
             found |= {f"{source}.{name}": unit_of(source, name) for name in names}
         return found
 
     def write_csv(self, path: Path) -> None:
-        """A header of names with their units, then numbers to the last digit."""
+        """Write CSV: names with units, then numbers in full precision. Raises SinkError."""
         columns, units = self.columns(), self.units()
         rows = max(1, AT_ONCE // len(columns))
         heads = [f"{name} [{units[name]}]" if units[name] else name for name in columns]
@@ -173,7 +171,9 @@ class Aligned:
             raise SinkError(f"{path}: {error.strerror}") from None
 
     def write_parquet(self, path: Path) -> None:
-        """Columns with their units in the fields' metadata, and all of them in the schema's."""
+        """Write Parquet with units in the metadata of fields and schema.
+
+        Raises SinkError, and MissingExtraError without pyarrow."""
         try:
             arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
         except ImportError:
@@ -190,18 +190,18 @@ class Aligned:
 
 STATE = "kinetic energy and momenta"
 STATES = {"J": "kinetic energy", "N s": "momentum", "N m s": "angular momentum"}
-"""What the columns of a body's state are, by their unit."""
+"""Name of the columns of a body's state, by unit."""
 
 MOST = 100
-"""Sources and bodies that are drawn at most: a browser opens no page of thousands of plots."""
+"""Maximum number of sources and of bodies plotted: browsers cannot handle thousands of plots."""
 CURVE_BYTES, FEWEST = 800_000, 100
-"""Of all curves over time together, and the points that each has at least."""
+"""Size of all time curves together [bytes]; minimum number of points of a curve."""
 SPECTRAL_BANDS = 200
-"""Of equal width on a logarithmic axis."""
+"""Number of bands of a plotted spectrum, equally wide on a logarithmic axis."""
 
 
 def write_report(found: Analysis, path: Path) -> None:
-    """Write the report. Raises SinkError."""
+    """Write the HTML report to `path`. Raises SinkError."""
     page = _Page(found)
     parts = [
         _verdict(found),
@@ -220,11 +220,11 @@ def _section(title: str, inner: str) -> str:
 
 
 BALANCED = 1e-3
-"""Of what was exchanged: a balance that leaves no more is said to hold."""
+"""Largest relative error of a balance that counts as balanced."""
 
 
 def _verdict(found: Analysis) -> str:
-    """What was recorded, what is wrong with it, and what balances."""
+    """HTML: the recording, its problems, and whether the balances hold."""
     count = sum(figures.rates.count for figures in found.figures.values())
     recorded = [*found.facts, f"{len(found.figures)} sources, {count} readings", found.name]
     gaps = [
@@ -257,7 +257,7 @@ def _verdict(found: Analysis) -> str:
 
 
 def _judged(found: Analysis) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """What is balanced, its unit, and its balance."""
+    """(name, unit, balance) of each energy and momentum balance."""
     for name, balance in ({"": found.balance} if found.balance else found.balances).items():
         momentum = balance["momentum"] or {}
         for what, unit, row in (
@@ -304,7 +304,7 @@ def _bodies(found: Analysis) -> str:
 
 
 def _balances(found: Analysis) -> str:
-    """Change less supply of energy and momenta, as in the terminal."""
+    """HTML table of the errors of the balances, as in the terminal."""
     rows = []
     for what, unit, row in _judged(found):
         numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
@@ -315,7 +315,7 @@ def _balances(found: Analysis) -> str:
 
 
 def _constraints(found: Analysis) -> str:
-    """Largest errors by constraint."""
+    """HTML table of the largest error of each constraint."""
     shown = found.constraints
     if shown is None:
         return ""
@@ -329,13 +329,13 @@ def _constraints(found: Analysis) -> str:
 
 
 class _Page:
-    """Collects the plots of the page, by section."""
+    """Plots of the report, by section."""
 
     def __init__(self, found: Analysis) -> None:
         self._found = found
         self._plots = list(found.figures.items())[:MOST]
         self._own = len(self._plots)
-        """of which a spectrum is drawn; what follows is computed from poses."""
+        """number of plots with a spectrum; later ones are computed from poses."""
         for name, body in list(found.bodies.items())[:MOST]:
             if body.known and body.wrench.rates.count:
                 self._plots.append((f"{name}: total wrench by inverse dynamics", body.wrench))
@@ -355,11 +355,11 @@ class _Page:
         self._specs.sort(key=lambda spec: not spec["title"].startswith("reactions/"))
 
     def data(self) -> dict[str, Any]:
-        """For the scripts of the page."""
+        """Data for the scripts of the page."""
         return {"title": _title(self._found), "across": self._across, "plots": self._specs}
 
     def section(self, key: str, title: str, note: str = "") -> str:
-        """The place of its plots, if it has any."""
+        """HTML of a section with its placeholder for plots; only `note` if it has no plots."""
         constant = ", ".join(self._constant) if key == "time" else ""
         note += f"<p>Constant to rounding, not drawn: {html.escape(constant)}</p>" * bool(constant)
         if not any(spec["section"] == key for spec in self._specs):
@@ -367,14 +367,14 @@ class _Page:
         return f'<h2>{title}</h2>{note}<div class="plots" id="{key}"></div>'
 
     def left_out(self) -> str:
-        """A line where not all sources are drawn; or ""."""
+        """HTML note if not all sources are plotted; else ""."""
         count = len(self._found.figures)
         if count <= MOST:
             return ""
         return f"<p>Of {MOST} of {count} sources; <code>--topic NAME</code> chooses others.</p>"
 
     def paths(self) -> str:
-        """From above and from a side, of each body that goes anywhere."""
+        """HTML with top and side views of the path of each body that translates."""
         drawn = []
         for name, figures in self._plots[: self._own]:
             if self._found.kinds[name] == POSE and len(drawn) < MOST_PATHS:
@@ -385,7 +385,7 @@ class _Page:
         return f'<div class="plots">{"".join(drawn)}</div>' if drawn else ""
 
     def _over_time(self, name: str, figures: Figures) -> Iterator[dict[str, Any]]:
-        """A plot for each unit, but of what is constant to rounding."""
+        """Yield one plot for each unit, without columns that are constant to rounding."""
         t, values = figures.curves()
         if not len(t):
             return
@@ -416,8 +416,9 @@ class _Page:
             yield spec | {"lines": _lines([figures.names[k] for k in which], curves)}
 
     def _spectra(self, name: str, figures: Figures) -> Iterator[dict[str, Any]]:
-        """A plot for each unit; none of what is rounding, and no axis that goes below the density
-        of noise as large as that."""
+        """Yield one spectrum for each unit, without columns that are constant to rounding.
+
+        The axis ends at the density of white noise of the size of rounding."""
         found, rate = figures.spectrum(), figures.rates.as_dict()["rate"]
         if found is None or rate is None:
             return
@@ -453,14 +454,14 @@ def _density_unit(unit: str) -> str:
 
 
 def _banded(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest density in each band; lone frequencies stay as they are."""
+    """Largest density in each frequency band; bands with one frequency keep it."""
     edges = np.geomspace(frequency[0], frequency[-1] * (1.0 + 1e-9), SPECTRAL_BANDS + 1)
     starts = np.unique(np.searchsorted(frequency, edges[:-1]))
     return frequency[starts], np.maximum.reduceat(density, starts, axis=0)
 
 
 def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
-    """The columns of each unit: what is 150 rad/s would hide what is 1 m/s."""
+    """Column indices by unit, for separate plots: a column in rad/s would hide one in m/s."""
     groups: dict[str, list[int]] = {}
     for k, column in enumerate(figures.names):
         groups.setdefault(unit_of(name, column), []).append(k)
@@ -468,7 +469,7 @@ def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
 
 
 def _lines(names: list[str], values: np.ndarray) -> list[dict[str, Any]]:
-    """A curve for each column of values."""
+    """One plotted curve for each column of values."""
     lines = []
     for k, (name, column) in enumerate(zip(names, values.T, strict=True)):
         color = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else CYCLE[k % len(CYCLE)]
@@ -477,18 +478,18 @@ def _lines(names: list[str], values: np.ndarray) -> list[dict[str, Any]]:
     return lines
 
 
-# Pictures that do not change: paths, and the times at which there are readings.
+# Static pictures: paths, and the recorded times of each source.
 
 
 MOST_PATHS = 12
 WIDE, HIGH, EDGE = 560, 340, 42
-"""Of the picture of a path [pixels]."""
+"""Width, height and margin of the picture of a path [pixels]."""
 PATH_POINTS = 1000
 
 
 def path_of(name: str, position: np.ndarray) -> str:
-    """The path of a body (n, 3) [m] from above and from the side on which it goes farther, to one
-    scale; from a dot to an arrowhead."""
+    """SVG of a path (n, 3) [m]: top view and side view (of the longer horizontal axis), at one
+    scale; a filled dot marks its start, a hollow one its end."""
     if len(position) > 2 * PATH_POINTS:
         position = position[:: len(position) // PATH_POINTS]
     low, ranges = position.min(axis=0), np.ptp(position, axis=0)
@@ -524,7 +525,7 @@ def path_of(name: str, position: np.ndarray) -> str:
 
 
 def recorded_times(found: Analysis) -> str:
-    """When each source has readings, and its gaps."""
+    """SVG of the time span of each source and its gaps."""
     rates = {name: figures.rates.as_dict() for name, figures in found.figures.items()}
     rates = {name: rate for name, rate in rates.items() if rate["first"] is not None}
     if not rates:

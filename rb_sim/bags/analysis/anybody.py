@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Somebody else's poses and wrenches: which body they are of, and what follows from both."""
+"""Analysis of foreign bags: assigns poses and wrenches to bodies, and balances them."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Whether a twist is the derivative of the poses that it belongs to: of which axes, in which units.
+# Check that a recorded twist is the derivative of its poses, in the stated axes and units.
 #
-# With a the readings and b the velocities from the poses, the part that k b in some axes leaves is
+# With a the recorded and b the differentiated velocities, the squared relative residual of k b is
 #
 #     (|a|^2 - 2 k a.b + k^2 |b|^2) / max(|a|^2, k^2 |b|^2)      summed over the readings
 #
-# Where what the frame of the twist says leaves much, and other axes or a known factor leave little,
+# If it is large for the axes that the frame states, but small for other axes or a known factor,
 # that is reported.
 
 
@@ -52,30 +52,29 @@ FACTORS = (
 )  # fmt: skip
 NAMES = ("linear velocity", "angular velocity")
 OFF = 0.1
-"""RMS of what is left, of the larger of both, from which on another reading is looked for."""
+"""Relative RMS residual above which other axes and factors are tried."""
 BETTER = 0.5
-"""Of that, below which another one is reported."""
+"""Fraction of that residual below which the alternative is reported."""
 APART = 0.5
-"""RMS of what is left from which on that is reported even where nothing else fits."""
+"""Relative RMS residual above which a mismatch is reported even if no alternative fits."""
 ABOVE_NOISE = 5.0
-"""Times their noise that velocities from poses must have to say anything."""
+"""Minimum ratio of velocities from poses to their noise for this check."""
 EARLY = 64
-"""Pieces of twists that wait for the first poses."""
+"""Number of twist pieces buffered until the first poses."""
 MOST = 200_000
-"""Readings that wait for the poses of their time; then the oldest are let go."""
+"""Number of readings buffered until the poses of their time; beyond it the oldest are dropped."""
 
 
 class Fit(NamedTuple):
-    """One way to read a twist."""
+    """One interpretation of a twist: axes and factor."""
 
     off: float
-    """RMS of what is left, of the larger of both."""
+    """RMS residual relative to the larger of the two velocities."""
     words: str
 
 
 class Twists:
-    """Finds the poses that each twist belongs to: of its own message, else the only ones in the
-    folder of its topic."""
+    """Assigns twists to poses: of the same message, else the only ones in the topic's folder."""
 
     def __init__(self) -> None:
         self._poses: dict[str, tuple[Piece, BodyFigures]] = {}
@@ -83,14 +82,14 @@ class Twists:
         self._early: list[tuple[Piece, np.ndarray]] = []
 
     def poses(self, piece: Piece, figures: BodyFigures) -> None:
-        """The first poses of a source."""
+        """Register a source of poses."""
         self._poses[piece.source] = piece, figures
         early, self._early = self._early, []
         for waiting in early:
             self.add(*waiting)
 
     def add(self, piece: Piece, t: np.ndarray) -> None:
-        """The next readings of a twist, at times t [s]."""
+        """Append readings of a twist at times t [s]."""
         if piece.source not in self._checks:
             names = poses_of(piece.source, self._poses)
             if not names:
@@ -113,16 +112,16 @@ class Twists:
 
     @property
     def notes(self) -> list[str]:
-        """Lines of all."""
+        """Notes of all twist checks."""
         return [line for check in self._checks.values() if check for line in check.notes]
 
 
 class TwistCheck:
-    """Lays the readings of one twist beside the poses of one body, in bounded memory.
+    """Compares one twist with the differentiated poses of one body, in bounded memory.
 
-    axes: "world" or "body", as the frame of the twist says. center_of_mass: of the body whose
-    motion is given, from the origin, in its own axes. own: one message holds both, as an Odometry;
-    else it may be a command, and not the derivative at all.
+    axes: "world" or "body", as the frame of the twist states. center_of_mass [m]: of the body, from
+    its origin, body axes. own: pose and twist come in one message, as in an Odometry; otherwise the
+    twist may be a command.
     """
 
     def __init__(self, source: str, axes: str, center_of_mass: np.ndarray, own: bool) -> None:
@@ -132,16 +131,16 @@ class TwistCheck:
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._own, self._posed, self._noise = np.zeros(2), np.zeros(2), np.zeros(2)
         self._both = {name: np.zeros(2) for name in AXES}
-        """squares of both, of the noise, and products: of the linear and the angular velocity."""
+        """products of both by axes; with the squares above: of linear and angular velocity."""
 
     def add(self, t: np.ndarray, twist: np.ndarray) -> None:
-        """The next readings, (n, 6)."""
+        """Append readings, shape (n, 6)."""
         self._waiting.append((t, twist))
         while sum(len(part) for part, _ in self._waiting[1:]) > MOST:
             del self._waiting[0]
 
     def motion(self, motion: Motion) -> None:
-        """The next motion from the poses."""
+        """Append motion from the poses, and compare the readings within its time span."""
         if not self._waiting or len(motion.t) < 2:
             return
         t = np.concatenate([part for part, _ in self._waiting])
@@ -169,7 +168,7 @@ class TwistCheck:
 
     @property
     def notes(self) -> list[str]:
-        """A line for each velocity that is not what it should be."""
+        """A line for each velocity that does not match."""
         return [line for j in (0, 1) if (line := self._note(j))]
 
     def _note(self, j: int) -> str:
@@ -196,36 +195,36 @@ class TwistCheck:
         return Fit(float(np.sqrt(max(left, 0.0))), AXES[axes] + FACTORS[j][k])
 
 
-# Whether poses are in other units than metres: what falls freely tells it.
+# Detect poses that are not in metres, by free fall.
 #
-# A body on which only weight acts takes 9.81 m/s^2 in one direction; where its acceleration stays
-# at a hundred or a thousand times that, the poses are in centimetres or millimetres.
+# A freely falling body accelerates at 9.81 m/s^2 in one direction. A steady acceleration of 100 or
+# 1000 times that means poses in centimetres or millimetres.
 
 
 GRAVITY = 9.80665
-"""[m/s^2], standard."""
+"""Standard gravity [m/s^2]."""
 UNITS = {100.0: "cm", 1000.0: "mm"}
 NEAR = 0.02
-"""Of gravity: within that an acceleration is one of a fall (gravity itself differs by 0.3 %)."""
+"""Largest relative deviation of a fall from gravity, which itself varies by 0.3 %."""
 EVEN = 0.2
-"""Scatter of the acceleration within a block, of its mean, up to which it is one acceleration."""
+"""Maximum relative scatter of the acceleration within a block for it to count as constant."""
 BLOCK = 16
-"""Samples of a block."""
+"""Samples per block."""
 LEAST = 2
-"""Blocks of a fall below which it tells nothing."""
+"""Minimum number of falling blocks for a note."""
 ALONG = 0.99
-"""Length of the mean of the directions of all falls, from which on they are one."""
+"""Minimum length of the mean unit vector of all falls for one common direction."""
 
 
 class Fall:
-    """Looks for falls in the motion of one source of poses."""
+    """Detects free fall in one source of poses."""
 
     def __init__(self) -> None:
         self._count = dict.fromkeys(UNITS, 0)
         self._along = {factor: np.zeros(3) for factor in UNITS}
 
     def look(self, motion: Motion) -> None:
-        """The next motion."""
+        """Append motion."""
         n = len(motion.t) // BLOCK
         blocks = motion.acceleration[: n * BLOCK].reshape(n, BLOCK, 3)
         mean = blocks.mean(axis=1)
@@ -239,7 +238,7 @@ class Fall:
 
     @property
     def note(self) -> str:
-        """Which other unit they are in, as it seems; or ""."""
+        """A line that names the probable unit if it is not metres; else ""."""
         for factor, unit in UNITS.items():
             count = self._count[factor]
             if count >= LEAST and np.linalg.norm(self._along[factor]) > ALONG * count:
@@ -251,18 +250,18 @@ class Fall:
 
 
 FEW, SHUFFLED = 3, 0.01
-"""Steps back, and how many of a source's readings they are, from which on its messages lie in no
-order: a clock is not set so often."""
+"""Number of steps back in time, absolute and relative to a source's readings, above which its
+messages count as unordered: clocks are not set that often."""
 MOST_EARLY = 4096
-"""Pieces of wrenches that wait for the poses of their body."""
+"""Number of wrench pieces buffered until the poses of their body."""
 
 
 class Anybody:
-    """Gives poses to bodies, wrenches to the bodies that they act on, and both to the balances.
+    """Assigns poses and wrenches to bodies, and feeds the balances.
 
-    masses: by body, child frame, or topic. scene: of all bodies together; else each body is
-    balanced for itself. readings: where the pieces are from; a body whose poses come in the root of
-    a tree of transforms, too, moves as it does there.
+    masses: by body, child frame, or topic. scene: with all bodies in one balance; without it each
+    body has its own. readings: source of the pieces; if a body's poses also come composed in the
+    root of a tree of transforms, those are used.
     """
 
     def __init__(
@@ -277,27 +276,27 @@ class Anybody:
         self._whole: dict[str, Whole] = {}
         """by body."""
         self._child: dict[str, str] = {}
-        """frame of each body with poses, "" where they do not tell it."""
+        """child frame of each body's poses, "" if not given."""
         self._parent: dict[str, str] = {}
-        """frame in which the poses of each body are, "" where they do not tell it."""
+        """frame in which each body's poses are expressed, "" if not given."""
         self._worlds: set[str] = set(WORLD)
         self._twists = Twists()
         self._falls: dict[str, Fall] = {}
         """by source of poses."""
         self._own_twists: dict[str, list[Piece]] = {}
-        """of messages that hold a pose and a twist, until the poses of these messages come."""
+        """twists of messages that also hold a pose, until those poses arrive."""
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
         self._same: Counter[str] = Counter()
         self._frames: dict[str, tuple[str, str]] = {}
-        """of each source of poses, and that which its poses are of."""
+        """frame and child frame of each source of poses."""
         self._carried: dict[str, str] = {}
-        """frame to which the wrenches of a source were carried over."""
+        """frame to which the wrenches of each source were transformed."""
         if scene is not None:
             self._make(scene.name or "scene", tuple(scene.bodies), lambda: scene)
 
     def readings(self) -> Iterator[Reading]:
-        """All readings, in one pass over the bag, at times [s] from its start."""
+        """Yield all readings in one pass over the bag, at times [s] from its start."""
         found, readings = self._found, self._readings
         start: int | None = None
         for piece in readings.pieces():
@@ -318,7 +317,7 @@ class Anybody:
                 found.notes.append(f"{name}: time goes back {back} times{_why(back, figures)}")
 
     def _follow(self, piece: Piece, t: np.ndarray) -> None:
-        """The next readings, at times t [s]."""
+        """Process readings at times t [s]."""
         if piece.kind == POSE:
             if piece.source not in self._found.bodies:
                 self._begin(piece)
@@ -334,7 +333,7 @@ class Anybody:
             self._acted(piece, t)
 
     def _add(self, piece: Piece, t: np.ndarray) -> None:
-        """Poses; of several with one stamp the first."""
+        """Add poses; of several with the same stamp only the first."""
         last = self._stamp.get(piece.source)
         fresh = np.diff(piece.stamp, prepend=piece.stamp[0] - 1 if last is None else last) != 0
         self._stamp[piece.source] = int(piece.stamp[-1])
@@ -347,7 +346,7 @@ class Anybody:
             self._found.bodies[piece.source].add(t, piece.values, twist=twist)
 
     def _twist_at(self, piece: Piece) -> np.ndarray | None:
-        """The twists of the messages of these poses, NaN where a message has none that will do."""
+        """Twists with the stamps of these poses, shape (n, 6); NaN for a pose without one."""
         parts = self._own_twists.pop(piece.source, [])
         if not parts:
             return None
@@ -358,7 +357,7 @@ class Anybody:
         return np.where((stamp[at] == piece.stamp)[:, None], values, np.nan)
 
     def finish(self) -> None:
-        """Balances and constraints; no more readings come."""
+        """Finish balances and constraint errors, after the last reading."""
         self._found.notes += [
             f"{source}: {count} poses have the stamp of the one before: not differentiated"
             for source, count in self._same.items()
@@ -390,7 +389,7 @@ class Anybody:
             )
 
     def _begin(self, piece: Piece) -> None:
-        """The first poses of a source."""
+        """Register a new source of poses."""
         again = piece.source in self._readings.composed
         name = None if again else self._named(piece.source, piece.child)
         self._frames[piece.source] = piece.frame, piece.child
@@ -422,8 +421,9 @@ class Anybody:
         self._whole |= dict.fromkeys(names, whole)
 
     def _acted(self, piece: Piece, t: np.ndarray) -> None:
-        """Wrenches on the body whose frame they are in, or that carries it (a sensor's); in the
-        world's, by their topic."""
+        """Apply wrenches to the body that has or carries (a sensor's) their frame.
+
+        Wrenches in a world frame are assigned by their topic."""
         bodies = {plain(child): name for name, child in self._child.items() if child}
         bodies |= {name: name for name in self._masses}
         body = bodies.get(plain(piece.frame))
@@ -448,15 +448,15 @@ class Anybody:
         return next(iter(self._masses)) if len(self._masses) == 1 else None
 
     def _named(self, source: str, child: str) -> str | None:
-        """The body of a source of poses."""
+        """Name of the body that a source of poses belongs to; None if unknown."""
         parts = {child, *words(source)}
         named = [name for name in self._masses if name in parts]
         if not named and ("/tf_static:" in source or self._readings.composed):
-            return None  # what never moves is not the only body; which of a tree is, nobody knows
+            return None  # static frames are no body; which frame of a tree is the body is unknown
         return named[0] if named else self._only
 
     def _moving_frames(self) -> list[str]:
-        """A line for each source whose poses are in a frame that moves itself."""
+        """Notes on sources whose reference frame itself moves."""
         frames = self._frames
         moving = {plain(child): source for source, (_, child) in frames.items()
                   if child and self._found.figures[source].moves}  # fmt: skip
@@ -468,7 +468,7 @@ class Anybody:
         ]
 
     def _several_frames(self) -> list[str]:
-        """A line for each scene whose bodies have poses in frames that no transform connects."""
+        """Notes on scenes whose bodies' poses are in frames that no transform connects."""
         lines = []
         for whole, title in self._title.items():
             frames: dict[str, list[str]] = {}
@@ -485,7 +485,7 @@ class Anybody:
 
 
 def _why(back: int, figures: Figures) -> str:
-    """What a reader can do where it is no clock that was set now and then."""
+    """Advice appended to the note on steps back, if the messages are unordered."""
     if back < max(FEW, SHUFFLED * figures.rates.count):
         return ""
     return ": its messages do not lie in the order of their times; sort the bag first (`mcap sort`)"

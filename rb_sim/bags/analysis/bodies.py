@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Poses of one body: its mass properties, energy, momenta and the wrench that they take."""
+"""Mass properties of bodies; energy, momenta and wrench of one body from its poses."""
 
 from __future__ import annotations
 
@@ -42,21 +42,21 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import from_rotation_vector, norms, product, rotate
 from rb_sim.scene.schema import Scene
 
-# Mass properties for poses of somebody else: from a scene, a URDF, or a bag of ours.
+# Mass properties for foreign poses: from a scene, a URDF, or an rb_sim bag.
 
 
 MOST = 20_000_000
-"""Bytes of a URDF that are read."""
+"""Maximum size of a URDF [bytes]."""
 
 
 def masses_of(path: str) -> dict[str, Body]:
-    """Bodies by name. path: scene file or shipped name, or a .urdf. Raises RbSimError."""
+    """Mass properties by body name. path: scene file, shipped name, or .urdf. Raises RbSimError."""
     scene = scene_of(path)
     return _of_urdf(Path(path)) if scene is None else bodies_of(scene)
 
 
 def scene_of(path: str) -> Scene | None:
-    """The scene of that file or shipped name; None for a .urdf. Raises RbSimError."""
+    """Scene of a file or shipped name; None for a .urdf. Raises RbSimError."""
     if Path(path).suffix == ".urdf":
         return None
     from rb_sim.scene.listing import find_scene
@@ -66,7 +66,7 @@ def scene_of(path: str) -> Scene | None:
 
 
 def bodies_of(scene: Scene) -> dict[str, Body]:
-    """Mass properties of the bodies of a scene."""
+    """Mass properties of a scene's bodies, by name."""
     return {
         name: Body(body.mass, np.array(body.inertia), np.array(body.center_of_mass))
         for name, body in scene.bodies.items()
@@ -74,7 +74,7 @@ def bodies_of(scene: Scene) -> dict[str, Body]:
 
 
 def scene_with(name: str, body: Body) -> Scene:
-    """A scene of that one body, on which nothing acts. Raises SceneError."""
+    """A scene with this one body and no effects. Raises SceneError."""
     from rb_sim.scene.load import scene_from_plain
 
     numbers = {"mass": body.mass, "inertia": body.inertia.tolist(),
@@ -124,53 +124,53 @@ def _body(inertial: ElementTree.Element) -> Body:
     return Body(float(mass.attrib["value"]), turn @ tensor @ turn.T, xyz)
 
 
-# Instants at which the velocity of a body jumps: nothing follows from poses beside them.
+# Velocity jumps (impacts) of a body: poses near them must not be differentiated.
 #
-# A polynomial through samples on both sides of an impact has accelerations of about the jump over a
-# few periods, which no force of the motion is. Where a run is ours its events tell the impacts. Of
-# others' poses a second difference d_k stands out from what those beside it foretell,
+# A polynomial through samples on both sides of an impact gives a spurious acceleration of about the
+# jump over a few periods. Bags of rb_sim record their impacts as events. In foreign bags a jump is
+# detected by its second difference d_k minus the prediction from its neighbours,
 #
 #     D_k = d_k - 0.9 (d_k-2 + d_k+2) + 0.4 (d_k-3 + d_k+3)
 #
-# (the cubic through four of them), is more than noise makes, and larger than all four.
+# (the cubic through four of them), if |D_k| exceeds noise, and LARGER times all four neighbours.
 
 
 LOOK = 4
-"""Samples on either side of one that are looked at."""
+"""Number of samples needed on either side of a jump."""
 NEIGHBOURS = {2: 0.9, 3: -0.4}
-"""Weights of the second differences as many samples before and after."""
+"""Weights of the neighbouring second differences, by their distance in samples."""
 SURE_JUMP = 6.0
-"""Standard deviations of D that noise does not reach."""
+"""Standard deviations of D above which it is not noise."""
 LARGER = 2.0
-"""Times the second differences beside it: an oscillation of up to a radian a sample stays below."""
+"""Minimum ratio of D to its neighbours; an oscillation of up to 1 rad per sample stays below it."""
 KEPT = 20
-"""Intervals that are kept one by one."""
+"""Maximum number of intervals listed individually."""
 EVENT_COLUMNS = 3
 
 
 class Struck:
-    """The instants of one body, in bounded memory.
+    """Impact times of one body, and the samples excluded around them; bounded memory.
 
-    by_events: the bag has contact events; else impacts are looked for in the poses.
+    by_events: the times come from recorded contact events; else they are detected in the poses.
     """
 
     def __init__(self, by_events: bool = False) -> None:
         self.by_events = by_events
         self.count = self.samples = self.of = 0
-        """jumps; samples beside them; samples in all."""
+        """number of jumps; samples near them; all samples."""
         self.intervals: list[list[float]] = []
         self._times = np.empty(0)
         self._first: list[float] = []
         self._reach = 0.0
 
     def add(self, times: np.ndarray) -> None:
-        """The next instants [s], increasing."""
+        """Append impact times [s], increasing."""
         self._times = np.concatenate([self._times, times])
         self.count += len(times)
         self._first += times[: EVENT_COLUMNS - len(self._first)].tolist()
 
     def look(self, t: np.ndarray, pose: np.ndarray) -> None:
-        """Find those in poses (n, 7); stretches overlap by LOOK samples at least."""
+        """Detect jumps in poses (n, 7); successive calls overlap by at least LOOK samples."""
         if self.by_events:
             return
         for part in pieces(t):
@@ -186,7 +186,7 @@ class Struck:
             self.add(np.array(fresh))
 
     def beside(self, t: np.ndarray, h: float) -> np.ndarray:
-        """Which of the instants t, h apart, have one within the filter's window."""
+        """Mask of the times t (period h) [s] with an impact within the filter's window."""
         reach = self._reach = (WINDOW // 2 + (0.0 if self.by_events else 1.0)) * h
         self._times = self._times[self._times >= t[0] - reach - WINDOW * h]
         k = np.searchsorted(self._times, t - reach)
@@ -207,7 +207,7 @@ class Struck:
 
     @property
     def note(self) -> str:
-        """When, and what is left out for it; or ""."""
+        """A line with the impact times and the excluded samples; "" if there are none."""
         if not self.samples:
             return ""
         at = first_few([f"{t:.6g}" for t in self._first], self.count, EVENT_COLUMNS)
@@ -225,7 +225,7 @@ class Struck:
 
 
 def jumps(rows: np.ndarray) -> np.ndarray:
-    """Indices of jumps of the velocity in even samples of a pose, shape (7, n)."""
+    """Indices of velocity jumps in evenly sampled poses, shape (7, n)."""
     d = np.diff(rows, 2, axis=1)  # of sample 1 + k
     n, width = d.shape[1], max(NEIGHBOURS)
     middle = d[:, width : n - width]
@@ -234,7 +234,7 @@ def jumps(rows: np.ndarray) -> np.ndarray:
     sigma = np.median(np.abs(D), axis=1) / NORMAL
     found = np.zeros(D.shape[1], bool)
     for part, still in ((slice(0, 3), COMPUTED_ROUNDING), (slice(3, 7), 0.0)):
-        # of the noisiest component: how noise is shared among those of a quaternion changes
+        # of the noisiest component: noise moves between quaternion components as the body turns
         least = max(
             SURE_JUMP * sigma[part].max(), WRITTEN_ROUNDING * np.abs(rows[part]).max(), still
         )
@@ -244,20 +244,19 @@ def jumps(rows: np.ndarray) -> np.ndarray:
     return np.flatnonzero(found) + width + 1
 
 
-# How far the largest acceleration of a motion is off that a filter makes of its poses.
+# Error of the largest acceleration that the filter computes from poses.
 #
-# A polynomial of order ORDER through WINDOW samples flattens a peak of few samples. How much, one
-# of order NEXT through the same samples tells: by how much both differ is the error of the first
-# where that of the second is much smaller. It is asked at the largest acceleration only, which the
-# extremes of the wrench belong to.
+# A polynomial of order ORDER through WINDOW samples flattens a peak of few samples. The error is
+# estimated by the difference from a polynomial of order NEXT through the same samples, and only at
+# the largest acceleration, where the extremes of the wrench occur.
 
 
 NEXT = ORDER + 2
-"""Order of the polynomial beside which that of the filter is laid."""
+"""Order of the comparison polynomial."""
 NOTABLE_ERROR = 0.01
-"""Of the largest acceleration: error above which it is reported."""
+"""Error relative to the largest acceleration above which it is reported."""
 SURE_PEAK = 5.0
-"""Standard deviations of what noise makes of the difference, below which it tells nothing."""
+"""Standard deviations of the noise of the difference below which it is not significant."""
 UNITS = ("m/s^2", "rad/s^2")
 NAMES = ("acceleration", "angular_acceleration")
 HALF = WINDOW // 2
@@ -265,34 +264,32 @@ HALF = WINDOW // 2
 
 @cache
 def _between(order: int) -> np.ndarray:
-    """Weights of the samples in the difference of both derivatives of this order, for a period
-    of 1."""
+    """Filter weights (WINDOW,) of the difference between both derivatives, for a period of 1."""
     return savgol_coeffs(WINDOW, NEXT, deriv=order) - savgol_coeffs(WINDOW, ORDER, deriv=order)
 
 
 @cache
 def _of_noise(order: int) -> float:
-    """What noise makes of the difference, of what it makes of the derivative."""
+    """Ratio of the noise of the difference to the noise of the derivative."""
     own = savgol_coeffs(WINDOW, ORDER, deriv=order)
     return float(np.linalg.norm(_between(order)) / np.linalg.norm(own))
 
 
 class Peaks:
-    """Follows the largest acceleration of C and the largest angular one of a body."""
+    """Tracks the largest acceleration of C and the largest angular acceleration of a body."""
 
     def __init__(self) -> None:
         self._size = [0.0, 0.0]
         self._off: list[float | None] = [None, None]
-        """None where it cannot be distinguished from noise or rounding, or lies beside an end of
-        the poses."""
+        """None if it is not significant, or the peak is near an end of the poses."""
 
     def look(
         self, motion: Motion, squares: Sequence[np.ndarray], kept: np.ndarray, h: float
     ) -> None:
-        """The next motion, h apart [s].
+        """Append motion with sample period h [s].
 
-        squares: of its accelerations and its angular ones, (n,) each; kept: the samples that mean
-        anything, (n,).
+        squares: squared accelerations and angular accelerations, (n,) each; kept: mask of valid
+        samples, (n,).
         """
         for j in (0, 1):
             of_kept = np.where(kept, squares[j], 0.0)
@@ -303,7 +300,7 @@ class Peaks:
 
     @property
     def note(self) -> str:
-        """What is off, where it is worth a word; or ""."""
+        """A line with the errors that exceed NOTABLE_ERROR; "" if none does."""
         parts = [
             f"{off:.2g} of {size:.3g} {unit}"
             for off, size, unit in zip(self._off, self._size, UNITS, strict=True)
@@ -325,7 +322,8 @@ class Peaks:
 
 
 def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
-    """How far the acceleration (j = 0) or the angular one (1) is off at sample k."""
+    """Error estimate of the acceleration (j = 0) or angular acceleration (j = 1) at sample k; None
+    if it is not significant."""
     if not HALF <= k < len(motion.t) - HALF:
         return None
     gain, rows, order = ((1.0, motion.position, 2), (2.0, motion.orientation, 2))[j]
@@ -340,23 +338,23 @@ def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
 
 Listener = Callable[[Motion, list[Jump]], None]
 STRETCH = 8192
-"""Samples that are differentiated at once; stretches overlap by the filter's window."""
+"""Samples differentiated at once; successive blocks overlap by the filter's window."""
 COARSE = 0.01
 """Relative error of accelerations above which it is reported."""
 NOISY = 0.1
-"""Noise of accelerations, of their RMS, above which it is reported."""
+"""Noise of accelerations relative to their RMS above which it is reported."""
 UNIT = Body(1.0, np.zeros((3, 3)), np.zeros(3))
-"""Where no mass is known: force is acceleration, and there is no torque."""
+"""Substitute for an unknown body: force equals acceleration, torque is 0."""
 WRENCH = ("Fx", "Fy", "Fz", "Kx", "Ky", "Kz")
 STATE = ("kinetic", "Px", "Py", "Pz", "Lx", "Ly", "Lz")
 MOTION = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 class BodyFigures:
-    """Follows the poses of one body, and the total wrench that was recorded for it if any.
+    """Statistics of one body from its poses: motion, state, wrench; and the recorded wrench.
 
-    listener: gets the motion, stretch by stretch, and where the stamps went back before it. struck:
-    is given the instants at which the body was struck; else that is looked for in its poses.
+    listener: called with each block of motion and the steps back in time before it. struck: impact
+    times of the body; without it they are detected in its poses.
     """
 
     def __init__(
@@ -371,18 +369,18 @@ class BodyFigures:
         self.wrench, self.recorded = Figures(WRENCH), Figures(WRENCH)
         self._t = np.empty(0)
         self._rows = np.empty((0, 19))
-        """pose, total wrench, twist in the body's axes; NaN where not known."""
+        """pose, total wrench, twist in body axes; NaN if not recorded."""
         self._difference = np.zeros(2)
         self._compared = 0
         self._jumps: list[Jump] = []
         self._by_twist = np.zeros(2, bool)
-        """whether velocity and spin were those of recorded twists."""
+        """whether velocity and spin come from recorded twists."""
         self._turn = 0.0
-        """largest turn between two samples [rad]."""
+        """largest rotation between two samples [rad]."""
         self._poses, self._row = 0, 0
-        """how many came, and how many of them in one stretch at most."""
+        """number of poses; length of the longest stretch without a gap."""
         self._squares = np.zeros((2, 2))
-        """summed over the samples: accelerations and angular ones, of their noise and of them."""
+        """sums of squares: noise of both accelerations; the accelerations themselves."""
 
     def add(
         self,
@@ -391,8 +389,8 @@ class BodyFigures:
         recorded: np.ndarray | None = None,
         twist: np.ndarray | None = None,
     ) -> None:
-        """Times (n,), poses (n, 7), total wrenches about C (n, 6) or None, twists of the origin in
-        the body's axes (n, 6) or None."""
+        """Append times (n,) [s], poses (n, 7), total wrenches about C (n, 6) or None, and twists of
+        the origin in body axes (n, 6) or None."""
         self._poses += len(t)
         none = np.full((len(t), 6), np.nan)
         others = [none if each is None else each for each in (recorded, twist)]
@@ -408,7 +406,7 @@ class BodyFigures:
             )
 
     def finish(self) -> None:
-        """No more poses come, or they go on with another motion."""
+        """End of the poses, or of one motion."""
         if len(self._t):
             self._t, self._rows = filled(self._t, self._rows)
         self._differentiate(len(self._t))
@@ -420,16 +418,16 @@ class BodyFigures:
             figures.begin_anew()
 
     def listen(self, listener: Listener) -> None:
-        """Another one gets the motion from now on."""
+        """Add a listener for later motion."""
         self._listeners.append(listener)
 
     @property
     def center_of_mass(self) -> np.ndarray:
-        """From the body's origin, in its axes."""
+        """From the body's origin, body axes [m]."""
         return self._body.center_of_mass
 
     def struck(self, times: np.ndarray) -> None:
-        """The body is struck at these instants, before the next poses come."""
+        """Register impact times [s]; call before adding the poses around them."""
         self._struck.add(times)
 
     def _differentiate(self, n: int) -> None:
@@ -459,7 +457,7 @@ class BodyFigures:
             self._take(motion, rows[WINDOW // 2 : -(WINDOW // 2), 7:13], ~struck)
 
     def _take(self, motion: Motion, recorded: np.ndarray, kept: np.ndarray) -> None:
-        """Figures of a motion, but for where the body is struck."""
+        """Add a block of motion to the statistics, without samples near impacts."""
         if not kept.any():
             return
         which = slice(None) if kept.all() else kept  # a slice copies nothing
@@ -476,7 +474,7 @@ class BodyFigures:
             self._compared += len(apart)
 
     def _note_jump(self, k: int) -> None:
-        """Keep the step back before sample k, if it is one; stretches overlap: only once."""
+        """Record the step back in time before sample k, if any; once, as blocks overlap."""
         if k and self._t[k] < self._t[k - 1]:
             jump = float(self._t[k - 1]), float(self._t[k])
             if jump not in self._jumps:
@@ -484,14 +482,13 @@ class BodyFigures:
 
     @property
     def notes(self) -> list[str]:
-        """What is not to be trusted, and what was left out."""
+        """Warnings on accuracy, and on excluded samples."""
         peaks = "" if error_at(self._turn) > COARSE else self._peaks.note
         return [line for line in (self._struck.note, peaks, self._quality) if line]
 
     @property
     def _quality(self) -> str:
-        """Where the samples are too few for the motion, or too noisy: by how much the accelerations
-        are off; or ""."""
+        """A line if accelerations are inaccurate (sample rate too low, or noise); else ""."""
         error = error_at(self._turn)
         if error > COARSE:
             return (

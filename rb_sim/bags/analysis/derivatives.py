@@ -7,10 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Motion from poses alone: velocities and accelerations by a stated filter, and the wrench.
+"""Velocities, accelerations and wrenches from poses alone.
 
-Positions and quaternions are differentiated by Savitzky and Golay's filter (1964): a polynomial of
-order ORDER through WINDOW samples, evaluated at their middle. With the quaternion q, body to world,
+Positions and quaternions are differentiated by the filter of Savitzky and Golay (1964): a
+polynomial of order ORDER through WINDOW samples, evaluated at the middle one. With the quaternion
+q, body to world,
 
     w = 2 vec(q' q*)      w' = 2 vec(q'' q*)      (world axes)
     F = m a_C             K = I w' + w x I w      (about the centre of mass C)
@@ -34,25 +35,26 @@ WINDOW = 9
 ORDER = 5
 FILTER = f"Savitzky-Golay, order {ORDER} through {WINDOW} samples"
 UNEVEN = 2e-6
-"""Of the period h: samples less even than this are first laid on an even grid by a cubic spline. A
-stamp that is off by e counts as a pose off by v e, and as an acceleration off by 0.3 v e / h^2."""
+"""Deviation from even sampling, relative to the period h, above which samples are resampled by
+a cubic spline. A stamp error e acts as a position error v e and an acceleration error 0.3 v e /
+h^2."""
 NORMAL = 0.6745
-"""Median of the absolute value of a normal distribution of standard deviation 1."""
+"""Median absolute value of a normal distribution with standard deviation 1."""
 SLOW = 1e-3
-"""[rad] a sample, below which rounding hides the error of the filter (1e-10 there)."""
+"""[rad] per sample, below which the filter's error (1e-10 there) is less than rounding."""
 FILL = 5
-"""Order of the spline that gives single lost samples: that of the filter."""
+"""Order of the spline that fills in single lost samples: that of the filter."""
 ALIKE = 0.1
-"""Recorded twist less the derivative of the poses, of the latter, beyond their noise (RMS): below
-this it is their derivative."""
+"""Relative RMS difference between recorded twist and derivative of the poses, beyond their noise,
+below which the twist is accepted as that derivative."""
 SURE = 3.0
-"""Standard deviations of noise that may lie between both."""
+"""Standard deviations of noise allowed between the two."""
 LOOKED_AT = 1024
-"""Samples of a stretch at most from whose scatter the noise is estimated."""
+"""Maximum number of samples of a stretch from which its noise is estimated."""
 
 
 class Body(NamedTuple):
-    """Mass properties. Units and frames as in a scene."""
+    """Mass properties; units and frames as in a scene file."""
 
     mass: float
     inertia: np.ndarray
@@ -60,7 +62,7 @@ class Body(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """Standard deviations of noise, all three components together."""
+    """Standard deviations of noise, as the norm over the three components."""
 
     position: float = 0.0
     """[m]."""
@@ -73,7 +75,7 @@ class Scatter(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """World axes, about the centre of mass C; each of shape (n, 3) but t."""
+    """Motion of a body about its centre of mass C, world axes; arrays (n, 3) except t."""
 
     t: np.ndarray
     velocity: np.ndarray
@@ -85,20 +87,20 @@ class Motion(NamedTuple):
     orientation: np.ndarray
     """(n, 4)."""
     noise: tuple[float, float] = (0.0, 0.0)
-    """standard deviations of the acceleration [m/s^2] and the angular one [rad/s^2], all three
-    components together, that follow from the readings' scatter about the filter's polynomial."""
+    """standard deviations of acceleration [m/s^2] and angular acceleration [rad/s^2], as norms over
+    the three components, from the scatter of the readings about the filter's polynomial."""
     scatter: Scatter = Scatter()
-    """the same of the poses, and of the velocities."""
+    """standard deviations of the poses and the velocities."""
     recorded: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
-    """velocity and spin of a recorded twist as they were read, where they are taken."""
+    """recorded velocity and spin, unfiltered, if used instead of the derivative; else None."""
 
 
 Jump = tuple[float, float]
-"""A step back: the stamp before and the one after [s]."""
+"""A step back in time: the stamp before it and the one after it [s]."""
 
 
 def pieces(t: np.ndarray) -> list[slice]:
-    """The stretches of t without a gap or a step back."""
+    """Slices of t without a gap or a step back."""
     if len(t) < 2:
         return [slice(0, len(t))]
     steps = np.diff(t)
@@ -109,9 +111,10 @@ def pieces(t: np.ndarray) -> list[slice]:
 
 
 def filled(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """With the single samples that lack, by splines; rows: (n, m), in columns 3 to 6 quaternions.
+    """Times and rows with single lost samples filled in by splines.
 
-    A column that is not known throughout a stretch is not known there.
+    rows: (n, m), quaternions in columns 3 to 6. A column with a NaN anywhere in a stretch is NaN in
+    the samples filled in.
     """
     parts = []
     for part in pieces(t):
@@ -138,10 +141,10 @@ def differentiated(
     center_of_mass: np.ndarray,
     twist: np.ndarray | None = None,
 ) -> Motion | None:
-    """The motion of C in one stretch, without the half window at its ends; None if too short.
+    """Motion of C in one stretch, without half a window at either end; None if it is too short.
 
-    twist: recorded velocity of the origin and spin, in the body's axes, (n, 6). Each of both is
-    taken instead of the derivative of the poses if it is that but for noise, and less noisy.
+    twist: recorded velocity of the origin and spin, body axes, (n, 6). Each of the two replaces the
+    derivative of the poses if it agrees with it within noise and is less noisy.
     """
     if len(t) < WINDOW + 2:
         return None
@@ -172,14 +175,14 @@ def differentiated(
 
 
 def _in_world(q: np.ndarray, arm: np.ndarray, twist: np.ndarray) -> np.ndarray:
-    """Velocity of the centre of mass, `arm` from the origin, and spin, world axes."""
+    """Velocity of the centre of mass (at `arm` from the origin) and spin, world axes, (n, 6)."""
     q = unit(q)
     v, w = rotate(q, twist[:, :3]), rotate(q, twist[:, 3:])
     return np.hstack([v + cross(w, arm), w])
 
 
 def _alike(own: np.ndarray, posed: np.ndarray, noise: float) -> bool:
-    """Whether recorded velocities are those of the poses, which have this noise."""
+    """Whether recorded velocities agree with those from the poses, whose noise is given."""
     apart, size = (float(np.mean(np.sum(x * x, axis=1))) for x in (own - posed, posed))
     return bool(own.any()) and apart <= ALIKE**2 * size + (SURE * noise) ** 2
 
@@ -187,10 +190,10 @@ def _alike(own: np.ndarray, posed: np.ndarray, noise: float) -> bool:
 def even(
     t: np.ndarray, position: np.ndarray, q: np.ndarray, more: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times on an even grid, positions and quaternions there, (7, n), and its period [s].
+    """Evenly spaced times, positions and quaternions at them (7, n), and their period [s].
 
-    more: other columns, whose rows follow. One row each: filters are several times faster along
-    rows than along columns.
+    more: further columns, which become further rows. Rows, since filters run several times faster
+    along rows than along columns.
     """
     q = continuous(unit(q))
     both = np.concatenate([position.T, q.T, *([] if more is None else [more.T])])
@@ -202,34 +205,34 @@ def even(
 
 
 def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
-    """Along each row of samples h apart; the half window at either end is of no use."""
+    """Derivative along each row, sample period h; half a window at either end is invalid."""
     return convolve1d(rows, _coefficients(order), axis=1, mode="constant") / h**order
 
 
 def _sigma(rows: np.ndarray, h: float) -> np.ndarray:
-    """Standard deviation of the noise of each row (m, n), by its scatter about the polynomial.
+    """Standard deviation of the noise of each row (m, n), from its scatter about the polynomial.
 
-    The median of the scatter, as of a normal distribution: an impact now and then is no noise.
+    By the median of the scatter, assuming a normal distribution: occasional impacts do not count.
     """
     rest = (_derivative(rows, 0, h) - rows)[:, WINDOW // 2 : -(WINDOW // 2)]
-    own = 1.0 - _coefficients(0)[WINDOW // 2]  # part of the noise's variance that is left over
+    own = 1.0 - _coefficients(0)[WINDOW // 2]  # fraction of the noise's variance in the residual
     sigma = np.median(np.abs(rest), axis=1) / (NORMAL * np.sqrt(own))
     return np.where(sigma > WRITTEN_ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
 
 
 def _gain(order: int, h: float) -> float:
-    """Noise of a derivative by the filter, of that of the samples."""
+    """Ratio of the noise of a filtered derivative to that of the samples."""
     return float(np.linalg.norm(_coefficients(order))) / h**order
 
 
 def velocity_noise(motion: Motion) -> tuple[float, float]:
-    """Standard deviations of velocity [m/s] and spin [rad/s] of a motion."""
+    """Standard deviations of the velocity [m/s] and spin [rad/s] of a motion."""
     return motion.scatter.velocity, motion.scatter.spin
 
 
 @cache
 def _coefficients(order: int) -> np.ndarray:
-    """The filter's weights for a period of 1."""
+    """Filter weights (WINDOW,) for a sample period of 1."""
     return savgol_coeffs(WINDOW, ORDER, deriv=order)
 
 
@@ -239,9 +242,9 @@ def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def error_at(turn: float) -> float:
-    """Relative error of a second derivative where the body turns by `turn` [rad] a sample.
+    """Relative error of the filter's second derivative at `turn` [rad] of rotation per sample.
 
-    The filter's response to an oscillation beside the exact one; a quaternion turns by half.
+    From its frequency response; a quaternion oscillates at half the angle.
     """
     if turn < SLOW:
         return 0.0
@@ -250,7 +253,7 @@ def error_at(turn: float) -> float:
 
 
 class Taken(NamedTuple):
-    """What a motion of one body takes, world axes."""
+    """Wrench, energy and momenta of the motion of one body, world axes."""
 
     wrench: np.ndarray
     """total force and torque about C, shape (n, 6)."""
@@ -262,7 +265,7 @@ class Taken(NamedTuple):
 
 
 def inverse_dynamics(motion: Motion, body: Body) -> Taken:
-    """The wrench, energy and momenta of a motion."""
+    """Wrench, energy and momenta of a motion."""
     q = motion.orientation
 
     def through_inertia(vector: np.ndarray) -> np.ndarray:

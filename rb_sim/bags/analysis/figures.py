@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Extremes, RMS and spectrum of a stream of numbers, in bounded memory."""
+"""Extremes, RMS and spectrum of a stream of values, in bounded memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rb_sim.bags.transforms import IMU, POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.sink import Envelope
 
-# Units of what an analysis tells, by the names of its columns.
+# Units by column name.
 
 
 UNITS = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "wx": "rad/s",
@@ -30,44 +30,44 @@ UNITS = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "w
          "Kx": "N m", "Ky": "N m", "Kz": "N m", "kinetic": "J", "Px": "N s", "Py": "N s",
          "Pz": "N s", "Lx": "N m s", "Ly": "N m s", "Lz": "N m s"}  # fmt: skip
 SCALARS = {"energy": "J", "power": "W"}
-"""Of the sources of a single number in bags of ours; those of others are topics, with a slash."""
+"""Units of rb_sim's single-value sources; other sources are topic names, with a slash."""
 
 
 def unit_of(source: str, column: str) -> str:
-    """The unit of a column of a source, "" for a number without one or of an unknown one."""
+    """Unit of a column of a source; "" if dimensionless or unknown."""
     return SCALARS.get(source, "") if column == "value" else UNITS.get(column, "")
 
 
-# Power densities of numbers that come in pieces, stretch by stretch, in bounded memory.
+# Power spectral density of a stream of values, in bounded memory.
 #
 # Welch, The use of fast Fourier transform for the estimation of power spectra (1967): Hann window,
-# no overlap, mean removed. No piece reaches across a gap, a clock that was set, or a motion that
-# begins anew: the jump there would be reported as a spectrum of its own.
+# no overlap, mean removed. No segment spans a gap, a clock step, or a restart: the jump there would
+# add a spectrum of its own.
 
 
 SEGMENT = 2048
-"""Samples of one piece."""
+"""Samples per segment."""
 SHORTEST = 64
-"""Samples of which, where no stretch has those of a piece, a spectrum is still taken."""
+"""Minimum number of samples for a spectrum if no stretch has a whole segment."""
 BACK = 2.0
-"""Periods: stamps that step back by more end a stretch, and so does an interval that is LONG."""
+"""A step back in time by more than this many periods, or a LONG interval, ends a stretch."""
 WINDOW = np.hanning(SEGMENT)
 
 
 class Spectrum:
-    """Of m numbers."""
+    """Power spectral densities of m columns."""
 
     def __init__(self, m: int) -> None:
         self._waiting = self._rest = np.empty((m, 0))
-        """samples of the stretch that no piece has taken, and the most that an earlier one left."""
+        """samples of the stretch not yet in a segment; the longest earlier remainder."""
         self._power: np.ndarray | None = None
-        """sum of the pieces' powers; none before the first: a bag may have thousands of topics."""
+        """sum of the segments' powers; allocated late: a bag may have thousands of topics."""
         self._segments = 0
         self._period: float | None = None
         self._last: float | None = None
 
     def add(self, t: np.ndarray, columns: np.ndarray) -> None:
-        """The next values, shape (m, n), at times t [s]."""
+        """Append values, shape (m, n), at times t [s]."""
         steps = np.diff(t, prepend=t[0] if self._last is None else self._last)
         self._last = float(t[-1])
         if self._period is None and (steps > 0.0).any():
@@ -83,14 +83,15 @@ class Spectrum:
             self._take(part)
 
     def begin_anew(self) -> None:
-        """What comes is another motion."""
+        """Mark a restart: later values belong to another motion."""
         if self._waiting.shape[1] > self._rest.shape[1]:
             self._rest = self._waiting
         self._waiting = self._waiting[:, :0]
 
     def density(self, rate: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Frequencies [Hz] and one-sided density [unit^2/Hz], shape (k, m), of `rate` samples a
-        second; of the longest stretch where none has a whole piece; None if that is too short."""
+        """Frequencies [Hz] and one-sided density [unit^2/Hz], (k, m), at sample rate `rate`.
+
+        Without a whole segment that of the longest stretch; None if it is shorter than SHORTEST."""
         power, segments, window = self._power, self._segments, WINDOW
         if power is None:
             longest = max(self._waiting, self._rest, key=lambda rest: rest.shape[1])
@@ -125,14 +126,14 @@ COLUMNS = {
     IMU: ("qx", "qy", "qz", "qw", "wx", "wy", "wz", "ax", "ay", "az"),
     SCALAR: ("value",),
 }
-"""What the numbers of each kind of readings are."""
+"""Columns of each kind of readings."""
 
 CURVE = 1500
-"""Points at most of a curve in the report, twice that with its lower and upper edge."""
+"""Maximum number of points of a plotted curve; twice that as lower and upper envelope."""
 
 
 class Figures:
-    """Follows one source: values of shape (n, m) at times [s]."""
+    """Statistics of one source with columns `names`: values of shape (n, m) at times [s]."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self.names = names
@@ -144,11 +145,11 @@ class Figures:
         self._envelope = Envelope(m, CURVE)
         self._last = -np.inf
         self._quaternion = names.index("qx") if "qx" in names else None
-        """place of the first of its four numbers."""
+        """index of its first component."""
         self._attitude: np.ndarray | None = None
 
     def add(self, t: np.ndarray, values: np.ndarray) -> None:
-        """The next values; those whose time goes back are counted but not drawn."""
+        """Append values; those whose time goes back are counted but not plotted."""
         self.rates.add(t)
         values = self._on_one_side(values)
         columns = np.ascontiguousarray(values.T)  # several times faster than along the rows
@@ -167,8 +168,8 @@ class Figures:
         self._spectrum.add(t, columns)
 
     def _on_one_side(self, values: np.ndarray) -> np.ndarray:
-        """The values with the sign of each quaternion that is nearest to the one before: q and -q
-        are one attitude, and a sign that changes on the way is no motion."""
+        """Values with the sign of each quaternion chosen nearest to the one before: q and -q are
+        the same attitude."""
         if self._quaternion is None:
             return values
         at = slice(self._quaternion, self._quaternion + 4)
@@ -182,28 +183,28 @@ class Figures:
         return values
 
     def begin_anew(self) -> None:
-        """What comes is another motion: no spectrum reaches across that."""
+        """Mark a restart: later values belong to another motion, and no spectrum spans it."""
         self._spectrum.begin_anew()
 
     @property
     def moves(self) -> bool:
-        """Whether a number is not the same throughout."""
+        """Whether any column varies."""
         return bool((self.spread > 0.0).any())
 
     @property
     def size(self) -> np.ndarray:
-        """Largest absolute value of each number; 0 before the first."""
+        """Largest absolute value of each column; 0 before the first value."""
         size = np.maximum(np.abs(self._low), np.abs(self._high))
         return np.where(np.isfinite(size), size, 0.0)
 
     @property
     def spread(self) -> np.ndarray:
-        """Largest less least value of each number; 0 before the first."""
+        """Largest minus least value of each column; 0 before the first value."""
         spread = self._high - self._low
         return np.where(np.isfinite(spread), spread, 0.0)
 
     def curves(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and values to draw."""
+        """Times and values to plot."""
         return self._envelope.curves()
 
     def spectrum(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -212,7 +213,7 @@ class Figures:
         return None if rate is None else self._spectrum.density(rate)
 
     def as_dict(self, sizes: np.ndarray | None = None) -> dict[str, Any]:
-        """Plain numbers. sizes: beside which each number is small or large; None: its own size."""
+        """Plain numbers. sizes: reference magnitude of each column; None: its own maximum."""
         count = max(1, self.rates.count)
         found = self.spectrum()
         peaks = None
@@ -234,18 +235,18 @@ class Figures:
         return {**self.rates.as_dict(), "values": values}
 
 
-# How large the numbers of a unit are, all in all: what is far less is rounding.
+# Reference magnitude of each unit; values many orders smaller are rounding.
 
 
 RESIDUAL = "residual"
-"""The source that is relative to the scene's scale, which is 1 therefore."""
+"""Source that is already relative to the scene's scale, so that its reference magnitude is 1."""
 
 
 def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str, float]:
-    """The largest absolute value of each unit.
+    """Largest absolute value for each unit.
 
-    Bodies that reach r [m] from their origins, turn at w and take a force F move elsewhere at r w,
-    and a torque of F r is of their size.  length: r.
+    length: reach r [m] of the bodies from their origins. A spin w then counts as a speed r w, and a
+    force F as a torque F r.
     """
     sizes: dict[str, float] = {}
     for name, figures in sources:
@@ -259,8 +260,10 @@ def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str,
 
 
 def sizes_beside(name: str, figures: Figures, sizes: Mapping[str, float]) -> np.ndarray:
-    """What each number of a source is small or large beside; those without a unit are compared with
-    their own kind only: what one topic counts says nothing of another."""
+    """Reference magnitude of each column of a source.
+
+    Columns without a unit are compared only within their source: counts of different topics are
+    unrelated."""
     if name == RESIDUAL:
         return np.ones(len(figures.names))
     units = [unit_of(name, column) for column in figures.names]

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Analysis of a bag of rb_sim: its samples, stretch by stretch, and the result as plain data.
+"""Analysis of an rb_sim bag: its samples, one stretch at a time, and the result as plain data.
 
-No motion leads from the sample before a reset, or a state that was set, to the one at it: nothing
-is differentiated, and no balance drawn, across it.
+Differentiation and balances never span a reset or a state that was set: no motion connects the
+samples on either side.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 class RecordedRun:
-    """The readings of a bag of ours, by the names of its topics, and what `found` gets of them."""
+    """Readings of an rb_sim bag, by topic, and their analysis, which is stored in `found`."""
 
     def __init__(self, found: Analysis, reader: BagReader) -> None:
         self._found, self._reader = found, reader
@@ -62,7 +62,7 @@ class RecordedRun:
             found.bodies[name] = BodyFigures(properties, struck=Struck(by_events=True))
 
     def readings(self) -> Iterator[Reading]:
-        """All readings, in one pass over the bag."""
+        """Yield all readings in one pass over the bag."""
         for part in parts_of(self._reader):
             if part.anew:
                 self._found.begin_anew()
@@ -92,7 +92,7 @@ class RecordedRun:
             yield name, SCALAR, t, getattr(block, name)[:, None]
 
     def finish(self) -> None:
-        """Balances, contacts and constraints; no more readings come."""
+        """Finish balances, contacts and constraints, after the last reading."""
         found, reader = self._found, self._reader
         found.facts = _facts(reader)
         found.notes += reader.left_out
@@ -105,7 +105,7 @@ class RecordedRun:
 
 
 def _facts(reader: BagReader) -> list[str]:
-    """How, when and with what a run was made."""
+    """Lines about the run: method and duration, date of the file, versions."""
     options = json.loads(reader.record["simulation"])
     knob = [f"{key} {options[key]:g}" for key in ("step", "tolerance") if options.get(key)]
     versions = json.loads(reader.record.get("versions", "{}"))
@@ -118,23 +118,23 @@ def _facts(reader: BagReader) -> list[str]:
 
 
 def coordinates(block: SampleBlock) -> np.ndarray:
-    """p_WC, q_WB, v_WC, w_WB_B of each body in turn, shape (n, 13 N)."""
+    """p_WC, q_WB, v_WC, w_WB_B of each of N bodies in turn, shape (n, 13 N)."""
     q = unit(block.orientation)
     parts = [block.position, q, block.linear_velocity, block.angular_velocity]
     return np.concatenate(parts, axis=2).reshape(len(block), -1)
 
 
-# The wrenches that a bag of ours tells for each body, as one about its centre of mass.
+# Total recorded wrench on each body about its centre of mass, in rb_sim bags.
 
 
 FROM_SAMPLES = ("gravity", "commanded_wrench")
-"""Effects whose force follows from the samples."""
+"""Effects whose force can be computed from the samples."""
 
 
 class Loads:
-    """Adds up reactions (on the body and, opposite, on its parent), commands and uniform gravity.
+    """Sums reactions (on the body and, opposite, on its parent), commands and uniform gravity.
 
-    notes: effects whose wrench is not among the samples; what a motion takes differs by it.
+    notes: effects whose wrench is not recorded; the total lacks them.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
@@ -151,7 +151,7 @@ class Loads:
             elif kind not in FROM_SAMPLES:
                 unknown.append(f"{name} ({kind})")
         self._parents = [self._parent(scene, name) for name in layout.reactions]
-        # a bearing's share is in the total of its constraint, which has an entry of its own
+        # the load of a single bearing is contained in the entry of its whole constraint
         self._counted = ["/" not in name for name in layout.reactions]
         text = "the samples do not contain the wrench of " + ", ".join(unknown)
         self.notes = [f"{text}; the recorded total does not include it"] if unknown else []
@@ -162,7 +162,7 @@ class Loads:
         return None if parent is None else self._layout.bodies.index(parent)
 
     def totals(self, block: SampleBlock) -> np.ndarray:
-        """Force and torque about C, world axes, shape (n, N, 6)."""
+        """Force and torque about C on each of N bodies, world axes, shape (n, N, 6)."""
         n, bodies = len(block), self._layout.bodies
         total = np.zeros((n, len(bodies), 6))
         total[:, :, :3] = self._weights
@@ -184,32 +184,33 @@ class Loads:
         return total
 
 
-# The stretches between resets and states that were set, and their balances.
+# Stretches between resets or set states, and their balances.
 
 
 FEW = 4
-"""Samples between changes of commands, on average, below which balances are only a rough figure."""
+"""Mean number of samples between changes of commands below which balances are inaccurate."""
 
 
 class Part(NamedTuple):
-    """Samples in a row."""
+    """A run of consecutive samples."""
 
     block: SampleBlock
     anew: bool
-    """whether they begin with a state that no motion leads to."""
+    """whether they start with a reset or a state that was set."""
     since: float
-    """stamp at which the scene's own time, that of its laws, was zero [s]."""
+    """stamp at which the scene's own time, that of its laws, is zero [s]."""
 
 
 def parts_of(reader: BagReader) -> Iterator[Part]:
-    """The samples of a bag, cut where a state was set or the run began anew."""
+    """Samples of a bag, split where a state was set or the run was reset."""
     node = reader.settings.get("by") == "node"
     period = 1.0 / reader.scene.simulation.rate if node else 0.0
     since, some = 0.0, False
     for block in reader.blocks():
         for part, given in stretches(block):
             if given is not None:
-                # a node's stamps go on: after a reset time is zero again, a state takes a period
+                # stamps of a node continue; a reset sets the scene's time to 0, a new state takes a
+                # period
                 since = since + period if given.state else given.t * node
             if len(part) or part.events:
                 yield Part(part, given is not None and some, since)
@@ -217,7 +218,7 @@ def parts_of(reader: BagReader) -> Iterator[Part]:
 
 
 class Balances:
-    """Energy and momenta of a run over its stretches, summed up; bounded memory."""
+    """Energy and momentum balances summed over the stretches of a run; bounded memory."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
@@ -230,7 +231,7 @@ class Balances:
         self._count = self._samples = self._changes = 0
 
     def add(self, part: Part) -> None:
-        """The next samples."""
+        """Append samples."""
         if part.anew:
             self._close()
             self._ledger = Ledger(self._scene, self._layout, part.since)
@@ -239,25 +240,25 @@ class Balances:
         self._samples += len(part.block)
         self._events.add(part.block.events)
         self._ledger.add(part.block, self._commands(part.block, part.anew))
-        if len(part.block):  # else events alone, after the last sample
+        if len(part.block):  # else only events after the last sample
             self._latest = float(part.block.t[-1])
 
     def finish(self) -> dict[str, Any]:
-        """Balances of energy and momentum, as of one run; no more samples come."""
+        """Balances of energy and momentum of the whole run, after the last sample."""
         self._close()
         found = {"energy": self._energy, "momentum": self._momentum}
         return found | ({"stretches": 1 + self._count} if self._count else {})
 
     @property
     def contacts(self) -> dict[str, Any] | None:
-        """Work and events of all stretches, after `finish`."""
+        """Work and events of the contacts, after `finish`; None without contacts."""
         if not self._layout.contacts:
             return None
         return {"work": self._contact_work, **self._events.as_dict()}
 
     @property
     def notes(self) -> list[str]:
-        """Where the balances begin anew, and whether commands leave them too few samples."""
+        """Lines on restarts, and on commands that change too often for accurate balances."""
         lines = []
         if self._count:
             at = first_few([f"{t:g}" for t in self._anew], self._count)
@@ -270,7 +271,7 @@ class Balances:
         return lines
 
     def _commands(self, block: SampleBlock, anew: bool) -> list[float]:
-        """Instants from which on another command acts: right after the sample before."""
+        """Instants [s] from which a new command acts: just after the preceding sample."""
         changed = sorted({given.index for given in block.inputs})
         self._changes += len(changed)
         if len(changed) * FEW > len(block):
@@ -279,7 +280,7 @@ class Balances:
         return [float(np.nextafter(t, np.inf)) for t in before]
 
     def _close(self) -> None:
-        """A stretch is over."""
+        """End the current stretch and add its balance."""
         ledger = self._ledger
         if not ledger.samples:
             return
@@ -294,7 +295,7 @@ class Balances:
 
 
 def _joined(before: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any]:
-    """Errors and doubts added, the larger of the scales."""
+    """Sum of the errors and their uncertainties; the larger of the scales."""
     if before is None:
         return now
     error, scale = before["error"] + now["error"], max(before["scale"], now["scale"])
@@ -310,7 +311,7 @@ def _energies(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict
     return _joined(before, now) | {"final": now["final"], "work": before["work"] + now["work"]}
 
 
-# Everything that a bag tells, in one pass over it and in bounded memory.
+# Entry point: one pass over the bag, in bounded memory.
 
 
 def analyze(
@@ -321,10 +322,11 @@ def analyze(
     scene: Scene | None = None,
     table: Aligned | None = None,
 ) -> Analysis:
-    """Read a bag, ours or anybody's. masses: by body, child frame, or topic; else those of the bag.
+    """Analyze a bag of rb_sim or of any other program.
 
-    scene: that of the poses, for its constraints and effects, and for masses where none are given.
-    table: gets the aligned samples. Raises SinkError for what is no bag, or has no readings.
+    masses: by body, child frame, or topic; None: those of the bag. scene: that of the poses, for
+    its constraints and effects, and for masses if none are given. table: collects the aligned
+    samples. Raises SinkError if the file is not a bag or has no readings.
     """
     reader = reader_of(bag, unfinished=True)
     found = Analysis(str(bag))

@@ -7,11 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a scene says of a motion, many instants at a time: errors of constraints, energies, loads.
+"""Constraint errors, energies and loads of a scene at many instants of a recorded motion.
 
-The rows of the constraints and the laws of the effects are those that the engine integrates,
-traced once and evaluated on arrays. Where they come from poses alone, the velocities are those of
-the filter that differentiates the poses.
+The constraint rows and effect laws are those of the simulation, traced once and evaluated on
+arrays. If only poses were recorded, the velocities come from the filter that differentiates them.
 """
 
 from __future__ import annotations
@@ -39,43 +38,42 @@ from rb_sim.scene.schema import Scene
 
 
 class Line(NamedTuple):
-    """One equation of a constraint."""
+    """One constraint equation."""
 
     constraint: str
     holonomic: bool
-    """it has a position error besides that of the velocity."""
+    """it has a position error in addition to the velocity error."""
     arm: float
-    """what makes a length of its error: 1, or of an angle the scene's length [m]."""
+    """factor that converts its error to a length: 1, or the scene's length [m] for an angle."""
 
 
 class Found(NamedTuple):
-    """At n instants."""
+    """Values at n instants."""
 
     gap: Array
-    """g of each row; 0 where it is not holonomic, shape (n, rows)."""
+    """position error g of each equation; 0 if it is not holonomic, shape (n, rows)."""
     slip: Array
-    """G u - b of each row, shape (n, rows)."""
+    """velocity error G u - b of each equation, shape (n, rows)."""
     overlap: Array
-    """how deep each point of contact lies in its support [m], negative where it is apart;
-    shape (n, points)."""
+    """penetration depth of each contact point [m], negative if apart, shape (n, points)."""
     potential: Array
-    """of the effects that have one [J], shape (n,)."""
+    """of the conservative effects [J], shape (n,)."""
     power: Array
-    """of the others [W], shape (n,)."""
+    """of the other effects [W], shape (n,)."""
     kinetic: Array
-    """[J], shape (n,)."""
+    """kinetic energy [J], shape (n,)."""
     momenta: Array
-    """P and L about the world's origin, shape (n, 6)."""
+    """P and L about the world's origin, world axes, shape (n, 6)."""
     loads: Array
-    """outer force and torque about the world's origin of the effects, shape (n, 6)."""
+    """force and torque of the effects about the world's origin, world axes, shape (n, 6)."""
 
 
 class SceneLaws:
-    """The laws of a scene's constraints and effects; commands count as zero.
+    """Laws of a scene's constraints and effects on arrays; commands count as zero.
 
-    rows, points: what the columns of `Found` belong to. length, speed: the scene's scales, as in
-    the residual of a run. Laws that decide by branches are called instant by instant.
-    Raises SceneError as compiling does.
+    lines, points: what the columns of `Found` refer to. length, speed: scales of the scene, as in
+    the residual of a run. Laws that branch on the state are evaluated one instant at a time. Raises
+    SceneError as compiling does.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -114,7 +112,7 @@ class SceneLaws:
         )
 
     def at(self, t: Array, y: Array) -> Found:
-        """t [s]: shape (n,); y: p_WC, q_WB, v_WC, w_WB_B of each body, shape (n, 13 N)."""
+        """Values at times t [s], (n,), and y: p_WC, q_WB, v_WC, w_WB_B of each body, (n, 13 N)."""
         whole = np.hstack([y, self._turns.at(t, y)])
         parts = np.split(self._law(t, whole), self._ends, axis=1)
         gap, slip, overlap, potential, power, kinetic, momenta, loads = parts
@@ -124,20 +122,20 @@ class SceneLaws:
 
 
 class Turns:
-    """Counts the turns of torsion springs along the samples, as their laws do from step to step."""
+    """Counts whole turns of torsion springs along the samples, as their laws do in steps."""
 
     def __init__(self, system: Any, t: Any, y: list[Any]) -> None:
         springs = [e for e in system.effects if isinstance(e.row, TorsionSpringRow)]
         self.columns = 2 * len(springs)
-        """angle and whole turns of each."""
+        """number of columns: angle and whole turns of each spring."""
         self._law = ArrayLaw(
             [twist(e.row, state_of(y, e.body), state_of(y, e.parent))[0] for e in springs]
         )
         self._before = [(-np.inf, np.zeros(len(springs)))]
-        """ends of the pieces so far: time [s] and angles [rad]."""
+        """state at the ends of the pieces so far: time [s] and angles [rad]."""
 
     def at(self, t: Array, y: Array) -> Array:
-        """The columns at every time; pieces come in the order of time, or once more."""
+        """The columns at each time, shape (n, columns); pieces come in order of time, or again."""
         if not self.columns or not len(t):
             return np.empty((len(t), self.columns))
         folded = self._law(t, y)
@@ -149,8 +147,8 @@ class Turns:
 
 
 def _effects(system: Any, t: Any, y: list[Any]) -> list[Any]:
-    """Potential energy, power of the effects without one, force and torque about the world's
-    origin of all of them, world axes."""
+    """Potential energy, power of non-conservative effects, and total force and torque about the
+    world's origin, world axes."""
     energy: Any = 0.0
     power: Any = 0.0
     force: Any = (0.0, 0.0, 0.0)
@@ -187,7 +185,7 @@ def _wrench(row: Any, t: Any, inertial: Any, B: BodyState, A: BodyState) -> Any:
 
 
 def _called(plainly: Any, results: int, t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
-    """What a function of t and two states gives, called instant by instant."""
+    """Results of a function of t and two states that is called one instant at a time."""
     numbers = [x for state in (B, A) for vector in state for x in vector]
     return call(External(plainly.__qualname__, results, plainly, lambda: 0), t, *numbers)
 
@@ -200,7 +198,7 @@ def _state(numbers: Any) -> BodyState:
 def _overlaps(
     scene: Scene, place: InitialPlace, t: Any, y: list[Any]
 ) -> tuple[list[str], list[Any]]:
-    """Points of contact, and how deep they lie in their supports."""
+    """Names of the contact points and their penetration depths [m]."""
     index = {name: i for i, name in enumerate(scene.bodies)}
     names: list[str] = []
     depths: list[Any] = []
@@ -227,12 +225,12 @@ def _overlap(row: Any, t: Any, B: BodyState, A: BodyState) -> Any:
         return _called(plainly, 1, t, B, A)[0]
 
 
-# How far a motion is from the constraints of a scene, recomputed from its poses.
+# Constraint errors recomputed from poses.
 
 
 @dataclass
 class _Worst:
-    """The largest value so far, and when."""
+    """Largest value so far and its time [s]."""
 
     value: float = 0.0
     at: float | None = None
@@ -247,7 +245,7 @@ class _Worst:
 
 
 class ConstraintFigures:
-    """Follows the errors of all constraints of `laws`."""
+    """Tracks the errors of all constraints of `laws`."""
 
     def __init__(self, laws: SceneLaws) -> None:
         self._laws = laws
@@ -258,12 +256,12 @@ class ConstraintFigures:
         self._relative = 0.0
 
     def _of(self, name: str, holonomic: bool = False) -> list[int]:
-        """The rows of a constraint; those that are holonomic."""
+        """Indices of the equations of a constraint, or only of its holonomic ones."""
         lines = enumerate(self._laws.lines)
         return [k for k, x in lines if x.constraint == name and (x.holonomic or not holonomic)]
 
     def add(self, t: Array, found: Found) -> None:
-        """The next instants."""
+        """Append instants t (n,) [s] and the laws' values at them."""
         if not len(t):
             return
         for name, worst in self._position.items():
@@ -279,11 +277,11 @@ class ConstraintFigures:
         self._relative = float(np.nanmax([self._relative, gap, slip, depth]))
 
     def as_dict(self) -> dict[str, Any] | None:
-        """Largest errors by constraint and their times; None where the scene has none.
+        """Largest errors by constraint and their times; None if the scene has no constraints.
 
         position [m or rad] and velocity [m/s or rad/s] of joints; overlap [m] of contacts, negative
-        where they never touched, and whether they did; relative: the largest of all, of the scene's
-        length and speed, angles and spins at the end of an arm of that length.
+        if they never touched, and whether they did; relative: the largest of all relative to the
+        scene's length or speed, with angles and spins multiplied by that length.
         """
         if not (self._velocity or self._overlap):
             return None

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Balances of somebody else's bag: energy and momenta of its bodies against what acted on them.
+"""Energy and momentum balances of foreign bags: bodies against the recorded wrenches and effects.
 
-Momenta and energies follow from the poses, differentiated; what acted from the effects of a scene,
-if there is one, and from the recorded wrenches, which are taken to act ON the body: in its own axes
-at its origin where their frame is the body's, in world axes at its origin where it is the world's.
+Momenta and energies come from differentiated poses; loads from the effects of a scene, if given,
+and from recorded wrenches. A wrench acts ON the body at its origin: in body axes if its frame is
+the body's, in world axes if its frame is the world.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, pr
 from rb_sim.scene.schema import Scene
 
 ROWS = 8192
-"""Samples that are taken at once."""
+"""Samples processed at once."""
 MOST = 16 * ROWS
-"""Samples that wait for the readings of another source; then it counts as silent."""
+"""Samples buffered while waiting for another source; beyond it that source counts as silent."""
 LATE = 2.0
-"""Periods of the poses: stamps that step back by less are late; else the clock was set."""
+"""Periods of the poses: a smaller step back is a late message, a larger one a set clock."""
 SURELY = 2.0
-"""Standard deviations that are given as the bound of noise."""
+"""Number of standard deviations reported as the bound of noise."""
 SAME = 1000
-"""Nanoseconds within which the poses of several bodies are at one instant."""
+"""Time difference [ns] within which poses of several bodies count as simultaneous."""
 
 
 class _Acting(NamedTuple):
@@ -48,20 +48,20 @@ class _Acting(NamedTuple):
 
     body: str
     own_axes: bool
-    """in the body's axes; else in the world's."""
+    """in body axes; else in world axes."""
     t: list[Array]
-    """growing time."""
+    """growing time [s]."""
     values: list[Array]
     new: list[tuple[Array, Array]]
-    """stamps and values that have no growing time yet."""
+    """stamps and values not yet converted to growing time."""
     silent: list[int]
-    """how many instants it was asked at, and how many of them have no reading near."""
+    """number of instants evaluated, and of those without a reading near."""
 
 
 class Whole:
-    """Follows the motion of all bodies of a scene, sample by sample.
+    """Balances all bodies of a scene together, sample by sample.
 
-    bodies: their mass properties. silent: lines about what was left out.
+    bodies: their mass properties. notes: lines about excluded data.
     """
 
     def __init__(self, scene: Scene, bodies: dict[str, Body]) -> None:
@@ -72,13 +72,13 @@ class Whole:
             for name, spec in scene.constraints.items()
             if getattr(spec, "parent", None) is None and spec.type != "free"  # type: ignore[attr-defined]
         ]
-        """what holds bodies from the world: its reactions change the momentum."""
+        """constraints to the world: their reactions change the momentum."""
         self._commanded = {
             str(spec.body)  # type: ignore[attr-defined]
             for spec in scene.effects.values()
             if spec.commandable
         }
-        """bodies that take commands, each of which holds until the next one."""
+        """bodies with commands, each of which holds until the next one."""
         self.constraints = ConstraintFigures(laws)
         self.notes: list[str] = []
         self._laws, self._bodies = laws, bodies
@@ -91,7 +91,7 @@ class Whole:
         self._random = np.random.default_rng(0)
 
     def motion(self, body: str, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
-        """The next samples of a body, and where its stamps went back before them."""
+        """Append motion of a body, and the steps back in its stamps before it."""
         q = unit(motion.orientation)
         rows = [motion.position, q, motion.velocity, rotate(conjugate(q), motion.spin)]
         if self._late == np.inf:
@@ -106,14 +106,14 @@ class Whole:
             self._take()
 
     def wrench(self, source: str, body: str, own_axes: bool, t: Array, values: Array) -> None:
-        """The next readings, shape (n, 6), of a source of wrenches on a body."""
+        """Append readings, shape (n, 6), of a source of wrenches on a body."""
         acting = self._acting.setdefault(source, _Acting(body, own_axes, [], [], [], [0, 0]))
         acting.new.append((t, values))
 
     def finish(self, seen: Container[str] = ()) -> dict[str, Any]:
-        """Energy and momenta as of a run, which sources acted, and the constraints.
+        """Energy and momentum balances, their sources, and the constraint errors.
 
-        seen: bodies that have poses, be they too few to be differentiated.
+        seen: bodies that have poses, even if too few to differentiate.
         """
         self._take(last=True)
         self.notes += self._time.notes()
@@ -143,16 +143,16 @@ class Whole:
 
     @property
     def samples(self) -> int:
-        """Instants at which all bodies were known."""
+        """Number of instants at which all bodies are known."""
         return self._balance.samples
 
     @property
     def reported(self) -> dict[str, Any] | None:
-        """Errors of the constraints."""
+        """Constraint errors; None without samples."""
         return self.constraints.as_dict() if self.samples else None
 
     def _take(self, last: bool = False) -> None:
-        """Evaluate the instants that all sources have reached; all of them at the end."""
+        """Evaluate the instants that all sources have reached; at the end all instants."""
         if not all(self._waiting.values()):
             return
         for source, acting in self._acting.items():
@@ -196,7 +196,7 @@ class Whole:
         self._balance.add(t, found.kinetic, state, supply, noise)
 
     def _balanced(self, t: Array, y: Array, found: Found) -> tuple[Array, Array]:
-        """Energy and momenta, and what supplies them, each (n, 7)."""
+        """Energy and momenta, and their rates of supply, shape (n, 7) each."""
         power, loads = found.power.copy(), found.loads.copy()
         for acting in self._acting.values():
             i = self._laws.bodies.index(acting.body)
@@ -213,8 +213,8 @@ class Whole:
         return np.column_stack([energy, found.momenta]), np.column_stack([power, loads])
 
     def _acting_at(self, t: Array, acting: _Acting) -> Array:
-        """The wrenches of a source, (n, 6): linear between two readings, but what a body is
-        commanded holds from each to the next, as where its scene is simulated with them."""
+        """Wrenches of a source at times t, (n, 6): interpolated linearly; commands hold until the
+        next one, as in a simulation."""
         at, values = joined(acting.t, acting.values)
         if acting.body in self._commanded:
             held = np.concatenate([np.zeros((1, 6)), values])
@@ -222,7 +222,7 @@ class Whole:
         return linear(t, at, values, outside=0.0)
 
     def _with_noise(self, y: Array) -> Array | None:
-        """The motion with as much noise again as it has, None where it has none."""
+        """Copy of the motion with as much noise added as it contains; None without noise."""
         if not any(max(scatter) > 0.0 for scatter in self._scatter.values()):
             return None
         y = y.copy()
@@ -239,14 +239,14 @@ class Whole:
         return y
 
     def _forget(self, before: float) -> None:
-        """Drop readings that are not needed any more, but for the last one before."""
+        """Drop readings before time `before` [s], except the last one."""
         for acting in self._acting.values():
             while len(acting.t) > 1 and acting.t[1][0] <= before:
                 del acting.t[0], acting.values[0]
 
 
 class _Balance:
-    """Change less supply over stretches without a gap, summed up."""
+    """Change minus supply of energy and momenta, summed over stretches without a gap."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -259,7 +259,7 @@ class _Balance:
         self._scale = np.zeros(3)
         self._ends = np.zeros(2)
         self._squares = np.zeros((2, 7))
-        """summed over the instants: what noise changes of the state, and of its supply."""
+        """sums of squares over the instants: effect of noise on the state, and on its supply."""
 
     def add(
         self,
@@ -269,8 +269,8 @@ class _Balance:
         supply: Array,
         noise: tuple[Array, Array] | None = None,
     ) -> None:
-        """The next instants: energy [J] and [P, L]; power [W] and the force and torque, about the
-        world's origin, that change them; and what noise of the motion changes both by."""
+        """Append instants: energy [J] and momenta [P, L], (n, 7); power [W] and force and torque
+        about the world's origin that change them, (n, 7); and the effect of noise on both."""
         if not len(t):
             return
         energy, momenta = state[:, 0], state[:, 1:]
@@ -294,7 +294,7 @@ class _Balance:
                 self._last = float(t[b - 1]), state[b - 1]
 
     def _end(self) -> None:
-        """A stretch is over."""
+        """End the current stretch."""
         if self._last is not None:
             total, doubt, _ = self._quadrature.total()
             self._change += self._last[1] - self._first
@@ -304,7 +304,7 @@ class _Balance:
             self._quadrature = Quadrature(7)
 
     def as_dict(self) -> dict[str, Any]:
-        """As `Ledger` has them; None where nothing was known."""
+        """Balances in the format of `Ledger`; None without samples."""
         if not self.samples:
             return {"energy": None, "momentum": None}
         self._end()
@@ -330,8 +330,10 @@ class _Balance:
         }
 
     def _noise(self) -> Array:
-        """What noise makes of the change less the supply, SURELY standard deviations, (7,): at the
-        ends of each stretch, and summed over steps, within the filter's window in one direction."""
+        """Bound of the effect of noise on change minus supply, SURELY standard deviations, (7,).
+
+        From the noise at the ends of each stretch, and of the sum over steps, whose noise is
+        correlated within the filter's window."""
         step = self._period if self._period is not None and np.isfinite(self._period) else 0.0
         ends = 2.0 * self.stretches * self._squares[0] / max(1, self.samples)
         return SURELY * np.sqrt(ends + WINDOW * step**2 * self._squares[1])
@@ -341,7 +343,7 @@ _PARTS = (slice(0, 1), slice(1, 4), slice(4, 7))
 
 
 def _silent(at: Array, t: Array) -> NDArray[np.bool_]:
-    """Which of the instants t lie in a gap of the times `at`, or outside of them."""
+    """Mask of the instants t within a gap of the times `at`, or outside of them."""
     steps = np.diff(at)
     far = GAP * float(np.median(steps)) if len(steps) else 0.0
     after = np.searchsorted(at, t)
@@ -352,7 +354,7 @@ def _silent(at: Array, t: Array) -> NDArray[np.bool_]:
 
 
 def _together(columns: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """The instants at which all have a row, and these rows side by side."""
+    """Instants at which all sources have a row, and these rows side by side."""
     t, first = columns[0]
     rows = [first]
     for other_t, other in columns[1:]:

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""ROS 2 bags (MCAP): written, read, mended."""
+"""ROS 2 bags (MCAP): writing, reading, recovery."""

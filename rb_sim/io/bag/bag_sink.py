@@ -7,12 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Records samples into a ROS 2 bag (MCAP), with no ROS installed.
+"""Recorder of samples into a ROS 2 bag (MCAP); needs no ROS installation.
 
-The messages are those of `topics`; their stamps are simulated time. The bag also carries what it
-takes to read them back on their own (`reader`): the metadata record `rb_sim` with the bodies,
-the layout, the options of the run, and the file scene.yaml; both stand before the first message.
-The summary follows in the record `rb_sim_summary` when the bag is closed.
+The messages are those of `topics`, stamped with simulated time. For `reader` the bag also contains
+the metadata record `rb_sim` with the bodies, the layout and the options of the run, and the file
+scene.yaml, both before the first message. The summary is added as record `rb_sim_summary` on close.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# What a run depends on beside its scene: versions of programs, and the processor.
+# Environment of a run: versions of programs, and the processor.
 
 
 PACKAGES = ("rb_sim", "numpy", "scipy", "llvmlite", "mcap")
@@ -62,7 +61,7 @@ PACKAGES = ("rb_sim", "numpy", "scipy", "llvmlite", "mcap")
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Version of each program that a result depends on; of ROS, its distribution if it is there."""
+    """Version of each program that a result depends on; the ROS distribution if installed."""
     found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -74,7 +73,7 @@ def versions() -> dict[str, str]:
 
 
 def _ros_of_wheels() -> str:
-    """The distribution of a rclpy that was installed from wheels, with its version."""
+    """Version of a rclpy installed from wheels; "" if there is none."""
     for name in ("ros-jazzy-rclpy", "ros-rclpy", "rclpy"):
         try:
             return f"rclpy {version(name)}"
@@ -85,7 +84,7 @@ def _ros_of_wheels() -> str:
 
 @lru_cache(maxsize=1)
 def host() -> dict[str, str]:
-    """The processor and the system; nothing that names the machine or its user."""
+    """Processor and operating system, without names of machine or user."""
     return {"cpu": _cpu(), "machine": platform.machine(), "system": platform.system()}
 
 
@@ -98,15 +97,15 @@ def _cpu() -> str:
     return names[0] if names else platform.processor() or "unknown"
 
 
-# What a bag says of its scene and layout in the metadata record `rb_sim`.
+# The metadata record `rb_sim`: scene and layout of a bag.
 
 
 FORMAT = "1"
-"""Of the record; a reader refuses another one."""
+"""Version of the record; readers refuse others."""
 
 
 def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
-    """What a reader needs to know of scene and layout, each value JSON but for plain text."""
+    """The metadata record of scene and layout; values are JSON, or plain text."""
     bodies = {
         name: {
             "mass": body.mass,
@@ -133,7 +132,7 @@ def describe(scene: Scene, layout: SampleLayout) -> dict[str, str]:
 
 
 def describe_supports(scene: Scene) -> dict[str, Any]:
-    """Each contact's body, parent and surface."""
+    """Body, parent and surface of each contact."""
     return {
         name: {
             "body": spec.body,
@@ -145,10 +144,10 @@ def describe_supports(scene: Scene) -> dict[str, Any]:
 
 
 READABLE = ("1",)
-"""Formats that `reader` reads."""
+"""Formats that `reader` can read."""
 
 REQUIRED = ("format", "name", "scene", "bodies", "layout", "simulation", "namespace", "start")
-"""Keys without which a bag cannot be read back."""
+"""Keys required to read a bag back."""
 
 RECORD = "rb_sim"
 SUMMARY_RECORD = "rb_sim_summary"
@@ -157,27 +156,32 @@ LIBRARY = "rb_sim"
 MEASURED = frozenset(
     ("nanoseconds_per_step", "processor_time", "wall_time", "real_time_factor", "overruns")
 )
-"""Entries of a summary that differ from run to run of the same input."""
+"""Entries of a summary that differ between runs of the same input."""
 
 
 LEAST_SPLIT = 100_000
-"""Bytes of a file of a bag: a chunk is about as large."""
+"""Minimum file size for splitting [bytes], about that of a chunk."""
 
 
 class BagSink:
     """Writes DIRECTORY/<its name>_0.mcap and DIRECTORY/metadata.yaml; replaces an older bag there.
 
-    start_ns: log time of simulated time 0 [ns]: 0, so that log times are simulated time, or the
-    wall's [ns since the epoch]. They go on where a simulation was reset. Equal samples, start and
-    summary give equal bytes: how long anything took (MEASURED) is not recorded.
-    namespace: name of the node in the topic names.
-    accelerations: record BODY/accel, too; odometry: BODY/odometry.
-    run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
-    split_size [bytes], split_duration [s]: where either is reached, the next sample begins another
-    file, <its name>_1.mcap ..., which can be read on its own too; None: never.
+    start_ns: log time of simulated time 0 [ns]: 0, so that log times are simulated time, or
+    wall-clock time [ns since the epoch]. Log times continue after a reset of the simulation. Equal
+    samples, start and summary give equal bytes: durations (MEASURED) are not recorded.
 
-    `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is closed
-    then and readable up to that point, by `rb_sim recover` if not even its index could be written.
+    namespace: name of the node in the topic names.
+
+    accelerations: also record BODY/accel; odometry: also BODY/odometry.
+
+    run: how the simulation is run, plain values: `by` ("node" or "run") and its own settings.
+
+    split_size [bytes], split_duration [s]: when either is reached, the next sample starts another
+    file, <its name>_1.mcap ..., which is readable on its own; None: never.
+
+    `open` and `write` raise SinkError: folder not writable or removed, disk full. The bag is then
+    closed and readable up to that point, after `rb_sim recover` if even its index could not be
+    written.
     """
 
     def __init__(
@@ -207,11 +211,11 @@ class BagSink:
         self._events: int | None = None
         self._asked, self._odometry = accelerations, odometry
         self._tables: list[MessageTable] = []
-        """of what is recorded beside the table of topics, of each sample."""
+        """messages of each sample in addition to the table of topics."""
         self._latched: dict[int, bytes] = {}
-        """the last message of each channel that is latched and sent now and then only."""
+        """last message of each latched channel that is sent only occasionally."""
         self._state: str | None = None
-        """of the node, if it came before the first sample."""
+        """state of the node, if set before the first sample."""
         self._state_channel: int | None = None
         self._inputs: dict[int, int] = {}
         self._sample = 0
@@ -261,13 +265,13 @@ class BagSink:
             self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
 
     def _describe(self, file: BagFile) -> None:
-        """What a reader needs before the first message."""
+        """Write the records that a reader needs before the first message."""
         file.add_metadata(RECORD, self._record)
         for name, text in self._texts.items():
             file.add_attachment(name, "application/yaml", text, self._start)
 
     def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
-        """The file for a sample: another one if this one is large or long enough."""
+        """The file for a sample: a new one if the current one reached a limit."""
         if file.first is None or file.count <= len(self._latched):
             return file
         time = self._base + max(instant.stamp, self._last_stamp)
@@ -286,7 +290,7 @@ class BagSink:
         return file.add_channel(name, ros_type, schema, type_hash, None if qos is None else [qos])
 
     def _latch(self, file: BagFile, first: SampleBlock) -> None:
-        """Write what is sent once, before the first sample."""
+        """Write the latched messages, before the first sample."""
         messages = latched_messages(self._scene, self._layout, first, self._namespace, self._record)
         self._latched = {
             self._add_channel(file, one.topic, one.ros_type, LATCHED): one.data for one in messages
@@ -300,12 +304,12 @@ class BagSink:
             file.write(channel, time, self._sample, data)
 
     def note_state(self, state: str, stamp: int = 0) -> None:
-        """Record the state of the node from now on, of which a run by the command line has none.
+        """Record a change of the node's state (runs of the command line have none).
 
-        stamp: of the instant [ns], if it is later than the last sample.
+        stamp: its time [ns], if later than the last sample.
         """
         self._state = state
-        if self._file is None or not self._latched:  # the first sample brings it
+        if self._file is None or not self._latched:  # written with the first sample
             return
         if self._state_channel is None:
             name = f"{self._namespace}/{STATE}"
@@ -315,7 +319,9 @@ class BagSink:
         self._file.write(self._state_channel, time, self._sample, data)
 
     def write(self, block: SampleBlock) -> None:
-        """Append the samples of `block`; an empty one only sees that what waits is kept."""
+        """Append the samples of `block`; an empty block only flushes pending messages when due.
+
+        Raises SinkError."""
         if self._file is None:
             raise SinkError(f"{self.directory}: the bag is closed")
         if self._file.stream.vanished:
@@ -340,13 +346,13 @@ class BagSink:
             self._finish_full()
 
     def _is_plain(self, block: SampleBlock) -> bool:
-        """Whether nothing but the topics of the table goes into one file, in the order of time."""
+        """Whether the block needs no events, inputs, split or step back in time."""
         more = block.events or block.inputs or self._splits or not len(block)
         stamps = stamps_of(block)
         return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
 
     def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
-        """The samples, about a chunk's worth at a time, until the disk is full."""
+        """Write the samples, about one chunk at a time, until the disk is full."""
         stamps, rows, bounds = self._table.packed(block)
         for more in [part for table in self._tables for part in table.rows(block)]:
             end = rows.shape[1]
@@ -376,7 +382,7 @@ class BagSink:
     def _write_input(self, file: BagFile, given: Input) -> None:
         topic, data = self._input_table.message(given)
         log_time = max(self._base + stamp_of(given.t), self._base + self._last_stamp)
-        if topic not in self._inputs:  # most runs have none: no empty topics then
+        if topic not in self._inputs:  # created on demand: most runs have no inputs
             name, ros_type = self._input_table.topics[topic]
             channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
             self._inputs[topic] = channel
@@ -384,7 +390,7 @@ class BagSink:
 
     def _write_sample(self, file: BagFile, instant: SampleMessages) -> None:
         stamp = instant.stamp
-        if stamp < self._last_stamp:  # the simulation was reset: the log goes on from here
+        if stamp < self._last_stamp:  # the simulation was reset: log times continue
             self._base += self._last_stamp - stamp
         self._last_stamp = stamp
         log_time = self._base + stamp
@@ -427,7 +433,7 @@ class BagSink:
 
 
 def checksum(record: Mapping[str, str]) -> str:
-    """SHA-256 of the other values of a record: MCAP has no checksum for metadata."""
+    """SHA-256 of the values of a record except its own entry: MCAP has no checksum for metadata."""
     text = json.dumps(
         {key: value for key, value in record.items() if key != "sha256"}, sort_keys=True
     )
@@ -435,7 +441,7 @@ def checksum(record: Mapping[str, str]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A number or array of numpy as JSON can write it; anything else as text."""
+    """A JSON value: numpy numbers and arrays as lists, anything else as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -443,7 +449,7 @@ BROKEN_SUMMARY = "the record of the run's summary is broken; it is not copied"
 
 
 def summary_in(record: Mapping[str, str] | None) -> dict[str, Any] | None:
-    """The summary of a run in its record; None where there is none. Raises ValueError: broken."""
+    """The run's summary in its record; None without a record. Raises ValueError if it is broken."""
     if record is None:
         return None
     if "sha256" in record and record["sha256"] != checksum(record):

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Messages of a bag by the chunk, as arrays: many at a time, memory bounded by a chunk's size."""
+"""Messages of an MCAP file as arrays, in batches of chunks; memory bounded by the chunk size."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ from rb_sim.io.bag.records import (
 )
 
 PATTERN = 64
-"""Messages read one by one before those that follow are taken to repeat their lengths."""
+"""Messages read one by one before repetition of their lengths is assumed."""
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""How what zstd has compressed begins (RFC 8878); a message of CDR begins with a zero."""
+"""First bytes of zstd data (RFC 8878); a CDR message starts with a zero byte."""
 LARGEST = 1 << 27
-"""Bytes of a message that is decompressed; one that claims more is damage."""
+"""Maximum size of a decompressed message [bytes]; a larger claim means damage."""
 LONGEST = 32
-"""Messages in a pattern, at most."""
+"""Maximum number of messages in a repeated pattern."""
 
 
 class Messages(NamedTuple):
-    """Messages of one channel, in file order; n of them."""
+    """n messages of one channel, in file order."""
 
     log_time: np.ndarray
     """[ns], shape (n,), int64."""
     sequence: np.ndarray
     """shape (n,), int64."""
     buffer: np.ndarray
-    """uint8: the bytes among which the messages are."""
+    """uint8: bytes that contain the messages."""
     start: np.ndarray
-    """of each message in the buffer, shape (n,)."""
+    """offset of each message in the buffer, shape (n,)."""
     size: np.ndarray
     """[bytes], shape (n,)."""
 
@@ -71,14 +71,14 @@ class Messages(NamedTuple):
         return self.buffer[self.start[k] : self.start[k] + self.size[k]].tobytes()
 
     def rows(self, size: int) -> np.ndarray:
-        """The bytes of all messages, shape (n, size), if every one is that long; ValueError."""
+        """The bytes of all messages, shape (n, size). Raises ValueError for another length."""
         wrong = np.flatnonzero(self.size != size)
         if len(wrong):
             raise ValueError(f"{self.size[wrong[0]]} bytes instead of {size}")
         return rows_at(self.buffer, self.start, size)
 
     def take(self, which: np.ndarray) -> Messages:
-        """Those that `which` picks."""
+        """The messages with these indices."""
         return Messages(
             self.log_time[which], self.sequence[which], self.buffer, self.start[which],
             self.size[which],
@@ -86,7 +86,7 @@ class Messages(NamedTuple):
 
 
 def rows_at(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
-    """The `size` bytes from each start on, shape (n, size); a copy."""
+    """The `size` bytes from each start, shape (n, size), copied."""
     room = len(buffer) - size + 1
     if room <= 0 or not len(start):
         return np.empty((len(start), size), np.uint8)
@@ -95,8 +95,8 @@ def rows_at(buffer: np.ndarray, start: np.ndarray, size: int) -> np.ndarray:
 
 
 def unpacked(messages: Messages) -> Messages:
-    """The messages as they were before rosbag2 compressed them one by one, where it did; what
-    cannot be decompressed stays as it is."""
+    """The messages, decompressed if rosbag2 compressed them individually; those that cannot be
+    decompressed stay as they are."""
     if not len(messages.start) or messages.data(0)[: len(ZSTD)] != ZSTD:
         return messages
     zstandard = import_module("zstandard")
@@ -115,12 +115,12 @@ def unpacked(messages: Messages) -> Messages:
 
 
 Batch = dict[int, Messages]
-"""By channel id."""
+"""Messages by channel id."""
 
 
 def repeated(data: bytes, at: int, tail: list[int]) -> tuple[int, np.ndarray, np.ndarray]:
-    """Starts and sizes of the messages from `at` on that repeat the lengths of those before,
-    `tail`, and where they end: most bags hold the same few topics again and again."""
+    """End, starts and sizes of the messages from `at` on that repeat the periodic lengths `tail` of
+    those before: most bags cycle through the same few topics."""
     period = next((p for p in range(1, len(tail) // 2 + 1) if tail[-p:] == tail[-2 * p : -p]), None)
     if period is None:
         return at, np.empty(0, np.int64), np.empty(0, np.int64)
@@ -141,21 +141,21 @@ def repeated(data: bytes, at: int, tail: list[int]) -> tuple[int, np.ndarray, np
     return at + count * int(heads[-1]), first.ravel(), np.tile(lengths, count)
 
 
-# The messages of an MCAP file, batch by batch.
+# Scan of an MCAP file, batch by batch.
 
 
 _MESSAGE = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 _LOOSE = 1 << 18
-"""Bytes of messages outside of chunks that make one batch."""
+"""Bytes of messages outside of chunks per batch."""
 _TOGETHER = 1 << 21
-"""Bytes of chunks that are read as one batch; a larger chunk is a batch of its own."""
+"""Bytes of chunks per batch; a larger chunk is a batch of its own."""
 _CHANNELS, _GROWTH = 512, 16
-"""In a file with n times as many channels a batch is n times as large, with so many times at most:
-what is done once for each channel of a batch is dear where it has one message in it."""
+"""In a file with n times _CHANNELS channels, batches are n times as large (at most _GROWTH times),
+to limit the overhead per channel and batch."""
 
 
 def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Each channel, and the indices of its messages in their order."""
+    """Each channel, and the indices of its messages in order."""
     order = np.argsort(of, kind="stable")
     ordered = of[order]
     for at in np.split(order, np.flatnonzero(ordered[1:] != ordered[:-1]) + 1):
@@ -163,11 +163,11 @@ def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
 
 
 LOOSE = Frame(0, Opcode.MESSAGE, b"")
-"""Stands for the chunk of messages that are in none: it says nothing of them."""
+"""Placeholder chunk of messages outside of chunks; it has no times to check."""
 
 
 def _as_said(times: np.ndarray, chunk: Frame) -> bool:
-    """Whether messages may be all that their chunk, which has no checksum, says of them."""
+    """Whether messages agree with the times and index of their chunk without checksum."""
     in_time = chunk.start <= int(times.min()) and int(times.max()) <= chunk.end
     return (in_time or chunk.end == 0) and len(times) >= count_entries(chunk.indices)
 
@@ -175,29 +175,29 @@ def _as_said(times: np.ndarray, chunk: Frame) -> bool:
 class BagScan(Frames):
     """Reads one MCAP file from front to back; iterate over `batches` once.
 
-    header, schemas, channels, metadata, attachments: what was met so far. Afterwards `missing`.
-    Raises SinkError for a file that is no MCAP or cannot be opened.
+    header, schemas, channels, metadata, attachments: found so far. `missing` is complete
+    afterwards. Raises SinkError if the file is not MCAP or cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.header: Header | None = None
         index = self.index
-        # a file names its channels within its chunks; where such a chunk is broken, its index helps
+        # channels are defined within chunks; if such a chunk is broken, the index still has them
         self.schemas: dict[int, Schema] = {} if index is None else dict(index.schemas)
         self.channels: dict[int, Channel] = {} if index is None else dict(index.channels)
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self.messages = 0
         self.unchecked = 0
-        """messages that no checksum covers: of chunks without one, or outside of chunks."""
+        """messages without a checksum: in chunks without one, or outside of chunks."""
         self.bytes = 0
         """of message data."""
         self._first: int | None = None
 
     @property
     def missing(self) -> Missing:
-        """What could not be read; complete after the last batch."""
+        """Unreadable parts of the file; complete after the last batch."""
         index = self.index
         start = self._first
         lost = None if self._counted is None else max(0, self._counted - self.messages)
@@ -209,17 +209,17 @@ class BagScan(Frames):
 
     @property
     def _counted(self) -> int | None:
-        """Messages by the file's own count."""
+        """Number of messages according to the file."""
         index = self.index
         return self.claimed if index is None else index.messages
 
     @property
     def _together(self) -> int:
-        """Bytes of chunks that are read as one batch."""
+        """Bytes of chunks per batch."""
         return _TOGETHER * max(1, min(_GROWTH, len(self.channels) // _CHANNELS))
 
     def batches(self) -> Iterator[Batch]:
-        """The messages, by chunks; those outside of chunks in batches of their own."""
+        """Yield the messages, by chunks; those outside of chunks in separate batches."""
         loose = bytearray()
         chunks: list[Frame] = []
         for frame in self:
@@ -247,7 +247,7 @@ class BagScan(Frames):
             self.damages.append(Damage(self.size, self.size, OTHER_COUNT))
 
     def _checked(self, chunks: list[Frame]) -> Iterator[Batch]:
-        """The messages of the chunks, which are forgotten; of each by itself if one is broken."""
+        """Yield the messages of these chunks and clear the list; singly if one is broken."""
         waiting = chunks.copy()
         chunks.clear()
         if not waiting:
@@ -265,10 +265,10 @@ class BagScan(Frames):
             yield from self._salvaged(*waiting)
 
     def _salvaged(self, frame: Frame) -> Iterator[Batch]:
-        """What is whole in a chunk with a broken record, the rest reported.
+        """Yield the intact messages of a chunk with a broken record, and report the rest.
 
-        Behind a wrong length nothing is certain in what was decompressed: what follows may be
-        copies of what is broken; and where the checksum is right nothing broke after writing.
+        Nothing is salvaged from compressed chunks (behind a wrong length, decompressed bytes may be
+        copies of broken ones) or if the checksum is right (then the file was written so).
         """
         times = frame.start, frame.end
         if frame.checked or frame.compressed:
@@ -279,7 +279,7 @@ class BagScan(Frames):
             lambda at, size: data[at : at + size], len(data), set(self.channels), cut=cut
         ).indexed(index_entries(frame.indices))
         parts = list(records.stretches())
-        if parts == [(0, len(data))] and not cut:  # then what it says of its messages is broken
+        if parts == [(0, len(data))] and not cut:  # intact messages: wrong times or index
             self.damages.append(Damage(frame.offset, frame.offset, WRONG_TIMES))
         else:
             records = records._replace(times=times if frame.end else None)
@@ -319,9 +319,10 @@ class BagScan(Frames):
                 self.attachments.append(record)
 
     def _batch(self, data: bytes, unchecked: Frame | None) -> Batch:
-        """unchecked: the chunk of the messages; None where its checksum is right.
+        """The messages in these records.
 
-        Raises ValueError for what are no records.
+        unchecked: the chunk of the messages; None if its checksum is right. Raises ValueError if
+        the bytes are not records.
         """
         start, size = self._places(data, strict=unchecked is not None)
         if not len(start):
@@ -356,9 +357,9 @@ class BagScan(Frames):
         damages.append(Damage(0, 0, NO_CHANNEL, first, last))
 
     def _places(self, data: bytes, strict: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Where each message begins and how long it is; keeps what else there is.
+        """Start and size of each message; stores the other records.
 
-        strict: no other records than a chunk may hold; zeros would pass for empty ones.
+        strict: allow only the records of a chunk; zero bytes would otherwise pass as empty records.
         """
         parts: list[tuple[Any, Any]] = []
         starts: list[int] = []
@@ -378,7 +379,7 @@ class BagScan(Frames):
             at += 9
             if length > end - at:
                 raise ValueError("no record")
-            if opcode == 5:  # Opcode.MESSAGE; the loop over all messages is worth the literal
+            if opcode == 5:  # Opcode.MESSAGE as a literal: this loop runs over all messages
                 starts.append(at)
                 sizes.append(length)
             elif strict and opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):

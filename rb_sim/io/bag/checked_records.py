@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The records of an MCAP file with their checksums checked, and what of the file is broken.
+"""Records of an MCAP file with verified checksums, and the damage found.
 
-A chunk whose checksum is wrong is skipped. Where even the lengths are broken, reading goes on at
-the next record that the file's own index names; without an index, at the next chunk that is whole;
-in a file with messages in no chunk, at the next of these (`salvage`).
+A chunk with a wrong checksum is skipped. If even the lengths are broken, reading resumes at the
+next record in the file's index; without an index at the next intact chunk; in a file with messages
+outside of chunks at the next such message (`records.Unchecked`).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rb_sim.io.bag.records import (
     read_summary,
 )
 
-# What can be broken in a file of a bag, and how a reader tells it.
+# Kinds of damage, and their messages.
 
 
 NO_RECORD = "unreadable record"
@@ -57,10 +57,10 @@ JOURNAL = "its recorder was killed; messages in its journal (-wal) are not read"
 
 
 class Damage(NamedTuple):
-    """A part of a file that cannot be read.
+    """An unreadable part of a file.
 
-    offset, end: [bytes]; reason: one of the texts above.
-    after, before: log times between which messages are missing [ns]; None: not known.
+    offset, end: [bytes]; reason: one of the texts above. after, before: log times between which
+    messages are missing [ns]; None: unknown.
     """
 
     offset: int
@@ -71,22 +71,22 @@ class Damage(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """What a reader could not read of a bag."""
+    """Unreadable parts of a bag file."""
 
     path: Path
     damages: list[Damage]
     messages: int | None
-    """that are missing; None: the file does not tell."""
+    """number of missing messages; None: unknown."""
     start: int | None
-    """log time of the first message that was read [ns]."""
+    """log time of the first message read [ns]."""
 
     @property
     def within(self) -> bool:
-        """Whether something is missing between messages that were read."""
+        """Whether messages are missing between messages that were read."""
         return any(d.after is not None and d.before is not None for d in self.damages)
 
     def lines(self) -> list[str]:
-        """One line for each damaged part; times in seconds since the first message."""
+        """One line for each damaged part, with times in seconds since the first message."""
         lost = "" if not self.messages else f"; {self.messages} messages are missing in all"
         texts = [f"{self.path}: {self._line(damage)}" for damage in self.damages]
         return [text + (lost if k == len(texts) - 1 else "") for k, text in enumerate(texts)]
@@ -112,11 +112,11 @@ class Missing(NamedTuple):
         return f"between t = {first} s and t = {last} s of the bag"
 
     def _seconds(self, time: int | None) -> str:
-        first = time if self.start is None else self.start  # nothing was read: all from its begin
+        first = time if self.start is None else self.start  # if nothing was read, time starts here
         return f"{((time or 0) - (first or 0)) * 1e-9:.9g}"
 
 
-# A record of an MCAP file; of a chunk its records, its checksum checked, and where it ends.
+# Reading of single records and chunks.
 
 
 CHUNK = int(Opcode.CHUNK)
@@ -124,7 +124,7 @@ _HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
 SHORTEST_HEAD = _HEAD.size + _LENGTH.size
 LONGEST_HEAD = SHORTEST_HEAD + 8
-"""Bytes before the records of a chunk, at least and at most."""
+"""Bytes before the records of a chunk: at least SHORTEST_HEAD, at most LONGEST_HEAD."""
 
 WRONG_CHECKSUM = "its checksum is wrong"
 NOT_DECOMPRESSED = "it cannot be decompressed"
@@ -133,7 +133,7 @@ REASONS = (WRONG_CHECKSUM, NOT_DECOMPRESSED, NO_DECOMPRESSOR)
 
 
 class Frame(NamedTuple):
-    """One record: the content; of a chunk the checked records in it, with its log times [ns]."""
+    """One record: its content; for a chunk the decompressed records, with its log times [ns]."""
 
     offset: int
     opcode: int
@@ -141,20 +141,20 @@ class Frame(NamedTuple):
     start: int = 0
     end: int = 0
     checked: bool = True
-    """False: a chunk that carries no checksum."""
+    """False: a chunk without a checksum."""
     compressed: bool = False
     inside: int = 0
-    """where the records begin of a chunk that is not compressed [bytes]."""
+    """offset of the records of an uncompressed chunk in the file [bytes]."""
     indices: bytes = b""
-    """the message indices behind a chunk without a checksum."""
+    """message indices behind a chunk without a checksum."""
     missing: int = 0
-    """bytes at the end of a chunk that is cut off."""
+    """number of bytes missing at the end of a truncated chunk."""
 
 
 def said_size(content: bytes) -> int | None:
-    """The size of a chunk's content by the length within it; None: it is none.
+    """Size of a chunk's content according to the lengths within it; None if it is not a chunk.
 
-    content: all of it or its first LONGEST_HEAD bytes.
+    content: the whole or its first LONGEST_HEAD bytes.
     """
     if len(content) < _HEAD.size:
         return None
@@ -166,10 +166,10 @@ def said_size(content: bytes) -> int | None:
 
 
 def open_chunk(offset: int, content: bytes, *, missing: int = 0) -> Frame | str:
-    """The chunk at `offset` whose content this is, or why it cannot be read.
+    """The chunk at `offset` with this content, or the reason why it cannot be read.
 
-    missing: bytes at its end that are cut off; only what is not compressed can be read then, and
-    not checked.
+    missing: number of bytes truncated at its end; then only uncompressed data can be read,
+    unchecked.
     """
     start, end, size, checksum, name = _HEAD.unpack_from(content)
     head = _HEAD.size + name + _LENGTH.size
@@ -196,26 +196,26 @@ def open_chunk(offset: int, content: bytes, *, missing: int = 0) -> Frame | str:
 _INDEX = struct.Struct("<HI")
 _LAST_OPCODE, _FIRST_PRIVATE = int(Opcode.DATA_END), 0x80
 _SHORTEST_FILE = 8
-"""Content of a metadata record or an attachment: its lengths at least [bytes]."""
+"""Minimum content of a metadata record or an attachment: its lengths [bytes]."""
 _KEPT = 1 << 18
-"""Bytes that are read at once: records are many and small, calls of the file dear."""
+"""Bytes read at once: records are many and small, system calls slow."""
 _CHUNK_HEAD = re.compile(rb"\x06(?=.{5}\x00\x00\x00)", re.DOTALL)
-"""A chunk of less than 2^40 bytes."""
+"""Start of a chunk of less than 2^40 bytes."""
 
 
 class Frames:
-    """Iterates once over the whole records of the data section; `damages` is then complete.
+    """Iterates once over the intact records of the data section; `damages` is complete afterwards.
 
-    Raises SinkError for a file that is no MCAP or cannot be opened.
+    Raises SinkError if the file is not MCAP or cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.damages: list[Damage] = []
         self.unchecked_chunks = 0
-        """whole chunks without a checksum so far."""
+        """intact chunks without a checksum so far."""
         self.chunks = 0
-        """whole chunks so far."""
+        """intact chunks so far."""
         self._kept, self._kept_from = b"", 0
         try:
             self._file: BinaryIO = path.open("rb")
@@ -227,16 +227,16 @@ class Frames:
             raise SinkError(f"{path}: not an MCAP file")
         magic = len(MCAP0_MAGIC)
         self.complete = self.size >= 2 * magic and self._at(self.size - magic, magic) == MCAP0_MAGIC
-        """the file ends as a finished one does."""
+        """whether the file has the end of a finished one."""
         summary = read_summary(self._at, self.size) if self.complete else NO_SUMMARY
         self.index = summary.index if summary.checked else None
         self.claimed = summary.index.messages if summary.index and not summary.checked else None
-        """messages that an index without a checksum counts; None: there is none."""
+        """number of messages according to an index without a checksum; None: no such index."""
         self._broken_index = summary.broken
         self._channels: set[int] = set()
-        self._loose = False  # messages that stand in no chunk
+        self._loose = False  # whether there are messages outside of chunks
         self._last_time: int | None = None
-        self._open: list[Damage] = []  # of which the first log time after it is not known yet
+        self._open: list[Damage] = []  # damages without a known log time after them yet
 
     def __iter__(self) -> Iterator[Frame]:
         with self._file:
@@ -248,7 +248,7 @@ class Frames:
         self._file.close()
 
     def named(self) -> Iterator[Frame]:
-        """The records that the index names, but for chunks; instead of iterating over all."""
+        """Yield only the records in the index, except chunks."""
         assert self.index is not None
         with self._file:
             for at in self.index.offsets[:-1]:
@@ -267,7 +267,7 @@ class Frames:
                 length = self._chunk_size(at, length)
             reason, frame = self._read(at, opcode, length)
             if reason == CUT_OFF and frame is not None:
-                finished, end, reason = True, self.size, None  # whoever reads the frame tells it
+                finished, end, reason = True, self.size, None  # reported by the reader of the frame
             elif reason in (None, *REASONS):
                 end = self._past_indices(at + FRAME.size + length)
             else:
@@ -298,7 +298,7 @@ class Frames:
         return FRAME.unpack(head) if len(head) == FRAME.size else (0, 0)
 
     def _read(self, at: int, opcode: int, length: int) -> tuple[str | None, Frame | None]:
-        """What is wrong with the record at `at`, and the record if nothing is."""
+        """(damage, record) at `at`; a truncated chunk has both, a message index neither."""
         if not 1 <= opcode <= _LAST_OPCODE and opcode < _FIRST_PRIVATE:
             return NO_RECORD, None
         if length > self.size - at - FRAME.size:
@@ -314,7 +314,7 @@ class Frames:
         return None, Frame(at, opcode, self._at(at + FRAME.size, length))
 
     def _past_indices(self, at: int) -> int:
-        """The end of the whole message indices from `at` on: most of the records of a file."""
+        """End of the intact message indices from `at` on (most records of a file are indices)."""
         self._at(at, INDEX_HEAD.size)
         here, room = at - self._kept_from, self.size - self._kept_from
         return self._kept_from + past_indices(self._kept, here, room)
@@ -336,10 +336,10 @@ class Frames:
         return (CUT_OFF if missing else None), opened
 
     def _chunk_size(self, at: int, length: int) -> int:
-        """The size of the content of the chunk at `at`, which says it twice; 0 if it is none.
+        """Size of the content of the chunk at `at`, which is stored twice; 0 if there is no chunk.
 
-        Where the two differ, the one by which it is a chunk: with the right checksum or, without
-        any, of the size that it has without compression, and a record behind it.
+        If the two differ, the one that gives a valid chunk: with the right checksum or, without
+        checksum, the right uncompressed size and a record behind it.
         """
         room = self.size - at - FRAME.size
         said = said_size(self._at(at + FRAME.size, LONGEST_HEAD))
@@ -356,7 +356,7 @@ class Frames:
         return length if length > room else 0
 
     def _note_times(self, frame: Frame) -> None:
-        """Close the gaps before this chunk or message; note the channels that stand in no chunk."""
+        """Update log times, close the gaps before this record, note channels outside chunks."""
         first, last = frame.start, frame.end
         if frame.opcode == Opcode.CHANNEL:
             self._channels.add(int.from_bytes(frame.content[:2], "little"))
@@ -369,18 +369,18 @@ class Frames:
             self._last_time = last
 
     def _begin_of(self, at: int, opcode: int) -> int | None:
-        """Log time of the first message of a chunk of which only the beginning is there [ns]."""
+        """Log time of the first message of a truncated chunk [ns]; None if its head is missing."""
         head = self._at(at + FRAME.size, _LENGTH.size) if opcode == Opcode.CHUNK else b""
         return _LENGTH.unpack(head)[0] if len(head) == _LENGTH.size else None
 
     def _note_damage(self, offset: int, end: int, reason: str, begins: int | None = None) -> None:
-        """begins: log time from which messages are missing where none before it is there."""
+        """Register damage. begins: log time from which messages are missing if none precedes it."""
         lost = [] if self.index is None else self._indexed(offset, end)
         known = begins if self._last_time is None else self._last_time
         after = min((c.message_start_time for c in lost), default=known)
         before = max((c.message_end_time for c in lost), default=None)
         if self.index is not None and not lost and not self._loose:
-            # the index knows of no chunk there: no message is missing
+            # no chunk there according to the index: no message is missing
             self.damages.append(Damage(offset, end, reason))
             return
         self._open.append(Damage(offset, end, reason, after, before))
@@ -390,7 +390,7 @@ class Frames:
         return [c for at, c in self.index.chunks.items() if offset <= at < end]
 
     def _resume(self, at: int) -> int:
-        """Where to read on after `at`; the end of the file if nowhere."""
+        """Offset at which to continue reading after `at`; the end of the file if nowhere."""
         if self.index is None:
             end = self._next_chunk(at)
         else:
@@ -403,13 +403,15 @@ class Frames:
         return next((offset for offset in chunks if self._is_record(offset)), self.size)
 
     def _messages(self, end: int | None = None) -> Unchecked:
-        """The messages that stand in no chunk, up to `end`."""
+        """The records outside of chunks, up to `end`."""
         end, cut = end or self.size, not self.complete
         return Unchecked(self._at, end, self._channels, closes=self._is_end, cut=cut)
 
     def _is_followed(self, at: int, end: int) -> bool:
-        """False if the length of the message at `at` may be the broken one: no record is at its
-        end, and none that reading could go on from says that one was there."""
+        """Whether the length of the message at `at`, which ends at `end`, is plausible.
+
+        False if no record starts at `end` and reading could resume before it: the length may be
+        broken."""
         opcode, length = self._head(end)
         if opcode == Opcode.MESSAGE and MESSAGE_HEAD.size <= length <= self.size - end - FRAME.size:
             return True
@@ -420,12 +422,12 @@ class Frames:
         return (resumed is None or resumed > end) and messages.is_record(end, resumed)
 
     def _is_end(self, at: int) -> bool:
-        """A chunk begins there, or the data end."""
+        """Whether a chunk or the end of the data starts at `at`."""
         head = self._head(at)
         return head == (Opcode.DATA_END, 4) or (head[0] == Opcode.CHUNK and self._is_record(at))
 
     def _is_record(self, at: int) -> bool:
-        """A record can begin there, by its opcode and its lengths."""
+        """Whether a record may start at `at`, by its opcode and lengths."""
         opcode, length = self._head(at)
         content = at + FRAME.size
         if at == self.size and not self.complete:

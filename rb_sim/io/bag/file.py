@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A rosbag2 directory: DIR/<name of DIR>_0.mcap, _1 ... where it is split, and DIR/metadata.yaml.
+"""Writer of a rosbag2 directory: DIR/<name of DIR>_0.mcap, _1 ... if split, and DIR/metadata.yaml.
 
-The MCAP files follow the ros2 profile and carry rosbag2's own metadata; metadata.yaml is written
-last, so that a directory which has it is complete.
+The MCAP files follow the ros2 profile and contain rosbag2's metadata. metadata.yaml is written
+last, so that its presence marks a complete directory.
 """
 
 from __future__ import annotations
@@ -29,57 +29,56 @@ import yaml
 
 from rb_sim.io.bag.writer import McapWriter, Rows
 
-# The open chunk of a bag as it would be if it ended now, so that a killed process loses little.
+# Drafts: the open chunk is written as if it ended now, so that a killed process loses little.
 #
-# Where chunks ended by the clock, equal runs would give different files. So a chunk ends by its
-# size alone, and what waits in the open one stands at the end of the file as a draft, which any
-# reader of unfinished files takes for a chunk; the next chunk is written over it.
+# If chunks ended by the clock, equal runs would give different files. So a chunk ends only by its
+# size, and the messages of the open one are written at the end of the file as a draft, which
+# readers of unfinished files accept as a chunk; the next chunk overwrites it.
 
 
 PERIOD = 0.5
-"""[s] of wall time that a message waits for the next draft."""
+"""[s] of wall-clock time after which a pending message is written as a draft."""
 
 
 class Draft:
-    """Says when one is due. clock: gives wall time [s]."""
+    """Timer of the drafts. clock: returns wall-clock time [s]."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._since: float | None = None
 
     def wait(self) -> None:
-        """A message waits in the open chunk."""
+        """Note that a message is pending in the open chunk."""
         if self._since is None:
             self._since = self._clock()
 
     def clear(self) -> None:
-        """None waits any more: the chunk has ended, or a draft was written."""
+        """Note that no message is pending: the chunk ended, or a draft was written."""
         self._since = None
 
     @property
     def due(self) -> bool:
-        """True if a message has waited for PERIOD."""
+        """True if a message has been pending for PERIOD."""
         return self._since is not None and self._clock() - self._since >= PERIOD
 
 
-# The file below a bag: appends whole records, and says when it cannot.
+# Output file that appends whole records, also when the disk is full.
 #
-# A disk that fills up leaves a bag without its index. So a little space is kept from the start and
-# given back then: enough to finish the file.
+# A full disk would leave a bag without its index. So a reserve file is allocated at the start and
+# released then: enough to finish the bag.
 
 
 RESERVE = 1 << 20
-"""Space kept for the open chunk and the index [bytes]: the index of about 1 GB of samples."""
+"""Space reserved for the open chunk and the index [bytes]: the index of about 1 GB of samples."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class BagStream:
-    """A locked file that grows by whole writes, unbuffered: what was written survives a crash.
+    """A locked file that grows by whole unbuffered writes, so that written data survive a crash.
 
-    full: True as soon as the disk was found full; what is written then comes from the reserve.
-    Raises OSError where it cannot be opened, or written even so; BlockingIOError if another
-    process is writing it.
+    full: True once the disk was full; later writes use the reserve. Raises OSError if it cannot be
+    opened or written; BlockingIOError if another process is writing it.
     """
 
     def __init__(self, path: Path, reserve: int = RESERVE) -> None:
@@ -105,7 +104,7 @@ class BagStream:
             os.close(file)
 
     def write(self, data: bytes) -> int:
-        """Append all of `data` or, raising OSError, nothing."""
+        """Append all of `data`; on OSError nothing is appended."""
         start = self._position
         try:
             self._append(data)
@@ -123,9 +122,9 @@ class BagStream:
         return len(data)
 
     def write_draft(self, data: bytes) -> None:
-        """Put `data` at the end of the file, where the next write goes over it.
+        """Write `data` at the end of the file, where the next write overwrites it.
 
-        Where there is no room it is left out: a draft is worth no space kept for better things.
+        Without space nothing is written, as drafts may not use the reserve.
         """
         try:
             written = os.pwrite(self._file, data, self._position)
@@ -144,7 +143,7 @@ class BagStream:
         self._drop_draft()
 
     def _drop_draft(self) -> None:
-        """Cut off what is left of a draft behind the last write."""
+        """Truncate the rest of a draft behind the last write."""
         if self._draft_end > self._position:
             os.ftruncate(self._file, self._position)
         self._draft_end = 0
@@ -156,19 +155,19 @@ class BagStream:
         self._draft_end = 0
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Number of bytes written."""
         return self._position
 
     def flush(self) -> None:
-        """Nothing is buffered."""
+        """Does nothing: writes are unbuffered."""
 
     @property
     def vanished(self) -> bool:
-        """True if the file was removed, so that writing on would be for nobody."""
+        """True if the file was deleted."""
         return os.fstat(self._file).st_nlink == 0
 
     def close(self) -> None:
-        """Release the file and the reserve; a second time does nothing."""
+        """Release the file and the reserve; repeated calls do nothing."""
         if self._file >= 0:
             self._reserve.unlink(missing_ok=True)
             os.close(self._file)
@@ -176,7 +175,7 @@ class BagStream:
 
 
 CHUNK_SIZE = 128 * 1024
-"""Bytes of messages in a chunk; what waits in the open one is drafted every half second."""
+"""Bytes of messages per chunk; the open one is drafted every half second."""
 
 QOS: dict[str, Any] = {
     "history": "keep_last",
@@ -189,16 +188,16 @@ QOS: dict[str, Any] = {
     "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
     "avoid_ros_namespace_conventions": False,
 }
-"""Offered by every topic. An endless time is the longest that rosbag2 can write."""
+"""QoS offered by every topic; durations are the largest that rosbag2 can write (infinite)."""
 LATCHED: dict[str, Any] = QOS | {"depth": 1, "durability": "transient_local"}
-"""Offered by topics whose last message is for who comes late, too."""
+"""QoS of topics whose last message is also delivered to late subscribers."""
 
 ROS_DISTRO = "jazzy"
 _METADATA_VERSION = 9
 
 
 def mcap_path(directory: Path, number: int = 0) -> Path:
-    """An MCAP file of a bag directory."""
+    """Path of the MCAP file with that number in a bag directory."""
     return directory / f"{directory.resolve().name}_{number}.mcap"
 
 
@@ -210,10 +209,9 @@ class _Channel(NamedTuple):
 
 
 class BagFile:
-    """Writes one bag directory. Raises OSError as BagStream does.
+    """Writes one file of a bag directory. Raises OSError as BagStream does.
 
-    Whatever was in the directory under the names used here is replaced.
-    before: the files before this one, where the bag is split.
+    Existing files with the same names are replaced. before: preceding files of a split bag.
     """
 
     def __init__(
@@ -244,23 +242,23 @@ class BagFile:
 
     @property
     def count(self) -> int:
-        """Messages so far."""
+        """Number of messages so far."""
         return sum(self._counts.values())
 
     @property
     def first(self) -> int | None:
-        """Earliest time of a message [ns]; None before the first."""
+        """Earliest log time [ns]; None before the first message."""
         return self._first
 
     @property
     def last(self) -> int:
-        """Latest time of a message [ns]."""
+        """Latest log time [ns]."""
         return self._last
 
     def add_channel(
         self, topic: str, ros_type: str, schema: bytes, type_hash: str, qos: list[Any] | None = None
     ) -> int:
-        """A new topic; returns the number to write its messages with."""
+        """Add a topic; returns the channel number for `write`."""
         key = ros_type, schema
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
@@ -277,33 +275,33 @@ class BagFile:
         return channel
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """A metadata record, on the disk at once."""
+        """Write a metadata record at once."""
         self._writer.add_metadata(name, values)
 
     def add_attachment(self, name: str, media_type: str, data: bytes, time: int) -> None:
-        """A file within the bag, on the disk at once. time: [ns] since the epoch."""
+        """Write an attached file at once. time: [ns] since the epoch."""
         self._writer.add_attachment(time, name, media_type, data)
 
     def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
-        """One message. time: [ns] since the epoch; sequence: number of the sample."""
+        """Write one message. time: [ns] since the epoch; sequence: number of the sample."""
         self.write_all((channel,), time, sequence, (data,))
 
     def write_all(
         self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
     ) -> None:
-        """A message on each of the channels, as `write` has it."""
+        """Write one message on each channel, with the time and sequence of `write`."""
         ended = self._writer.add_messages(channels, time, sequence & 0xFFFFFFFF, messages)
         self._note(channels, 1, (time, time), ended)
 
     def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:
-        """Messages on each of the channels, row by row: `times` [ns] and numbers increase."""
+        """Write messages on each channel, row by row; `times` [ns] and sequence increase."""
         ended = self._writer.add_rows(channels, times, sequence, rows)
         self._note(channels, len(times), (int(times[0]), int(times[-1])), ended)
 
     def _note(
         self, channels: Sequence[int], count: int, span: tuple[int, int], ended: bool
     ) -> None:
-        """Count messages of each channel. span: earliest and latest time; ended: a chunk did."""
+        """Count messages. span: earliest and latest time; ended: whether a chunk ended."""
         if ended:
             self._draft.clear()
         if self._writer.waiting:
@@ -315,20 +313,20 @@ class BagFile:
         self._last = max(self._last, last)
 
     def keep(self) -> None:
-        """See that no message waits for longer than a draft's PERIOD; call it now and then."""
+        """Write a draft if a message has been pending for PERIOD; to be called regularly."""
         if self._draft.due:
             self.stream.write_draft(self._writer.draft())
             self._draft.clear()
 
     def _remove_older(self) -> None:
-        """Later files of an older bag: an unfinished one would be taken to go on with them."""
+        """Delete later files of an older bag, which would otherwise seem to continue this one."""
         pattern = re.compile(re.escape(self.path.stem[:-1]) + r"[1-9][0-9]*\.mcap")
         for path in self.path.parent.iterdir():
             if pattern.fullmatch(path.name):
                 path.unlink()
 
     def follow(self) -> BagFile:
-        """Finish this file; the next one of the bag, its topics under the same numbers."""
+        """Finish this file; returns the next one with the same topics and channel numbers."""
         after = BagFile(*self._opened, before=(*self._before, self))
         try:
             schemas = {number: schema for (_, schema), number in self._schemas.items()}
@@ -344,7 +342,7 @@ class BagFile:
         return after
 
     def _end(self) -> None:
-        """Index, and the file is closed; without the first if that fails."""
+        """Write the index and close the file; it is closed even if that fails."""
         try:
             text = yaml.safe_dump(_information((self,)), sort_keys=False)
             self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
@@ -353,7 +351,7 @@ class BagFile:
             self.stream.close()
 
     def finish(self) -> None:
-        """Index, metadata.yaml, and the file is closed; without the first two if that fails."""
+        """Write the index and metadata.yaml and close the file; it is closed even if that fails."""
         self._end()
         info = _information((*self._before, self))
         draft = self._metadata_path.with_name(".metadata.yaml")
@@ -362,15 +360,15 @@ class BagFile:
         os.replace(draft, self._metadata_path)
 
     def abandon(self) -> None:
-        """Close the file as it is; `rb_sim recover` makes it readable."""
+        """Close the file without an index; `rb_sim recover` makes it readable."""
         self.stream.close()
 
     def span(self) -> dict[str, Any]:
-        """Times and number of the messages, as metadata.yaml has them."""
+        """Times and number of the messages, in the format of metadata.yaml."""
         return _span(self._first or 0, self._last, self.count)
 
     def counts(self) -> list[tuple[_Channel, int]]:
-        """Messages of each topic."""
+        """Channel and number of messages of each topic."""
         return [(channel, self._counts[number]) for number, channel in self._channels.items()]
 
 
@@ -383,7 +381,7 @@ def _span(first: int, last: int, count: int) -> dict[str, Any]:
 
 
 def _information(files: tuple[BagFile, ...]) -> dict[str, Any]:
-    """What rosbag2 wants to know of these files together."""
+    """Content of metadata.yaml for these files."""
     starts = [file.first for file in files if file.first is not None]
     last = max(file.last for file in files)
     channels: dict[str, tuple[_Channel, int]] = {}

@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The files of a bag, of either storage (MCAP, SQLite): how each is read, and `recover`.
+"""Files of a bag in either storage (MCAP, SQLite): lookup, choice of reader, and `recover`.
 
-`recover` makes a readable bag out of one that was never finished: killed process, full disk.
+`recover` makes a readable bag from an unfinished one (killed process, full disk).
 """
 
 from __future__ import annotations
@@ -35,29 +35,28 @@ from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Fram
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
 
-# The messages of an SQLite file of rosbag2 (.db3), as `batches` gives those of an MCAP file.
+# Reader of rosbag2's SQLite files (.db3), with the interface of `batches`.
 #
-# The rosbags library reads it, which knows all versions of rosbag2's tables. Such a file has
-# neither checksums nor records of whoever wrote it, and its messages have no numbers: they come in
-# the order of their times. What stands in the journal beside it, of a recorder that was killed, is
-# not read.
+# It uses the rosbags library, which supports all versions of rosbag2's tables. Such a file has no
+# checksums, metadata records or sequence numbers; messages are read in order of time. The journal
+# of a killed recorder is not read.
 
 
 SUFFIX = ".db3"
 _TOGETHER = 1 << 21
-"""Bytes of messages that are read as one batch."""
+"""Bytes of messages per batch."""
 
 
 def is_sqlite(path: Path) -> bool:
-    """Whether it is a file of that storage, by its name."""
+    """Whether it is an SQLite file, by its name."""
     return path.suffix == SUFFIX
 
 
 class SqliteScan:
-    """Reads one file from its first message to its last; iterate over `batches` once.
+    """Reads one file from first to last message; iterate over `batches` once.
 
-    Attributes as of `batches.BagScan`. Raises SinkError for what is no such file,
-    MissingExtraError without rosbags.
+    Attributes as in `batches.BagScan`. Raises SinkError if it is not such a file, MissingExtraError
+    without rosbags.
     """
 
     chunks = unchecked_chunks = 0
@@ -97,11 +96,11 @@ class SqliteScan:
 
     @property
     def missing(self) -> Missing:
-        """What could not be read; complete after the last batch."""
+        """Unreadable parts; complete after the last batch."""
         return Missing(self.path, self._damages, self._counted - self.messages, self._first)
 
     def batches(self) -> Iterator[Batch]:
-        """The messages in the order of their times."""
+        """Yield the messages in order of time."""
         waiting: list[tuple[int, int, bytes]] = []
         size = 0
         try:
@@ -112,7 +111,7 @@ class SqliteScan:
                     if size >= _TOGETHER:
                         yield self._batch(waiting)
                         waiting, size = [], 0
-        except SinkError:  # a page of the database is broken: what was read before it stands
+        except SinkError:  # a broken page of the database: keep the messages before it
             self._damages.append(Damage(0, 0, BROKEN_DATABASE, self._last_of(waiting)))
         if waiting:
             yield self._batch(waiting)
@@ -144,7 +143,7 @@ class SqliteScan:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """The rosbags reader of a file. Raises SinkError, as soon as what it does fails."""
+    """The rosbags reader of a file. Raises SinkError if it fails at any time, MissingExtraError."""
     try:
         reader_of = import_module("rosbags.rosbag2").Reader
     except ImportError:
@@ -154,7 +153,7 @@ def _opened(path: Path) -> Iterator[Any]:
             yield reader
     except (RbSimError, GeneratorExit, KeyboardInterrupt):
         raise
-    except Exception as error:  # of the library, of its driver of SQLite, of damaged rows
+    except Exception as error:  # from the library, the SQLite driver, or damaged rows
         reason = str(error).partition("\n")[0]
         if "malformed" in reason:
             mended = path.with_name(f"{path.stem}_mended{SUFFIX}")
@@ -166,20 +165,20 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 STORAGES = (".mcap", SUFFIX)
-"""Endings of the files of bags."""
+"""File name extensions of bags."""
 _COMPRESSED = ".zstd"
-"""What rosbag2 adds to the name of a file that it compressed as a whole."""
+"""Suffix of a file that rosbag2 compressed as a whole."""
 
 _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The one in C where it was built: metadata.yaml holds every topic's QoS."""
+"""The C loader if available: metadata.yaml contains every topic's QoS and is slow to parse."""
 
 
 def bag_paths(bag: Path) -> list[Path]:
-    """The files of `bag` in their order: of a directory, or the file itself.
+    """The files of `bag` in order: of a directory, or the file itself.
 
-    Those that its metadata.yaml names, as far as they are there (`absent` tells the others);
-    without it all, if their names are a series (NAME_0, NAME_1 ...). The order is that of their
-    numbers, else that of metadata.yaml. Raises SinkError where there is none, or several bags.
+    They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
+    if their names form a series (NAME_0, NAME_1 ...). Order: by number, else as in metadata.yaml.
+    Raises SinkError if there is no file, or several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -210,7 +209,7 @@ def bag_paths(bag: Path) -> list[Path]:
 
 
 def _files(bag: Path) -> list[Path]:
-    """All files of a folder that may be of a bag."""
+    """All files of a directory that may belong to a bag."""
     return sorted((path for end in STORAGES for path in bag.glob(f"*{end}")), key=_number)
 
 
@@ -222,13 +221,13 @@ def _packed(bag: Path, path: Path) -> str:
 
 
 def holds_bag(folder: Path) -> bool:
-    """Whether there are files of a bag in a folder."""
+    """Whether a directory contains files of a bag."""
     return bool(_files(folder))
 
 
 def unlisted(bag: Path) -> list[str]:
-    """Lines on the files of a folder that its metadata.yaml leaves out, which nobody reads,
-    and on those that it names and that are not there."""
+    """Lines on files of a directory that its metadata.yaml does not list (they are not read), and
+    on listed files that do not exist."""
     if not bag.is_dir():
         return []
     named = _listed(bag / "metadata.yaml")
@@ -242,20 +241,20 @@ def unlisted(bag: Path) -> list[str]:
 
 
 def absent(bag: Path) -> list[str]:
-    """A line for each file that metadata.yaml of a folder names and that is not there."""
+    """A line for each file listed in metadata.yaml that does not exist."""
     gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
     return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
 
 
 def _listed(metadata: Path) -> list[Path]:
-    """The files that a metadata.yaml names, as unpacked; none if it cannot be read."""
+    """Files listed in a metadata.yaml, without compression suffix; none if unreadable."""
     try:
         document = yaml.load(metadata.read_text(encoding="utf-8"), Loader=_YAML)
         names = document["rosbag2_bagfile_information"]["relative_file_paths"]
         plain = [str(name).replace("\\", "/").removesuffix(_COMPRESSED) for name in names]
         paths = [metadata.parent / name for name in plain]
-        # without a folder that is none here, as rosbags does: rosbag2 wrote that of the bag before
-        # version 4 of metadata.yaml
+        # before version 4 of metadata.yaml rosbag2 included the bag's directory: drop it, as
+        # rosbags does
         paths = [path if path.is_file() else metadata.parent / path.name for path in paths]
     except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError):
         return []
@@ -268,18 +267,17 @@ def _number(path: Path) -> tuple[str, int]:
 
 
 def metadata_of(path: Path, name: str) -> tuple[dict[str, str] | None, bool]:
-    """The values of the last metadata record of that name in a file, None if none can be read; and
-    whether there is or was one.
+    """The last metadata record of that name (None if unreadable), and whether there is one.
 
-    The index tells where they are; without it all of the file is read. SQLite files have none.
-    Raises SinkError for a file that is no MCAP or cannot be opened.
+    The index locates it; without an index the whole file is read. SQLite files have none. Raises
+    SinkError if the file is not MCAP or cannot be opened.
     """
     if is_sqlite(path):
         return None, False
     frames = Frames(path)
     found = None
     for frame in frames if frames.index is None else frames.named():
-        if frame.opcode == Opcode.METADATA:  # chunks hold none
+        if frame.opcode == Opcode.METADATA:  # never within chunks
             with suppress(BrokenRecordError):
                 record = parse_record(frame.opcode, frame.content)
                 assert isinstance(record, Metadata)
@@ -290,7 +288,7 @@ def metadata_of(path: Path, name: str) -> tuple[dict[str, str] | None, bool]:
 
 
 def is_complete(path: Path) -> bool:
-    """True if the file ends as a finished one does; of SQLite files each does."""
+    """Whether the file has the end of a finished one; always true for SQLite files."""
     if is_sqlite(path):
         return True
     with closing(Frames(path)) as frames:
@@ -306,24 +304,23 @@ def scan_of(path: Path) -> Scan:
 
 
 class Recovered(NamedTuple):
-    """What came of it. `complete`: the source was finished and whole, so nothing was missing."""
+    """Result of `recover_bag`. `complete`: the source was finished and undamaged."""
 
     directory: Path
     messages: int
     complete: bool
     damage: tuple[str, ...] = ()
-    """Lines that say what could not be read, and between which times it was."""
+    """Lines on the unreadable parts and their time spans."""
     unchecked: int = 0
-    """Messages that no checksum covers: whether they are as written, nothing tells."""
+    """Number of messages not covered by a checksum, which may be corrupt unnoticed."""
 
 
 def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
-    """Copy everything readable of `bag` (directory or .mcap) into a new bag directory.
+    """Copy all readable messages of `bag` (directory or file) into a new bag directory.
 
-    That is all but what is damaged, and the last chunk if it was not finished. The source is left
-    as it is.
-    directory: where to; None: beside the source, with `_recovered` added to its name.
-    Raises SinkError: no MCAP, nothing readable in it, no room, the directory exists.
+    The source is not changed. directory: target; None: next to the source, with `_recovered`
+    appended to its name. Raises SinkError: not a bag, nothing readable, disk full, or the target
+    exists.
     """
     sources = bag_paths(bag)
     target = _beside(bag) if directory is None else directory
@@ -338,7 +335,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
             copied = _Copied(file)
             scans = [_copy(source, copied) for source in sources]
             file.finish()
-        except BaseException:  # Ctrl-C, too: half a copy would be in the way of the next try
+        except BaseException:  # also Ctrl-C: a partial copy would block the next attempt
             if file is not None:
                 with contextlib.suppress(OSError):
                     file.abandon()
@@ -356,7 +353,7 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
 
 
 def _check(sources: list[Path]) -> None:
-    """Refuse what is no ROS 2 bag or holds no message."""
+    """Raise SinkError if it is not a ROS 2 bag or contains no message."""
     for source in sources:
         scan = scan_of(source)
         for batch in scan.batches():
@@ -374,7 +371,7 @@ def _beside(bag: Path) -> Path:
 
 
 class _Copied:
-    """What a new bag has already: each file of a bag that was split says most of it again."""
+    """The new bag; takes each channel, record and attachment once (split bags repeat them)."""
 
     def __init__(self, file: BagFile) -> None:
         self.file = file
@@ -382,7 +379,7 @@ class _Copied:
         self._files: set[tuple[object, ...]] = set()
 
     def channel(self, channel: Channel, schema: Schema) -> int:
-        """Its number in the new bag."""
+        """Number of a channel in the new bag."""
         profiles = channel.metadata.get("offered_qos_profiles", "[]")
         type_hash = channel.metadata.get("topic_type_hash", "")
         key = channel.topic, schema.name, schema.data.hex(), type_hash, profiles
@@ -393,12 +390,12 @@ class _Copied:
         return self._channels[key]
 
     def metadata(self, record: Metadata) -> None:
-        """Take over a record, once."""
+        """Copy a metadata record, once."""
         if record.name != "rosbag2" and self._is_new(record.name, *sorted(record.metadata.items())):
-            self.file.add_metadata(record.name, record.metadata)  # rosbag2's is made anew
+            self.file.add_metadata(record.name, record.metadata)  # rosbag2's is written by finish
 
     def attachment(self, record: Attachment) -> None:
-        """Take over an attachment, once."""
+        """Copy an attachment, once."""
         if self._is_new(record.name, record.media_type, record.data):
             self.file.add_attachment(record.name, record.media_type, record.data, record.log_time)
 
@@ -409,7 +406,7 @@ class _Copied:
 
 
 def _copy(source: Path, copied: _Copied) -> Scan:
-    """Copy what can be read; the scan says what could not."""
+    """Copy the readable messages of a file; the returned scan reports the rest."""
     scan = scan_of(source)
     channels: dict[int, int] = {}
     metadata = attachments = 0
@@ -424,7 +421,7 @@ def _copy(source: Path, copied: _Copied) -> Scan:
 
 
 def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
-    """The messages of a batch, as they lie in the file."""
+    """Copy the messages of a batch, in file order."""
     known = [(number, m) for number, m in batch.items() if number in channels]
     order = [(int(m.start[k]), number, k) for number, m in known for k in range(len(m.start))]
     for _, number, k in sorted(order):
@@ -433,7 +430,7 @@ def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
 
 
 def _copy_files(scan: Scan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:
-    """Records and attachments that are new since `metadata` and `attachments` of them."""
+    """Copy metadata and attachments beyond the given numbers; returns the new numbers."""
     for record in scan.metadata[metadata:]:
         copied.metadata(record)
     for record in scan.attachments[attachments:]:

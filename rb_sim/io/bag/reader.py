@@ -7,12 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Reads a bag that rb_sim recorded back into samples.
+"""Reader of bags recorded by rb_sim: samples, and the scene as run or with changed values.
 
-What the topics give for the body origin is turned back to the centre of mass; momenta follow from
-the state. All numbers are those recorded, to round-off; times to half a nanosecond.
-
-The scene of a bag as it was run, and with other values in it.
+Poses and twists of the body origin are converted to the centre of mass; momenta are computed from
+the state. Numbers agree with the recorded run to rounding, times to half a nanosecond.
 """
 
 from __future__ import annotations
@@ -68,32 +66,31 @@ from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 from rb_sim.scene.shapes import SHAPES
 
-# From the messages of a bag to whole samples: what belongs to one instant is put together.
+# Assembly of the messages of each sample.
 
 
 class Rows(NamedTuple):
-    """n whole samples as the bytes of their messages."""
+    """n complete samples as the bytes of their messages."""
 
     number: np.ndarray
-    """of each sample, increasing, shape (n,)."""
+    """number of each sample, increasing, shape (n,)."""
     data: dict[str, np.ndarray]
-    """by topic as in TopicTable: uint8, shape (n, length)."""
+    """uint8, shape (n, length), by topic of the TopicTable."""
     events: list[tuple[int, bytes]]
-    """number of the sample that an event comes before, and its message."""
+    """number of the sample that an event precedes, and its message."""
     inputs: list[tuple[int, Input]]
-    """likewise, read; Input.index counts among these samples."""
+    """number of the sample that an input precedes, and the input; Input.index counts here."""
 
     def read_events(self) -> tuple[ContactEvent, ...]:
-        """The events. Raises ValueError for a message that is none."""
+        """The events. Raises ValueError if a message is not an event."""
         return tuple(ContactEvent(*read_event(data)) for _, data in self.events)  # type: ignore[arg-type]
 
 
 class RowReader:
-    """Puts the messages of one sample together; they have the sample's number in common.
+    """Assembles the messages of each sample, which share its number as sequence number.
 
-    converted: the bag was written anew by a program that keeps messages only, in their order. Then
-    the k-th message of each topic is of sample k, and an event or input belongs to the sample whose
-    messages come next.
+    converted: the bag was rewritten by a program that keeps only messages, in order. Then the k-th
+    message of each topic belongs to sample k, and an event or input to the sample that follows it.
     """
 
     def __init__(
@@ -101,7 +98,7 @@ class RowReader:
     ) -> None:
         self._converted = converted
         self._counts: Counter[str] = Counter()
-        """messages of each topic so far, of a converted bag."""
+        """number of messages of each topic so far, for a converted bag."""
         self._topics = table.topics
         self._index = {topic.full_name(namespace): i for i, topic in enumerate(table.topics)}
         event = table.event_topic
@@ -114,7 +111,7 @@ class RowReader:
         self._input_topics = {f"{namespace}/{name}": i for i, (name, _) in enumerate(topics)}
 
     def read(self, paths: list[Path], missing: list[Missing]) -> Iterator[Rows]:
-        """The samples of the files; what could not be read comes into `missing`.
+        """Yield the samples of the files; unreadable parts are appended to `missing`.
 
         Raises ValueError for a message that is not as recorded, SinkError as `scan_of` does.
         """
@@ -130,7 +127,7 @@ class RowReader:
                 missing.append(scan.missing)
 
     def _numbered(self, batch: Batch, scan: Scan) -> Batch:
-        """The messages with the numbers of their samples."""
+        """The messages with the numbers of their samples as sequence numbers."""
         topics = {number: scan.channels[number].topic for number in batch}
         clock = next(name for name, i in self._index.items() if i == len(self._topics) - 1)
         ends = [messages.start for number, messages in batch.items() if topics[number] == clock]
@@ -159,7 +156,7 @@ class RowReader:
                 self._events += [(k, messages.data(i)) for i, k in enumerate(numbers)]
             elif topic in self._input_topics:
                 inputs += self._read_inputs(self._input_topics[topic], messages)
-        # a reset and commands at one instant stand in the file in their order
+        # a reset and commands at the same instant keep the order of the file
         self._inputs += [(k, given) for _, k, given in sorted(inputs, key=lambda entry: entry[0])]
         return self._whole()
 
@@ -170,7 +167,7 @@ class RowReader:
             yield start, k, self._input_table.read(topic, messages.data(i), 0)
 
     def _whole(self) -> Rows | None:
-        """The samples of which every message is there; the rest waits."""
+        """The samples whose messages are all there; the others stay buffered."""
         if not all(self._waiting):
             return None
         joined = [
@@ -197,7 +194,7 @@ class RowReader:
         data: dict[str, np.ndarray],
         joined: list[tuple[np.ndarray, np.ndarray]],
     ) -> Rows:
-        """The samples `common`, and what came before them; what is later waits."""
+        """The samples `common` with preceding inputs and events; later messages stay."""
         last = int(common[-1])
         self._waiting = [
             [(number[later], rows[later])] if (later := number > last).any() else []
@@ -215,7 +212,7 @@ class RowReader:
 
 
 def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
-    """The numbers up to the least of the last ones, where all have the same and in order."""
+    """Sample numbers that all topics share, in order, up to the least last one; else None."""
     last = min(int(number[-1]) for number in numbers)
     first = numbers[0]
     count = int(np.count_nonzero(first <= last))
@@ -231,11 +228,11 @@ def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
 
 UNREADABLE = "damaged: the record of the simulation cannot be read"
 BLOCK = 4096
-"""Samples that are read at a time."""
+"""Samples per block."""
 
 
 class RecordedBody(NamedTuple):
-    """What a bag tells of a body. Units and frames as in a scene."""
+    """A body as recorded in a bag; units and frames as in a scene file."""
 
     mass: float
     inertia: Array
@@ -245,7 +242,7 @@ class RecordedBody(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordedScene:
-    """What a bag tells of its scene: enough for every sink."""
+    """A scene as recorded in a bag: enough for every sink."""
 
     name: str
     description: str
@@ -257,27 +254,27 @@ class RecordedScene:
 
 
 class ForeignBagError(SinkError):
-    """A bag that rb_sim did not record."""
+    """A bag not recorded by rb_sim."""
 
 
 class BagReader:
-    """A recorded bag: `scene`, `layout`, `namespace`, `start` [ns], and its samples in blocks.
+    """A bag recorded by rb_sim: `scene`, `layout`, `namespace`, `start` [ns], sample blocks.
 
-    bag: directory or .mcap file. unfinished: read also one that was never finished.
-    missing: after `blocks`, what could not be read of each file that is not whole.
-    Raises SinkError with one clear line: missing, no bag, unfinished; ForeignBagError.
+    bag: directory or .mcap file. unfinished: also accept an unfinished bag. missing: after
+    `blocks`, the unreadable parts of each damaged file. Raises SinkError with one line: missing,
+    not a bag, unfinished; ForeignBagError.
     """
 
     def __init__(self, bag: Path, *, unfinished: bool = False) -> None:
         self.paths = bag_paths(Path(bag))
         self.path = self.paths[0]
         self.unlisted = unlisted(Path(bag))
-        """a line for files of the folder that are not read."""
+        """lines on files of the directory that are not read."""
         self.missing: list[Missing] = []
         self._broken_summary: list[str] = []
         record = _first_record(self.path)
         self.converted = record is None
-        """whether only its messages are as recorded: it was converted by a program of others."""
+        """whether another program converted the bag and kept only its messages."""
         record = described_in(self.path) if record is None else record
         if record is None:
             raise ForeignBagError(f"{self.path}: not recorded by rb_sim")
@@ -296,7 +293,7 @@ class BagReader:
 
     @property
     def summary(self) -> dict[str, Any] | None:
-        """Summary of the run, if it had come to one and is whole; `damage` tells if it is not."""
+        """Summary of the run; None if there is none, or it is broken (see `damage`)."""
         try:
             return summary_in(metadata_of(self.paths[-1], SUMMARY_RECORD)[0])
         except ValueError as error:
@@ -305,27 +302,27 @@ class BagReader:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """The topics of a sample; the last one is the clock."""
+        """Topics of a sample; the last one is the clock."""
         return self._table.topics
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How the simulation was run: `by` and the settings of that program; {} if not recorded."""
+        """How the simulation was run: `by` and the program's settings; {} if not recorded."""
         return json.loads(self.record.get("run", "{}"))
 
     @property
     def damage(self) -> list[str]:
-        """Lines that say what was missing in what `blocks` has read."""
+        """Lines on parts missing in the samples that `blocks` has read."""
         lines = [line for missing in self.missing for line in missing.lines()]
         return lines + self._broken_summary
 
     @property
     def left_out(self) -> list[str]:
-        """Lines that say what of the folder `blocks` has not read: other files, and `damage`."""
+        """Lines on all that `blocks` has not read: other files of the directory, and `damage`."""
         return self.unlisted + self.damage
 
     def blocks(self, size: int = BLOCK) -> Iterator[SampleBlock]:
-        """The whole samples in time order, `size` at a time."""
+        """Yield the complete samples in order of time, `size` at a time."""
         waiting: list[SampleBlock] = []
         count = 0
         for block in self._parts():
@@ -341,11 +338,11 @@ class BagReader:
 
     @property
     def clock(self) -> Topic:
-        """The topic whose stamps are the samples' [ns]."""
+        """The topic whose stamps are those of the samples [ns]."""
         return self._table.topics[-1]
 
     def rows(self) -> Iterator[Rows]:
-        """The whole samples as the bytes of their messages."""
+        """Yield the complete samples as the bytes of their messages."""
         reader = RowReader(self._table, self.namespace, self.layout, converted=self.converted)
         self.missing = []
         try:
@@ -354,7 +351,7 @@ class BagReader:
             raise SinkError(f"{self.path}: a message is not as recorded: {error}") from None
 
     def _parts(self) -> Iterator[SampleBlock]:
-        """The samples as they come out of the chunks."""
+        """Yield the samples in blocks of the file's chunks."""
         center_of_mass = centers_of_mass(self.scene.bodies, self.layout.bodies)
         clock = self.clock
         for rows in self.rows():
@@ -369,9 +366,9 @@ class BagReader:
 
 
 def reader_of(bag: Path, *, unfinished: bool = False) -> BagReader | None:
-    """The reader of a bag that rb_sim recorded; None for a bag of somebody else.
+    """The reader of a bag recorded by rb_sim; None for a foreign bag.
 
-    Raises SinkError for what is no bag, and as BagReader does.
+    Raises SinkError if it is not a bag, and as BagReader does.
     """
     try:
         return BagReader(bag, unfinished=unfinished)
@@ -380,10 +377,7 @@ def reader_of(bag: Path, *, unfinished: bool = False) -> BagReader | None:
 
 
 def _first_record(path: Path) -> dict[str, str] | None:
-    """What rb_sim writes before the first message; None in a bag of somebody else.
-
-    Raises SinkError if it is broken.
-    """
+    """Metadata record of an rb_sim bag; None for a foreign bag. Raises SinkError if broken."""
     found, named = metadata_of(path, RECORD)
     if found is None:
         if named:
@@ -400,8 +394,8 @@ def _is_whole(record: Mapping[str, str]) -> bool:
 
 
 def described_in(path: Path) -> dict[str, str] | None:
-    """The same of a bag that a program of others wrote anew, as its topic `description` has it;
-    None in a bag of somebody else. Raises SinkError as `scan_of` does."""
+    """The record from the topic `description` of an rb_sim bag that another program converted; None
+    for a foreign bag. Raises SinkError as `scan_of` does."""
     scan = scan_of(path)
 
     def describing() -> set[int]:
@@ -414,7 +408,7 @@ def described_in(path: Path) -> dict[str, str] | None:
         }
 
     for batch in scan.batches():
-        if not describing():  # it would be among the first messages
+        if not describing():  # it is among the first messages
             return None
         for number in describing() & set(batch):
             record = record_in(unpacked(batch[number]).data(0))
@@ -463,7 +457,7 @@ def _block(
     layout: SampleLayout,
     center_of_mass: Array,
 ) -> SampleBlock:
-    """Samples from the numbers of each topic, shape (n, size)."""
+    """Samples from the values of each topic, shape (n, size)."""
     n, bodies, reactions = len(t), len(layout.bodies), len(layout.reactions)
     pose = _stack([columns[body_topic(name, "pose")] for name in layout.bodies], n, 7)
     twist = _stack([columns[body_topic(name, "twist")] for name in layout.bodies], n, 6)
@@ -499,7 +493,7 @@ def _block(
 
 
 def _stack(parts: list[Array], n: int, size: int) -> Array:
-    """Shape (n, number of parts, size), for no parts too."""
+    """Array of shape (n, number of parts, size), also without parts."""
     return np.stack(parts, axis=1) if parts else np.empty((n, 0, size))
 
 
@@ -519,10 +513,10 @@ OPTIONS = ("duration", "rate", "method", "step", "tolerance", "project_initial",
 def scene_as_run(
     reader: BagReader, changes: Sequence[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Scene:
-    """The scene with the options of that run; where `auto` chose a method, with its choice.
+    """The scene with the options of the recorded run; `method: auto` is replaced by its choice.
 
-    changes: texts KEY=VALUE that replace values of the scene; overrides: as of load_scene.
-    Raises SceneError, RbSimError.
+    changes: texts KEY=VALUE that replace values of the scene; overrides: as in load_scene. Raises
+    SceneError, RbSimError.
     """
     recorded = reader.scene
     data = yaml_reader.parse(recorded.text, recorded.name)
@@ -541,9 +535,9 @@ def scene_as_run(
 
 
 def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
-    """The data of a scene with one value replaced. change: "effects.weight.acceleration=[0,0,-1]".
+    """Scene data with one value replaced. change: "effects.weight.acceleration=[0,0,-1]".
 
-    Raises RbSimError for a text that is no KEY=VALUE, and a key whose section does not exist.
+    Raises RbSimError if the text is not KEY=VALUE, or the key's section does not exist.
     """
     key, equals, text = change.partition("=")
     names = keys_of(key.strip())
@@ -562,10 +556,10 @@ def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
 
 
 def replaced(data: Any, keys: Sequence[str | int], value: Any) -> Any:
-    """A copy of `data` with that value at the path `keys`; what the path does not touch is shared.
+    """Copy of `data` with the value at the path `keys` replaced; unchanged parts are shared.
 
-    A last key that a mapping lacks is added: the scene's own check says whether it exists. Raises
-    RbSimError where the path leads nowhere.
+    A last key that a mapping lacks is added, since the scene's validation checks names. Raises
+    RbSimError if the path does not exist.
     """
     first, rest = keys[0], keys[1:]
     new = not rest and isinstance(data, Mapping) and isinstance(first, str)
@@ -578,7 +572,7 @@ def replaced(data: Any, keys: Sequence[str | int], value: Any) -> Any:
 
 
 def value_at(data: Mapping[str, Any], key: str) -> Any:
-    """The value that a path names. Raises RbSimError where there is none."""
+    """The value at a path. Raises RbSimError if it does not exist."""
     at: Any = data
     for name in keys_of(key) or (key,):
         if not _has(at, name):

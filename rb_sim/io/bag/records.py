@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Records of an MCAP file, and what a finished file says of itself: its chunks, its topics."""
+"""Records of an MCAP file: parsing, its index, and recovery of records without checksums."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 FRAME = struct.Struct("<BQ")
-"""Before each record: its opcode and the length of its content."""
+"""Head of each record: opcode and length of the content."""
 _FOOTER_SIZE = FRAME.size + 20
 _DATA_END = struct.Struct("<BQI")
 _PLACE = struct.Struct("<QQQ")
 
 
 class ChunkPlace(NamedTuple):
-    """What the index says of a chunk: the beginning of an MCAP ChunkIndex record."""
+    """Index entry of a chunk: the beginning of an MCAP ChunkIndex record."""
 
     message_start_time: int
     """[ns]"""
@@ -54,13 +54,13 @@ class ChunkPlace(NamedTuple):
 
 
 ENTRY = struct.Struct("<QQ")
-"""Of a message index: log time [ns] and offset of a message in its chunk."""
+"""Entry of a message index: log time [ns] and offset of a message in its chunk."""
 INDEX_HEAD = struct.Struct("<BQHI")
-"""The beginning of a message index: opcode, length, channel, bytes of entries."""
+"""Head of a message index: opcode, length, channel, bytes of entries."""
 
 
 def past_indices(data: bytes, at: int, room: int) -> int:
-    """The end of the whole message indices from `at` on; they may reach as far as `room`."""
+    """End of the complete message indices from `at` on; they may not extend beyond `room`."""
     while 0 <= at <= len(data) - INDEX_HEAD.size:
         opcode, length, _, entries = INDEX_HEAD.unpack_from(data, at)
         end = at + FRAME.size + length
@@ -81,7 +81,7 @@ def index_entries(indices: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def count_entries(indices: bytes) -> int:
-    """How many `index_entries` gives."""
+    """Number of entries that `index_entries` yields."""
     count = at = 0
     while at < len(indices):
         _, length, _, size = INDEX_HEAD.unpack_from(indices, at)
@@ -91,29 +91,29 @@ def count_entries(indices: bytes) -> int:
 
 
 class Index(NamedTuple):
-    """What a finished file says of itself."""
+    """Index of a finished file."""
 
     chunks: dict[int, ChunkPlace]
     offsets: tuple[int, ...]
-    """of all records that the index names, increasing; the end of the data is the last one."""
+    """offsets of all indexed records, increasing; the last one is the end of the data."""
     messages: int | None
     schemas: dict[int, Schema]
     channels: dict[int, Channel]
     names: dict[int, str]
-    """of the metadata records, by their offset; no checksum covers those that stand there."""
+    """names of the metadata records by offset; the copies in the records have no checksum."""
     kinds: dict[int, int]
-    """opcodes of metadata and attachments, by their offset."""
+    """opcodes of metadata and attachments by offset."""
 
 
 def name_of(index: Index | None, offset: int, name: str) -> str:
-    """The name of the metadata record at this offset, which stands there as `name`."""
+    """Name of the metadata record at this offset: from the index, else the record's own `name`."""
     return name if index is None else index.names.get(offset, name)
 
 
 class Summary(NamedTuple):
-    """The index of a finished file, if it can be read.
+    """The index of a finished file, if readable.
 
-    checked: its checksum is right. broken: there is one that is not as written.
+    checked: its checksum is right. broken: it exists but is damaged.
     """
 
     index: Index | None
@@ -125,7 +125,7 @@ NO_SUMMARY = Summary(None)
 
 
 def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
-    """The summary of a finished file of `size` bytes, of which `read` gives (offset, size)."""
+    """The summary of a finished file of `size` bytes. read: bytes at (offset, size)."""
     at = max(0, size - len(MCAP0_MAGIC) - _FOOTER_SIZE)
     tail = read(at, _FOOTER_SIZE)
     if len(tail) < _FOOTER_SIZE or FRAME.unpack_from(tail) != (Opcode.FOOTER, 20):
@@ -138,16 +138,16 @@ def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
     checked = footer.summary_crc == zlib.crc32(tail[:-4], zlib.crc32(summary)) != 0
     try:
         index = parse_index(summary, start)
-    except Exception:  # a checksum that is right over content that is not, or none
+    except Exception:  # content is broken, with a right checksum or without one
         index = None
     wrong = footer.summary_crc != 0 and not checked
     if not checked and read(start - _DATA_END.size, FRAME.size) != FRAME.pack(Opcode.DATA_END, 4):
-        wrong = True  # what stands there is no summary: something came in before it, or is missing
+        wrong = True  # no summary at that offset: bytes were inserted before it, or are missing
     return Summary(None if wrong else index, checked, wrong or index is None)
 
 
 def parse_index(summary: bytes, start: int) -> Index:
-    """The index in the summary section, which begins at `start` [bytes]."""
+    """The index in the summary section, which starts at offset `start` [bytes]."""
     chunks: dict[int, ChunkPlace] = {}
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
@@ -197,7 +197,7 @@ _KINDS = {
 
 
 class WholeStream(ReadDataStream):
-    """Raises EOFError where fewer bytes are left than are asked for; mcap's gives what there is."""
+    """Stream that raises EOFError if fewer bytes are left than requested (mcap's returns fewer)."""
 
     def read(self, length: int) -> bytes:
         """Exactly `length` bytes."""
@@ -208,11 +208,11 @@ class WholeStream(ReadDataStream):
 
 
 class BrokenRecordError(Exception):
-    """A record is not what its kind says."""
+    """A record does not match its type."""
 
 
 def parse_record(opcode: int, content: bytes) -> Record | None:
-    """The record, or None for one of another kind. Raises BrokenRecordError."""
+    """The record, or None for another type. Raises BrokenRecordError."""
     stream = WholeStream(BytesIO(content))
     try:
         if opcode == Opcode.MESSAGE:
@@ -221,7 +221,7 @@ def parse_record(opcode: int, content: bytes) -> Record | None:
         if kind is Attachment and not _attachment_is_whole(content):
             raise BrokenRecordError
         return None if kind is None else kind.read(stream)
-    except Exception:  # whatever a decoder makes of damaged bytes
+    except Exception:  # decoders raise various errors on damaged bytes
         raise BrokenRecordError from None
 
 
@@ -230,22 +230,22 @@ def _attachment_is_whole(content: bytes) -> bool:
     return checksum in (0, zlib.crc32(content[:-4]))
 
 
-# Where whole records lie among bytes that no checksum covers, when a length in them is broken.
+# Search for intact records in bytes without a checksum, if a length is broken.
 #
-# A record is taken for whole if its opcode, its length and, of a message, its log time can be
-# right, and what follows it is a record too. Reading goes on only where it is certain that records
-# begin: at a known channel's message, or at a channel or schema that fills its length, from which
-# records follow to the very end, or RUN of them without a break. That bytes within a message look
-# so by chance takes as many lengths that fit, of 64 bits each.
+# A record counts as intact if its opcode, its length and (for a message) its log time are
+# plausible, and a record follows it. Reading resumes only where records certainly start: at a
+# message of a known channel, or at a channel or schema that fills its length, and RUN records, or
+# records up to the end, follow. Bytes within a message match by chance only if as many 64-bit
+# lengths do.
 
 
 RUN = 4
-"""Records in a row that are no chance."""
+"""Number of consecutive records that exclude a match by chance."""
 MESSAGE_HEAD = Struct("<HIQQ")
-"""Channel, sequence, log time and publish time [ns]: the beginning of a message's content."""
+"""Head of a message's content: channel, sequence, log time and publish time [ns]."""
 _WINDOW = 1 << 20
 _RECORD_HEAD = re.compile(rb"[\x03-\x05](?=.{5}\x00\x00\x00)", re.DOTALL)
-"""A schema, channel or message of less than 2^40 bytes."""
+"""Start of a schema, channel or message of less than 2^40 bytes."""
 _LONGEST_DEFINITION = 1 << 24
 _PARSED: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 
@@ -253,7 +253,7 @@ _PARSED: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 def offsets(
     read: Callable[[int, int], bytes], head: re.Pattern[bytes], at: int, end: int
 ) -> Iterator[int]:
-    """Where the head of a record matches between `at` and `end`."""
+    """Yield the offsets between `at` and `end` at which the head of a record matches."""
     while at < end:
         for match in head.finditer(read(at, min(_WINDOW + FRAME.size, end - at))):
             if match.start() < _WINDOW:
@@ -262,7 +262,7 @@ def offsets(
 
 
 class Gap(NamedTuple):
-    """Bytes in which no whole record was found, and the log times around them [ns]."""
+    """Bytes without an intact record, and the log times before and after [ns]."""
 
     begin: int
     end: int
@@ -271,12 +271,12 @@ class Gap(NamedTuple):
 
 
 class Unchecked(NamedTuple):
-    """Records one after the other, of which lengths may be broken.
+    """Consecutive records whose lengths may be broken.
 
-    read: bytes from (offset, size), fewer at the end. end: where the last one ends [bytes].
-    channels: ids that are known; those that are met come in. times: log times of the messages,
-    first and last [ns]; None: not known. closes: whether something else than these records begins
-    there. starts: where messages begin that an index names, increasing. cut: the rest is cut off.
+    read: bytes at (offset, size), fewer at the end. end: end of the last record [bytes]. channels:
+    known ids; new ones are added. times: first and last log time of the messages [ns]; None:
+    unknown. closes: whether something other than these records starts at an offset. starts: offsets
+    of messages according to an index, increasing. cut: whether the rest is truncated.
     """
 
     read: Callable[[int, int], bytes]
@@ -288,13 +288,13 @@ class Unchecked(NamedTuple):
     cut: bool = False
 
     def indexed(self, entries: Iterable[tuple[int, int, int]]) -> Unchecked:
-        """With the starts that `entries` of an index (channel, log time, offset) name rightly."""
+        """Copy with the starts of index entries (channel, log time, offset) that match."""
         return self._replace(
             starts=sorted(at for channel, time, at in entries if self._stands(at, channel, time))
         )
 
     def next_of(self, at: int) -> int | None:
-        """The end of the record at `at`; None if none can be there."""
+        """End of the record at `at`; None if no record is possible there."""
         opcode, length, content = self._head(at)
         end = at + FRAME.size + length
         if end > self.end or bisect_left(self.starts, end) > bisect_right(self.starts, at):
@@ -307,15 +307,15 @@ class Unchecked(NamedTuple):
         return end if _fills(_PARSED[opcode], content) else None
 
     def resume(self, at: int) -> int | None:
-        """The first offset from `at` on where records certainly begin; None if nowhere."""
+        """First offset from `at` on at which records certainly start; None if there is none."""
         return next(
             (k for k in offsets(self.read, _RECORD_HEAD, at, self.end) if self._begins(k)), None
         )
 
     def is_record(self, at: int, resumed: int | None) -> bool:
-        """True if a record begins at `at`, though it cannot be read as one.
+        """Whether a record starts at `at` although its length may be broken.
 
-        Its own length leads to where reading goes on, or only its length cannot be right.
+        True if its length leads to `resumed`, or only its length is implausible.
         """
         opcode, length, content = self._head(at)
         if at + FRAME.size + length == (self.end if resumed is None else resumed):
@@ -325,9 +325,9 @@ class Unchecked(NamedTuple):
         return opcode == Opcode.MESSAGE and self._is_known(content) and self._in_time(content)
 
     def stretches(self, at: int = 0) -> Iterator[tuple[int, int]]:
-        """Begin and end of whole records from `at` on, between which something is broken.
+        """Yield start and end of stretches of intact records from `at` on.
 
-        A message of which the length may be the broken one is in none of them.
+        A message whose length may be broken is not included.
         """
         begin, last = at, None
         while at < self.end:
@@ -348,14 +348,14 @@ class Unchecked(NamedTuple):
             yield begin, at
 
     def time_of(self, at: int) -> int | None:
-        """Log time of the message at `at` [ns]; None if it is none."""
+        """Log time of the message at `at` [ns]; None if it is not a message."""
         opcode, _, content = self._head(at)
         return MESSAGE_HEAD.unpack_from(content)[2] if opcode == Opcode.MESSAGE else None
 
     def gaps(self, parts: list[tuple[int, int]], times: tuple[int, int]) -> Iterator[Gap]:
-        """What is missing between the stretches `parts` of bytes that begin at 0.
+        """Yield the gaps between the stretches `parts` of bytes that start at 0.
 
-        times: first and last log time where the stretches do not tell more [ns].
+        times: first and last log time, used if the stretches give no better bound [ns].
         """
         edges = [0, *(edge for part in parts for edge in part), self.end]
         inside = [self._times_in(*part) for part in parts]
@@ -422,10 +422,10 @@ class Unchecked(NamedTuple):
 
 
 def _fills(kind: Any, content: bytes) -> bool:
-    """True if a record of that kind is made of all of these bytes."""
+    """Whether a record of that type uses all of these bytes."""
     stream = WholeStream(BytesIO(content))
     try:
         kind.read(stream)
-    except Exception:  # whatever a decoder makes of bytes that are something else
+    except Exception:  # decoders raise various errors on other bytes
         return False
     return stream.count == len(content)

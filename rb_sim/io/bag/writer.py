@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Writes an MCAP file, the same bytes as the package mcap does, at a fifth of the time per message.
+"""MCAP writer: the same bytes as the package mcap, at a fifth of the time per message.
 
-A node writes ten messages and more per sample, and that package builds each field by field. The
-records that are few are its own.
+A node writes ten or more messages per sample, and that package builds each one field by field. Rare
+records are written by the package.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-# Messages as records of an MCAP file: one, or those of many samples without Python for each.
+# Messages as records of an MCAP file, singly or as arrays.
 
 
 MESSAGE = struct.Struct("<BQHIQQ")
@@ -63,22 +63,22 @@ HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-"""The same for numpy."""
+"""The same record head as a numpy type."""
 OPCODE = int(Opcode.MESSAGE)
 OWN = MESSAGE.size - 9
 """Bytes of a message's content before its data."""
 
 
 class Rows(NamedTuple):
-    """Messages of many samples, those of one in a row."""
+    """Messages of n samples, those of one sample in one row."""
 
     data: NDArray[np.uint8]
     """shape (n, size)."""
     bounds: Sequence[tuple[int, int]]
-    """where in a row each message begins and ends."""
+    """start and end of each message in a row."""
 
     def records(self, channels: Sequence[int], times: NDArray[Any], sequence: int) -> Rows:
-        """The messages as records of the file. times: [ns], shape (n,); numbers count up."""
+        """The messages as records. times: [ns], shape (n,); sequence numbers count up."""
         n = len(times)
         sizes = [end - start for start, end in self.bounds]
         ends = np.cumsum([MESSAGE.size + size for size in sizes]).tolist()
@@ -96,28 +96,28 @@ class Rows(NamedTuple):
 
 
 _FOOTER = struct.Struct("<BQQQ")
-"""Of a footer, what its checksum covers."""
+"""Part of the footer that its checksum covers."""
 
 
 class Sink(Protocol):
-    """Where the file goes."""
+    """Output of the writer."""
 
     def write(self, data: bytes, /) -> int:
-        """Append all of it, or raise OSError."""
+        """Append all of `data`, or raise OSError."""
         ...
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Number of bytes written."""
         ...
 
 
 class _Chunk:
-    """The chunk that is open: its records, and where the messages of each channel are in it."""
+    """The open chunk: its records, and the index of its messages by channel."""
 
     def __init__(self) -> None:
         self.data = bytearray()
         self.index: dict[int, bytearray] = {}
-        """by channel: ENTRY of each message, one behind the other."""
+        """by channel: concatenated ENTRY of each message."""
 
     def times(self) -> tuple[int, int]:
         """Earliest and latest log time [ns]."""
@@ -126,7 +126,7 @@ class _Chunk:
 
 
 class McapWriter:
-    """Writes a chunked file, compressed by zstd, with all its indices. chunk_size: [bytes]."""
+    """Writes a chunked, zstd-compressed file with all indices. chunk_size: [bytes]."""
 
     def __init__(self, sink: Sink, chunk_size: int) -> None:
         self._sink, self._chunk_size = sink, chunk_size
@@ -137,17 +137,17 @@ class McapWriter:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
-        """messages in finished chunks, by channel."""
+        """number of messages in finished chunks, by channel."""
         self._span: tuple[int, int] | None = None
         """earliest and latest log time in finished chunks [ns]."""
 
     def start(self, profile: str, library: str) -> None:
-        """Begin the file."""
+        """Write the start of the file."""
         self._sink.write(MCAP0_MAGIC)
         self._sink.write(_bytes([Header(profile, library)]))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """A new schema; its number."""
+        """Add a schema; returns its number."""
         number = len(self._schemas) + 1
         self._schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
         self._put(self._schemas[-1])
@@ -156,7 +156,7 @@ class McapWriter:
     def register_channel(
         self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str]
     ) -> int:
-        """A new channel; its number."""
+        """Add a channel; returns its number."""
         number = len(self._channels) + 1
         self._channels.append(Channel(number, topic, message_encoding, metadata, schema_id))
         self._put(self._channels[-1])
@@ -165,8 +165,8 @@ class McapWriter:
     def add_messages(
         self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
     ) -> bool:
-        """A message on each of the channels, logged and published at `time` [ns], all with the
-        same number; whether a chunk ended by it."""
+        """Add one message on each channel, logged and published at `time` [ns], with the same
+        sequence number. Returns whether a chunk ended."""
         begun = chunk = self._chunk
         content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, ENTRY.pack
         for channel, data in zip(channels, messages, strict=True):
@@ -185,7 +185,7 @@ class McapWriter:
     def add_rows(
         self, channels: Sequence[int], times: NDArray[Any], sequence: int, rows: Rows
     ) -> bool:
-        """As `add_messages` for each row, the same bytes, sooner; numbers count up."""
+        """As `add_messages` for each row, the same bytes, faster; sequence counts up."""
         begun, (records, bounds) = self._chunk, rows.records(channels, times, sequence)
         n, width = records.shape
         data, each = memoryview(records.tobytes()), len(channels)
@@ -215,21 +215,21 @@ class McapWriter:
         return bool(self._chunk.index)
 
     def draft(self) -> bytes:
-        """The open chunk as a record, if it ended now, not compressed; it begins with all schemas
-        and channels, as a reader of a broken file needs them."""
+        """The open chunk as an uncompressed record. It starts with all schemas and channels, for
+        readers of unfinished files."""
         heads: list[McapRecord] = [*self._schemas, *self._channels]
         data = _bytes(heads) + bytes(self._chunk.data)
         first, last = self._chunk.times()
         return _bytes([Chunk("", data, last, first, zlib.crc32(data), len(data))])
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """A metadata record, at once."""
+        """Write a metadata record at once."""
         record, at = _bytes([Metadata(name=name, metadata=values)]), self._sink.tell()
         self._metadata.append(MetadataIndex(offset=at, length=len(record), name=name))
         self._sink.write(record)
 
     def add_attachment(self, time: int, name: str, media_type: str, data: bytes) -> None:
-        """A file, at once. time: of its making, and log time [ns]."""
+        """Write an attached file at once. time: creation and log time [ns]."""
         of_file = {"log_time": time, "create_time": time, "name": name, "media_type": media_type}
         record, at = _bytes([Attachment(data=data, **of_file)]), self._sink.tell()
         index = AttachmentIndex(offset=at, length=len(record), data_size=len(data), **of_file)
@@ -237,7 +237,7 @@ class McapWriter:
         self._sink.write(record)
 
     def finish(self) -> None:
-        """The open chunk, the summary and the end."""
+        """Write the open chunk, the summary and the end of the file."""
         self._end_chunk()
         self._sink.write(_bytes([DataEnd(0)]))
         start = self._sink.tell()
@@ -263,13 +263,13 @@ class McapWriter:
         self._sink.write(MCAP0_MAGIC)
 
     def _put(self, record: McapRecord) -> None:
-        """A schema or channel, among the messages."""
+        """Add a schema or channel to the open chunk."""
         self._chunk.data += _bytes([record])
         if len(self._chunk.data) > self._chunk_size:
             self._end_chunk()
 
     def _end_chunk(self) -> None:
-        """Write the open chunk, if it has messages, with its indices; another one begins."""
+        """Write the open chunk, if it has messages, with its indices, and start another one."""
         chunk = self._chunk
         if not chunk.index:
             return
@@ -318,7 +318,7 @@ class McapWriter:
 
 
 def _bytes(records: Iterable[McapRecord]) -> bytes:
-    """The records one behind the other."""
+    """The concatenated bytes of the records."""
     builder = RecordBuilder()
     for record in records:
         record.write(builder)

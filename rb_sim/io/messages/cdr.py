@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""ROS 2 messages: fields and type hashes, and their bytes (CDR, OMG XTypes, encoding 1)."""
+"""ROS 2 message types (fields, hashes) and their bytes (CDR, OMG XTypes, encoding 1)."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# The ROS 2 message types that rb_sim publishes and records: fields and type hashes.
+# Fields and type hashes of the ROS 2 message types that rb_sim publishes and records.
 #
-# Kept here, because a bag must name them where no ROS is installed. The definitions hold the fields
-# and nothing else; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
+# They are stored here because bags contain them and are written without ROS. The definitions hold
+# only the fields; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
 
 
 ACCEL_STAMPED = "geometry_msgs/msg/AccelStamped"
@@ -141,7 +141,7 @@ _SEPARATOR = "=" * 80
 
 
 def schema_text(ros_type: str) -> str:
-    """Definition of `ros_type` and of all types in it, breadth first, in MCAP's ros2msg form."""
+    """Definition of `ros_type` and of all types in it, breadth first, in MCAP's ros2msg format."""
     used = [ros_type]
     for name in used:  # grows while it runs
         used += [part for part in _parts(name) if part not in used]
@@ -165,7 +165,7 @@ def _parts(ros_type: str) -> list[str]:
 
 
 def _short(ros_type: str) -> str:
-    """pkg/msg/Type as pkg/Type."""
+    """pkg/Type for pkg/msg/Type."""
     return ros_type.replace("/msg/", "/")
 
 
@@ -183,7 +183,7 @@ def stamp_of(t: float) -> int:
 
 
 class Layout:
-    """A message under construction: bytes so far, and where stamps and numbers go."""
+    """Builder of a message layout: bytes so far, and positions of stamps and numbers."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
@@ -194,27 +194,27 @@ class Layout:
         self._bytes += bytes(-len(self._bytes) % size)
 
     def stamp(self) -> Layout:
-        """A builtin_interfaces/Time, filled with the message's stamp."""
+        """Append a builtin_interfaces/Time, filled with the message's stamp."""
         self._align(4)
         self._stamps.append(len(HEADER) + len(self._bytes))
         self._bytes += bytes(8)
         return self
 
     def count(self, length: int) -> Layout:
-        """The length of a sequence."""
+        """Append the length of a sequence."""
         self._align(4)
         self._bytes += struct.pack("<I", length)
         return self
 
     def text(self, value: str) -> Layout:
-        """A string that stays as it is."""
+        """Append a constant string."""
         data = value.encode() + b"\0"
         self.count(len(data))
         self._bytes += data
         return self
 
     def doubles(self, length: int) -> Layout:
-        """`length` float64 fields in a row, filled with the next values."""
+        """Append `length` float64 fields, filled with the next values."""
         if length:
             self._align(8)
             self._numbers.append((len(HEADER) + len(self._bytes), "d", length))
@@ -222,37 +222,34 @@ class Layout:
         return self
 
     def fixed(self, kind: str, *values: float) -> Layout:
-        """Numbers that stay as they are. kind: of each, as `struct` has it."""
+        """Append constant numbers. kind: format character of `struct`."""
         self._align(struct.calcsize(kind))
         self._bytes += struct.pack(f"<{len(values)}{kind}", *values)
         return self
 
     def octet(self) -> Layout:
-        """A uint8 field, filled with the next value."""
+        """Append a uint8 field, filled with the next value."""
         self._numbers.append((len(HEADER) + len(self._bytes), "B", 1))
         self._bytes += bytes(1)
         return self
 
     def codec(self) -> Codec:
-        """The finished layout."""
+        """The codec of the finished layout."""
         return Codec(HEADER + bytes(self._bytes), self._stamps, self._numbers)
 
 
 class Codec:
-    """Packs and unpacks the messages of one topic.
-
-    size: how many numbers a message carries.
-    """
+    """Packs and unpacks messages of one topic. size: number of values in a message."""
 
     def __init__(
         self, template: bytes, stamps: Sequence[int], numbers: Sequence[tuple[int, str, int]]
     ) -> None:
         self.template = template
-        """the message with every stamp and number zero."""
+        """the message with all stamps and numbers zero."""
         self.stamps = tuple(stamps)
-        """where stamps are in it."""
+        """offsets of the stamps."""
         self.numbers = tuple(numbers)
-        """(where, "d" or "B", how many) of each run of numbers in it."""
+        """(offset, "d" or "B", length) of each run of numbers."""
         runs, start = [], 0
         for offset, kind, length in numbers:
             runs.append((struct.Struct(f"<{length}{kind}"), offset, start, start + length))
@@ -261,9 +258,9 @@ class Codec:
         self.size = start
 
     def pack(self, stamp: int, values: Sequence[float]) -> bytes:
-        """The message.
+        """The bytes of a message.
 
-        stamp: [ns], >= 0; ignored where the type has none. values: `size` numbers in wire order.
+        stamp: [ns], >= 0; ignored if the type has none. values: `size` numbers in wire order.
         """
         data = bytearray(self.template)
         if self.stamps:
@@ -275,10 +272,7 @@ class Codec:
         return bytes(data)
 
     def unpack(self, data: bytes) -> list[float]:
-        """The numbers of a message that was packed with this layout.
-
-        Raises ValueError where the length is another one.
-        """
+        """The values of a message with this layout. Raises ValueError if its length differs."""
         if len(data) != len(self.template):
             raise ValueError(f"{len(data)} bytes instead of {len(self.template)}")
         values: list[float] = []
@@ -287,7 +281,7 @@ class Codec:
         return values
 
     def unpack_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """The numbers of n messages, shape (n, size), from their bytes, shape (n, length)."""
+        """The values of n messages, shape (n, size), from their bytes, shape (n, length)."""
         values = np.empty((len(rows), self.size))
         for run, offset, start, end in self._runs:
             part = np.ascontiguousarray(rows[:, offset : offset + run.size])
@@ -297,7 +291,7 @@ class Codec:
     def pack_rows(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.uint8]:
-        """The bytes, shape (n, length), of n messages whose numbers are all doubles.
+        """The bytes, shape (n, length), of n messages that contain only doubles.
 
         stamps: [ns], shape (n,); values: shape (n, size).
         """
@@ -311,14 +305,14 @@ class Codec:
         return rows
 
     def unpack_stamps(self, rows: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """The stamps [ns] of n messages of a type that has one, shape (n,)."""
+        """The stamps [ns] of n messages of a type with a stamp, shape (n,)."""
         offset = self.stamps[0]
         part = np.ascontiguousarray(rows[:, offset : offset + _STAMP.size])
         seconds, nanoseconds = part[:, :4].copy().view("<i4"), part[:, 4:].copy().view("<u4")
         return (seconds.astype(np.int64) * NANO + nanoseconds)[:, 0]
 
     def frames(self, data: bytes) -> bool:
-        """True if `data` is as long as a message of this layout and has the same fixed parts."""
+        """Whether `data` has the length and the constant parts of this layout."""
         if len(data) != len(self.template):
             return False
         blank = bytearray(data)
@@ -330,7 +324,7 @@ class Codec:
 
     @property
     def length(self) -> int:
-        """Of a message [bytes]."""
+        """Length of a message [bytes]."""
         return len(self.template)
 
 
@@ -360,12 +354,12 @@ def float64() -> Codec:
 
 
 def uint8() -> Codec:
-    """std_msgs/UInt8: one whole number."""
+    """std_msgs/UInt8: one integer."""
     return Layout().octet().codec()
 
 
 COVARIANCE_6X6 = 36
-"""Numbers of a 6 x 6 covariance; all zero, since the state is known."""
+"""Elements of a 6 x 6 covariance; all zero, since the state is exact."""
 
 
 def odometry(frame_id: str, child_frame_id: str) -> Codec:
@@ -375,7 +369,7 @@ def odometry(frame_id: str, child_frame_id: str) -> Codec:
 
 
 def clock() -> Codec:
-    """rosgraph_msgs/Clock: the stamp alone."""
+    """rosgraph_msgs/Clock: only the stamp."""
     return Layout().stamp().codec()
 
 
@@ -388,7 +382,7 @@ def tf_message(frames: Sequence[tuple[str, str]]) -> Codec:
 
 
 def joint_state(frame_id: str, names: Sequence[str], efforts: bool = True) -> Codec:
-    """sensor_msgs/JointState: positions, then velocities, then efforts, which may be left out."""
+    """sensor_msgs/JointState: positions, velocities, and optionally efforts."""
     layout = Layout().stamp().text(frame_id).count(len(names))
     for name in names:
         layout.text(name)
@@ -412,7 +406,7 @@ def diagnostic(stamp: int, name: str, message: str, values: Mapping[str, str]) -
 
 
 def read_string(data: bytes) -> str:
-    """The text of a std_msgs/String. Raises ValueError for any other message."""
+    """The text of a std_msgs/String. Raises ValueError for other messages."""
     return Cursor(data, "std_msgs/msg/String").text()
 
 
@@ -428,7 +422,7 @@ def read_joint_state(data: bytes) -> tuple[int, list[str], tuple[float, ...]]:
 
 
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
-    """The arguments of `diagnostic`. Raises ValueError for any other message."""
+    """The arguments of `diagnostic`. Raises ValueError for other messages."""
     cursor = Cursor(data, "diagnostic_msgs/msg/DiagnosticArray")
     stamp = cursor.stamp()
     cursor.text()
@@ -441,16 +435,15 @@ def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
 
 
 class Cursor:
-    """Walks over the fields of a message; ValueError where it ends too early."""
+    """Sequential reader of a message's fields. Raises ValueError if it is too short."""
 
     def __init__(self, data: bytes, ros_type: str) -> None:
         self._data, self._type, self._at = data, ros_type, len(HEADER)
         self.fixed = np.ones(len(data), bool)
-        """bytes that are the same in all messages of this layout: all but padding, and what is
-        taken as a number."""
+        """mask of the bytes equal in all messages of this layout: no padding, no values."""
 
     def take(self, alignment: int, size: int, *, numbers: bool = False) -> int:
-        """Where the next `size` bytes begin."""
+        """Offset of the next `size` bytes. numbers: whether they are values, which vary."""
         before = self._at
         self._at += -(self._at - len(HEADER)) % alignment
         start, self._at = self._at, self._at + size
@@ -460,22 +453,22 @@ class Cursor:
         return start
 
     def stamp(self) -> int:
-        """[ns]."""
+        """The next stamp [ns]."""
         seconds, nanoseconds = _STAMP.unpack_from(self._data, self.take(4, _STAMP.size))
         return seconds * NANO + nanoseconds
 
     def count(self) -> int:
-        """The length of a sequence."""
+        """The length of the next sequence."""
         return _COUNT.unpack_from(self._data, self.take(4, 4))[0]
 
     def doubles(self) -> tuple[float, ...]:
-        """A sequence of them."""
+        """The next sequence of doubles."""
         length = self.count()
         at = self.take(8 if length else 1, 8 * length)
         return struct.unpack_from(f"<{length}d", self._data, at)
 
     def text(self, errors: str = "strict") -> str:
-        """A string; errors: as of bytes.decode."""
+        """The next string; errors: as in bytes.decode."""
         length = self.count()
         at = self.take(1, length)
         return self._data[at : at + max(0, length - 1)].decode("utf-8", errors)

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""All messages of a sample in one buffer, filled by compiled code.
+"""Compiled packing of all messages of a sample into one buffer.
 
-A message of fixed layout is a template with numbers to fill in. Here the templates of all topics
-stand one behind the other, each where its doubles are aligned, so that the numbers of a sample, or
-of many, go to their places at once; Python does nothing per field.
+A message of fixed layout is a template with numbers to fill in. The templates of all topics are
+concatenated with aligned doubles, so that the numbers of one or many samples are copied at once,
+without Python code per field.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
 
 
-# Rows of the kernel into the buffer of all messages: see rb_sim.io.messages.packing.
+# Compiled kernels.
 
 
 @helper
 def pack_row(
     row, command, centers, linear, energy, source, numbers, chosen, doubles, stamps, whole, rest
 ):
-    """Fill `source` from the row and the commands, then the doubles of the messages from it.
+    """Fill `source` from a sample row and the commands, then the doubles of the messages from it.
 
-    row: as the kernel writes it, shape (width,). command: world axes, shape (6 M,). centers: r_OC,
-    shape (N, 3). linear: (from, to) of what is copied as it is: from >= 0 counts in the row,
-    -1 - from in the command; shape (L, 2). energy: columns of the total, and of its two parts.
-    source: columns as rb_sim.io.messages.packing has them.
-    numbers, chosen: places among the doubles, and the columns that go there.
-    stamps: places of seconds among the 32-bit integers of the same buffer; `whole` goes there and
-    `rest` [ns] behind it.
-    The numbers are those of rb_sim.numerics.rotations, to the last bit.
+    row: sample as the kernel writes it, shape (width,). command: world axes, shape (6 M,). centers:
+    r_OC, shape (N, 3). linear: (from, to) of numbers copied unchanged, shape (L, 2): from >= 0 is
+    an index of the row, -1 - from one of the command. energy: columns of the total and its two
+    parts. source: columns as in `columns_of`. numbers, chosen: indices of the doubles, and the
+    source columns copied there. stamps: indices of the seconds in the buffer as 32-bit integers;
+    `whole` [s] is written there and `rest` [ns] behind it.
+
+    The results equal those of rb_sim.numerics.rotations to the last bit.
     """
     bodies = len(centers)
     p, v, w = 2, 2 + 7 * bodies, 2 + 10 * bodies
@@ -110,7 +110,7 @@ def pack_row(
 def pack_rows(
     rows, commands, centers, linear, energy, source, numbers, chosen, doubles, stamps, times
 ):
-    """As pack_row for each row: doubles of shape (n, size), times (seconds, rest) of (n, 2)."""
+    """Apply pack_row to each row: doubles (n, size), times (seconds, rest) (n, 2)."""
     for k in range(len(rows)):
         pack_row(
             rows[k],
@@ -134,24 +134,24 @@ def stamps_of(block: SampleBlock) -> NDArray[Any]:
 
 
 class MessageTable(Protocol):
-    """Messages of every sample beside those of the table of topics."""
+    """Messages of every sample that are not in the table of topics."""
 
     latched: bool
 
     @property
     def topics(self) -> Sequence[tuple[str, str]]:
-        """(name, ROS type) of each."""
+        """(name, ROS type) of each topic."""
         ...
 
     def rows(self, block: SampleBlock) -> list[NDArray[np.uint8]]:
-        """Of each topic the messages of the next samples as bytes, shape (n, length)."""
+        """Messages of the next samples as bytes, an array of shape (n, length) for each topic."""
         ...
 
 
 CONSTANTS = (0.0, 1.0)
-"""The first columns of the source: numbers that a topic takes from no sample."""
+"""First columns of the source: constants in messages."""
 NO_ROTATION = (0, 0, 0, 1)
-"""The columns of a unit quaternion among them."""
+"""Columns of the identity quaternion."""
 FIELDS = (
     "reaction_force",
     "reaction_torque",
@@ -163,14 +163,14 @@ FIELDS = (
     "residual",
     "contact_work",
 )
-"""Of a block, in the source, behind the motion of the body origins and the energy."""
+"""Fields of a block in the source, after the motion of the body origins and the energy."""
 
 
 class Topic(NamedTuple):
     """One topic.
 
-    name: relative to the node's name, or absolute with a leading slash.
-    columns: of each double in its messages, where it is in the source (see `columns_of`).
+    name: relative to the node's name, or absolute with a leading slash. columns: source column of
+    each double in its messages (see `columns_of`).
     """
 
     name: str
@@ -179,13 +179,13 @@ class Topic(NamedTuple):
     columns: Sequence[int] = ()
 
     def full_name(self, namespace: str = NAMESPACE) -> str:
-        """Absolute name for a node called `namespace`."""
+        """Absolute topic name for a node named `namespace`."""
         return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
 
 
 def columns_of(layout: SampleLayout) -> SimpleNamespace:
-    """The columns of the source: `position`, `velocity` and `spin` (N, 3), world axes, and
-    `orientation` (N, 4) of the body frames, `energy`, and FIELDS of a block."""
+    """Columns of the source: `position`, `velocity` and `spin` (N, 3), world axes, and
+    `orientation` (N, 4) of the body frames, `energy`, and the FIELDS of a block."""
     block, n = empty_block(1, layout), len(layout.bodies)
     shapes = {"position": (n, 3), "orientation": (n, 4), "velocity": (n, 3), "spin": (n, 3)}
     shapes |= {"energy": (1,)} | {name: getattr(block, name).shape[1:] or (1,) for name in FIELDS}
@@ -198,7 +198,7 @@ def columns_of(layout: SampleLayout) -> SimpleNamespace:
 
 
 class Packer:
-    """Packs the messages of `topics`. center_of_mass: r_OC of each body, shape (N, 3)."""
+    """Packs messages of `topics`. center_of_mass: r_OC of each body, body axes, (N, 3) [m]."""
 
     def __init__(
         self, topics: Sequence[Topic], layout: SampleLayout, center_of_mass: Array
@@ -233,11 +233,12 @@ class Packer:
         """The messages of each sample, in the order of the topics.
 
         rows: as the kernel writes them, shape (n, width). commands: world axes, shape (n, M, 6).
+        stamps: [ns], shape (n,).
         """
         return self._cut(self._filled(rows, commands, np.array(stamps)))
 
     def _filled(self, rows: Array, commands: Array, stamps: NDArray[Any]) -> NDArray[np.uint8]:
-        """The messages of each sample in a row of one array."""
+        """The messages of each sample in one row, shape (n, size)."""
         n = len(rows)
         buffer = np.empty((n, len(self._template)), dtype=np.uint8)
         buffer[:] = self._template
@@ -263,25 +264,25 @@ class Packer:
         return self._cut(self.fill(block, stamps)) if len(block) else []
 
     def fill(self, block: SampleBlock, stamps: NDArray[Any]) -> NDArray[np.uint8]:
-        """The same in one array, shape (n, size); the topics' messages are at `bounds` of a row."""
+        """The messages of each sample, shape (n, size); `bounds` are their positions in a row."""
         return self._filled(rows_of(block), block.command, stamps)
 
     def _cut(self, buffer: NDArray[np.uint8]) -> list[list[bytes]]:
-        """The messages in each row of the buffer."""
+        """The messages in each row of the buffer, as bytes."""
         (n, size), bounds, data = buffer.shape, self.bounds, buffer.tobytes()
         return [[data[at + a : at + b] for a, b in bounds] for at in range(0, n * size, size)]
 
 
 def _aligned(end: int) -> int:
-    """The next start of a message whose fields, behind its header, are aligned in the buffer."""
+    """Start of the next message that aligns its fields, behind its header, in the buffer."""
     return end + (-end - len(HEADER)) % 8
 
 
 def _linear(layout: SampleLayout) -> tuple[NDArray[Any], NDArray[Any]]:
-    """What of a row or a command is copied into the source as it is: (from, to), shape (L, 2);
-    and the columns of the energy and its two parts.
+    """(from, to) of the numbers copied unchanged from a row or a command to the source, shape (L,
+    2); and the columns of the energy and its two parts.
 
-    Found by asking for the fields of a sample whose numbers are the places in its row.
+    Found by reading the fields of a sample whose values are their own indices.
     """
     columns = columns_of(layout)
     row = np.arange(float(row_width(layout)))[None]

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""joint_states, and the robot description (URDF) and markers of a scene for viewers."""
+"""joint_states, robot description (URDF) and markers of a scene, for viewers."""
 
 from __future__ import annotations
 
@@ -30,23 +30,21 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Body, Scene
 
 
-# joint_states: position and velocity of each joint, by the name of its constraint.
+# joint_states: position and velocity of each joint, named after its constraint.
 #
-# Of a `fixed_axis` angle [rad] and rate [rad/s], of a `translation` along a line displacement [m]
-# and speed [m/s] along the guide's direction; the displacement is zero in the first sample.
+# A `fixed_axis` has angle [rad] and rate [rad/s], a `translation` along a line displacement [m] and
+# speed [m/s] along the guide's direction; the displacement is zero in the first sample.
 #
-# The angle is that of the body against its parent, right-handed about axis_B; it is zero in the
-# first sample, too, and goes on beyond a full turn. How many turns lie between two samples is known
-# by the mean of their rates: it may be wrong only where that is off by half a turn, as after an
-# impact.
+# The angle is that of the body relative to its parent, right-handed about axis_B, zero in the first
+# sample, and continuous beyond a full turn. The number of turns between two samples follows from
+# their mean rate; it is wrong only if that is off by half a turn, as after an impact.
 
 
 TURN = 2.0 * np.pi
 
 
 class JointTable:
-    """The messages of the joints of a scene, sample after sample. names: in their order; units: of
-    their positions."""
+    """joint_states messages of successive samples. names: of the joints; units: of positions."""
 
     topics = ((JOINT_STATES, cdr.JOINT_STATE),)
     latched = True
@@ -68,24 +66,24 @@ class JointTable:
         self._direction = np.array([c.guide.direction for c in guided]).reshape(-1, 3)
         self._codec = cdr.joint_state("", [ros_name(name) for name in self.names], efforts=False)
         self._last: tuple[float, Array, Array, Array] | None = None
-        """of the last sample: time [s], and of each axis its angle from the first sample within a
-        turn [rad], the full turns beside it, its rate [rad/s]."""
+        """last sample: time [s], and for each axis its angle from the first sample modulo a turn
+        [rad], the number of full turns, its rate [rad/s]."""
         self._start = np.zeros((len(guided), 3))
-        """of each guided body its centre of mass in the first sample, world axes [m]."""
+        """centre of mass of each guided body in the first sample, world axes [m]."""
 
     def rows(self, block: SampleBlock) -> list[Any]:
-        """As of MessageTable."""
+        """As in MessageTable."""
         return [self._codec.pack_rows(stamps_of(block), self.values(block))]
 
     def values(self, block: SampleBlock) -> Array:
-        """Positions, then velocities of the next samples, shape (n, 2 J)."""
+        """Positions and velocities of the joints in the next samples, shape (n, 2 J)."""
         n = len(block)
         restarts = {given.index for given in block.inputs if not given.body}
         placed = sorted({given.index for given in block.inputs if given.state})
         relative, rate = self._relative(block)
         position, velocity = np.empty((2, n, len(self.names)))
         velocity[:, ~self._slides] = rate
-        # a guided body does not turn: its centre of mass goes the way of each of its points
+        # a guided body does not rotate: its centre of mass moves like all its points
         place, speed = block.position[:, self._slider], block.linear_velocity[:, self._slider]
         velocity[:, self._slides] = np.sum(speed * self._direction, axis=-1)
         borders = sorted({0, n} | {k for k in restarts if k < n})
@@ -101,7 +99,7 @@ class JointTable:
         return np.hstack([position, velocity])
 
     def _relative(self, block: SampleBlock) -> tuple[Array, Array]:
-        """Orientations of the bodies in their parents' axes (n, J, 4), and rates (n, J)."""
+        """Orientations relative to the parents (n, J, 4), and rates (n, J), of the axes."""
         orientation, spin = block.orientation, block.angular_velocity
         own = orientation[:, self._body]
         parent = _of_parents(orientation, self._parent, (0.0, 0.0, 0.0, 1.0))
@@ -113,12 +111,12 @@ class JointTable:
     def _go_on(
         self, t: Array, relative: Array, rate: Array, jumps: list[int], restart: bool
     ) -> Array:
-        """The angles of samples that follow the last one; jumps: where a state was set."""
+        """Continuous angles of the next samples; jumps: indices at which a state was set."""
         if restart or self._last is None:
             none = np.zeros(len(self._body))
             self._initial, self._last = relative[0], (t[0], none, none, rate[0])
         t_last, turn_last, turns_last, rate_last = self._last
-        # the turn from the first pose in the axes of the body: about axis_B alone
+        # rotation from the first pose in body axes: only about axis_B
         x, y, z, w = np.moveaxis(product(conjugate(self._initial), relative), -1, 0)
         along = x * self._axis_B[:, 0] + y * self._axis_B[:, 1] + z * self._axis_B[:, 2]
         turn = 2.0 * np.arctan2(along, w)
@@ -138,28 +136,28 @@ def slides(constraint: Any) -> bool:
 
 
 def _of_parents(of_bodies: Array, parents: list[int], of_world: tuple[float, ...]) -> Array:
-    """What is of bodies, shape (n, N, k), for each parent; -1: the world."""
+    """Values of bodies, shape (n, N, k), for each parent; index -1: the value for the world."""
     values = of_bodies[:, parents]
     values[:, [i < 0 for i in parents]] = of_world
     return values
 
 
-# URDF of a scene: links with their inertia and shape, joints where URDF has them.
+# URDF of a scene: links with inertia and shape, and joints as far as URDF supports them.
 #
-# A `fixed_axis` becomes a continuous joint of its name, a `translation` along a line a prismatic
-# one, whose positions are those in `joint_states`; a `weld` a fixed joint; any other body hangs on
-# the world by a floating joint, and the pose on /tf is its own. URDF wants a tree and joints at the
-# child's origin: a constraint that would close a loop is left out, and a bearing beside the body's
-# origin is a link of its own, CONSTRAINT/bearing.
+# A `fixed_axis` becomes a continuous joint of the same name, a `translation` along a line a
+# prismatic one, with positions as in `joint_states`; a `weld` becomes a fixed joint; any other body
+# has a floating joint to the world and its pose on /tf. URDF requires a tree, and joints at the
+# child's origin: constraints that would close a loop are omitted, and an axis off the body's origin
+# gets a link of its own, CONSTRAINT/bearing.
 
 
 Element = ElementTree.Element
 UNLIMITED = 1e9
-"""[m, m/s, N]: limits of a prismatic joint, which URDF demands and a guide has not."""
+"""[m, m/s, N]: limits of a prismatic joint, which URDF requires although a guide has none."""
 
 
 def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
-    """The URDF document. initial: the first sample, from which zero angles are counted."""
+    """The URDF document. initial: the first sample, which defines zero joint positions."""
     robot = ElementTree.Element("robot", name=scene.name)
     ElementTree.SubElement(robot, "link", name=WORLD)
     motion = origins(initial, centers_of_mass(scene.bodies, layout.bodies))
@@ -176,7 +174,7 @@ def urdf(scene: Scene, layout: SampleLayout, initial: SampleBlock) -> str:
 
 
 def joints_above(scene: Scene) -> dict[str, tuple[str, Any]]:
-    """The constraint, with its name, on which each body hangs: the first that closes no loop."""
+    """Constraint (name, spec) that becomes each body's joint: the first closing no loop."""
     found: dict[str, tuple[str, Any]] = {}
     specs: dict[str, Any] = dict(scene.constraints)
     for name, spec in specs.items():
@@ -191,7 +189,7 @@ def joints_above(scene: Scene) -> dict[str, tuple[str, Any]]:
 
 
 def _parent(spec: Any) -> str | None:
-    """The body on which the constraint hangs its own; None: the world, as every guide does."""
+    """Parent body of the joint; None: the world, as for every guide."""
     return None if slides(spec) else spec.parent
 
 
@@ -211,7 +209,7 @@ def _link(name: str, body: Body) -> Element:
 
 
 def _shape(part: Element, shape: Any) -> None:
-    """The geometry; an ellipsoid, which URDF has not, as the ball of its largest semi-axis."""
+    """Add the geometry; an ellipsoid, which URDF lacks, as a sphere with its largest semi-axis."""
     turn = from_z(np.array(getattr(shape, "axis_B", (0.0, 0.0, 1.0))))
     _origin(part, np.array(shape.center_B), turn)
     geometry = ElementTree.SubElement(part, "geometry")
@@ -234,7 +232,7 @@ def _join(
     hangs: tuple[str, Any] | None,
     poses: dict[str, tuple[Array, Array]],
 ) -> None:
-    """The joint, or two, between the body and what it hangs on."""
+    """Add the joint, or two, between the body and its parent."""
     position, orientation = poses[body]
     link = body_frame(body)
     if hangs is None:
@@ -283,18 +281,18 @@ def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
     ElementTree.SubElement(of, "origin", xyz=_texts(xyz), rpy=_texts(roll_pitch_yaw(q)))
 
 
-# Markers: each body's shape in its own frame. They are locked to the frames of /tf, so once is
-# enough; a body without shape has none.
+# Markers: each body's shape in its own frame, locked to the frames of /tf and thus sent only once.
+# A body without shape has none.
 
 
 CUBE, SPHERE, CYLINDER = 1, 2, 3
-"""Kinds of visualization_msgs/Marker."""
+"""Types of visualization_msgs/Marker."""
 COLOUR = (0.35, 0.55, 0.85, 1.0)
-"""Of bodies: red, green, blue, opacity."""
+"""Colour of bodies: red, green, blue, opacity."""
 
 
 def marker_array(scene: Scene, prefix: str = "") -> bytes:
-    """The visualization_msgs/MarkerArray of a scene. prefix: before the name of each frame."""
+    """The visualization_msgs/MarkerArray of a scene. prefix: prepended to each frame name."""
     shapes = [(n, body.shape) for n, body in scene.bodies.items() if body.shape is not None]
     layout = cdr.Layout().count(len(shapes))
     for number, (name, shape) in enumerate(shapes):
@@ -310,7 +308,7 @@ def marker_array(scene: Scene, prefix: str = "") -> bytes:
 
 
 def _marker(shape: Any) -> tuple[int, list[float], Array]:
-    """Kind, size along its own axes [m], and the turn of these axes in those of the body."""
+    """Marker type, size along its own axes [m], and rotation of these axes to body axes."""
     turn = np.array([0.0, 0.0, 0.0, 1.0])
     match shape.type:
         case "sphere":

@@ -7,9 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Names of topics and frames, as the table of topics (`topics.py`) has them.
+"""Names of topics and frames in the table of topics (`topics.py`).
 
-Arguments are names of the scene; where ROS allows less, they are changed (`rb_sim.base.names`).
+Arguments are names in the scene; characters that ROS does not allow are replaced
+(`rb_sim.base.names`).
 """
 
 from __future__ import annotations
@@ -32,24 +33,24 @@ STATE_COMMAND = "state_command"
 
 
 def topic_path(name: str) -> str:
-    """The name of a reaction or point of contact as part of a topic's."""
+    """Part of a topic name for a reaction or contact point."""
     own, *parts = name.split("/")
     points = (f"point_{part}" if part[0].isdigit() else part for part in parts)
     return "/".join((ros_name(own), *points))
 
 
 def body_topic(body: str, what: str) -> str:
-    """Topic of `what` of a body: BODY/pose."""
+    """Topic of a body's quantity, e.g. BODY/pose."""
     return f"{ros_name(body)}/{what}"
 
 
 def body_frame(body: str) -> str:
-    """Frame of a body, at its origin, in its axes."""
+    """Frame of a body: at its origin, with its axes."""
     return ros_name(body)
 
 
 def state_topic(contact: str) -> str:
-    """Topic of the state of a point of contact."""
+    """Topic of the state of a contact point."""
     return f"contacts/{topic_path(contact)}/state"
 
 
@@ -70,5 +71,5 @@ def anchor_frame(reaction: str) -> str:
 
 
 def command_topic(body: str) -> str:
-    """Topic of the commands for a body, as they came."""
+    """Topic of the commands for a body, as received."""
     return body_topic(body, "wrench_command")

@@ -7,57 +7,56 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The one table of topics: what the node publishes and the bag records. SI units.
+"""The table of topics that the node publishes and the bag records. SI units.
 
-| topic                  | type          | numbers                           | frame_id          |
+| topic                  | type          | values                            | frame_id          |
 |------------------------|---------------|-----------------------------------|-------------------|
 | BODY/pose              | PoseStamped   | of the body frame (its origin O)  | world             |
 | BODY/twist             | TwistStamped  | velocity of O, angular velocity   | world             |
-| BODY/accel             | AccelStamped  | rate of BODY/twist; if asked for  | world             |
+| BODY/accel             | AccelStamped  | rate of BODY/twist; on request    | world             |
 | BODY/wrench_applied    | WrenchStamped | commanded wrench as applied       | BODY/origin       |
 | reactions/CONSTRAINT   | WrenchStamped | BY the constraint ON the body     | CONSTRAINT/anchor |
 | energy                 | Float64       | kinetic plus potential [J]        |                   |
 | energy/kinetic         | Float64       | [J]                               |                   |
 | energy/potential       | Float64       | [J]                               |                   |
-| power                  | Float64       | of what has no potential [W]      |                   |
-| residual               | Float64       | worst violation of a constraint   |                   |
+| power                  | Float64       | of non-conservative forces [W]    |                   |
+| residual               | Float64       | largest constraint violation, relative |              |
 | contacts/CONTACT/state | UInt8         | 0 open, 1 slip, 2 stick or roll   |                   |
-| contact_work           | Float64       | of all contacts since the start   |                   |
+| contact_work           | Float64       | of all contacts since the start [J] |                 |
 | contact_events         | DiagnosticArray | one event each, see below       |                   |
-| BODY/wrench_command    | WrenchStamped | command as it came; in bags only  | world or BODY     |
-| BODY/state_command     | JointState    | state that was set; in bags only  | world             |
-| resets                 | Clock         | back to the start; in bags only   |                   |
+| BODY/wrench_command    | WrenchStamped | command as received; only in bags | world or BODY     |
+| BODY/state_command     | JointState    | state that was set; only in bags  | world             |
+| resets                 | Clock         | reset to the start; only in bags  |                   |
 | joint_states           | JointState    | of each fixed_axis, linear guide  |                   |
-| BODY/odometry          | Odometry      | pose, twist in body axes; if asked for | world        |
-| description            | String        | what is simulated, JSON; latched  |                   |
+| BODY/odometry          | Odometry      | pose, twist in body axes; on request | world          |
+| description            | String        | scene as JSON; latched            |                   |
 | state                  | String        | of the node: paused, running, error; latched |        |
 | markers                | MarkerArray   | shapes of the bodies; latched     | BODY              |
-| robot_description      | String        | URDF; latched, beside the node    |                   |
+| robot_description      | String        | URDF; latched, in the node's namespace |              |
 | /tf                    | TFMessage     | BODY and the frames of wrenches   | world             |
 | /clock                 | Clock         | simulated time                    |                   |
 
-Names without a leading slash are under the node's name (NAMESPACE unless it was renamed). A wrench
-acts at the origin of the frame that its frame_id names, and its numbers are in that frame's axes.
-`BODY/origin` and `CONSTRAINT/anchor` have the axes of the world; the first moves with the body's
-origin, the second with the point of the constraint. Bearings are CONSTRAINT/A and CONSTRAINT/B.
-The slash keeps these frames apart from any body's, whose names have none.
+Names without a leading slash are relative to the node's name (NAMESPACE unless renamed). A wrench
+acts at the origin of its frame_id, and its components are in that frame's axes. `BODY/origin` and
+`CONSTRAINT/anchor` have world axes; the first moves with the body's origin, the second with the
+constraint's anchor point. Bearings are CONSTRAINT/A and CONSTRAINT/B. The slash distinguishes these
+frames from those of bodies, whose names contain none.
 
-The topics of contacts are there only if the scene has any. Where one has several points they are
-CONTACT/1, CONTACT/2 ... in frames, and CONTACT/point_1 ... in topics, since no part of a topic's
-name may begin with a digit. An event has its own instant as stamp, the contact as `name`, the kind
-as `message`, and as values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s],
-each to the last digit. It is sent before the first sample that is not earlier.
+Topics of contacts exist only if the scene has contacts. Several points of one contact are
+CONTACT/1, CONTACT/2 ... in frames and CONTACT/point_1 ... in topics, since no part of a topic name
+may start with a digit. An event has its own instant as stamp, the contact as `name`, the kind as
+`message`, and the values `t` [s] and `impulse_x`, `_y`, `_z` BY the contact ON the body [N s], in
+full precision. It is sent before the first sample that is not earlier.
 
-A bag has `joint_states` if the scene has a joint, the node if parameter `joint_states` asks for it;
-the angles go on from sample to sample (`joints.py`). What is latched is sent once, with the first
-sample, and has durability transient_local also in a bag, so that it can be drawn on the frames of
-/tf by a viewer that comes late or begins in the middle. `robot_description` is in the namespace of
-the node, not under its name, since that is where viewers look for it. In a bag `description` also
-holds the record `rb_sim` (`bag/bag_sink.py`), since programs that convert a bag keep its messages
-only.
+A bag has `joint_states` if the scene has joints, the node if parameter `joint_states` is set;
+angles are continuous from sample to sample (`robot_description.py`). Latched topics are sent once,
+with the first sample, and have durability transient_local also in a bag, for viewers that start
+later. `robot_description` is in the namespace of the node, not under its name, where viewers expect
+it. In a bag `description` also contains the record `rb_sim` (`bag/bag_sink.py`), since converters
+of bags keep only messages.
 
-A bag also records what came from outside, each before the sample that it acts on first: a command
-in the axes in which it came (zero where wrench_timeout ended one), a reset, a state that was set.
+A bag also records the inputs, each before the first sample that it affects: commands in the axes in
+which they were received (zero when wrench_timeout ended one), resets, and states that were set.
 """
 
 from __future__ import annotations
@@ -101,21 +100,21 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# An event of a contact as a message, to the last digit, and back.
+# Conversion between contact events and messages, without loss of precision.
 
 
 _IMPULSE = ("impulse_x", "impulse_y", "impulse_z")
 
 
 def event_message(event: ContactEvent) -> bytes:
-    """The DiagnosticArray of an event."""
+    """The DiagnosticArray message of a contact event."""
     impulse = zip(_IMPULSE, event.impulse, strict=True)
     values = {"t": repr(event.t), **{key: repr(value) for key, value in impulse}}
     return cdr.diagnostic(stamp_of(event.t), event.contact, event.kind, values)
 
 
 def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
-    """The fields of the event of a message. Raises ValueError for another message."""
+    """t [s], contact, kind, impulse [N s] of an event message. Raises ValueError for others."""
     _, contact, kind, values = cdr.read_diagnostic(data)
     try:
         numbers = [float(values[key]) for key in ("t", *_IMPULSE)]
@@ -125,22 +124,22 @@ def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
 
 
 class SampleMessages(NamedTuple):
-    """What is to be sent at one sample."""
+    """Messages to send at one sample."""
 
     stamp: int
     """of the sample [ns]."""
     messages: list[bytes]
     """in the order of TopicTable.topics."""
     events: list[bytes]
-    """messages of the event topic that come before, in their order."""
+    """messages of the event topic before this sample, in order."""
 
 
 class TopicTable:
-    """The topics of a scene, and the messages of a block.
+    """The topics of a scene, and the messages of its samples.
 
-    skip: names of topics to leave out, as in Topic.name. prefix: before the name of every frame.
-    event_topic: (name, ROS type) of the events, if the scene has contacts.
-    Raises SinkError where two topics would have one name.
+    skip: topics to omit, by Topic.name. prefix: prepended to every frame name. event_topic: (name,
+    ROS type) of the events, None without contacts. Raises SinkError if two topics have the same
+    name.
     """
 
     def __init__(
@@ -160,30 +159,30 @@ class TopicTable:
         self._packer = Packer(self.topics, layout, self._center_of_mass)
 
     def warm(self, layout: SampleLayout) -> None:
-        """Compile what `messages_of_rows` calls, so that no sample waits for it."""
+        """Compile what `messages_of_rows` calls, so that no sample is delayed by it."""
         row, command = np.zeros(row_width(layout)), np.zeros((len(layout.commanded), 6))
         self.messages_of_rows([SampleRow(0.0, row, command)])
 
     def messages(self, block: SampleBlock) -> Iterator[SampleMessages]:
-        """The messages of each sample, and of the events before it."""
+        """Messages of each sample, and of the events before it."""
         stamps = stamps_of(block)
         rows = self._packer.pack(block, stamps)
         events = list(block.events)
         for k, stamp in enumerate(stamps.tolist()):
-            last = k == len(rows) - 1  # takes also what is announced for just after it
+            last = k == len(rows) - 1  # also takes events announced for just after it
             event_messages: list[bytes] = []
             while events and (last or stamp_of(events[0].t) <= stamp):
                 event_messages.append(event_message(events.pop(0)))
             yield SampleMessages(stamp, rows[k], event_messages)
 
     def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
-        """Stamps [ns], shape (n,); bytes, shape (n, size); and where each topic's message is in a
-        row of them."""
+        """Stamps [ns], shape (n,); message bytes, shape (n, size); and start and end of each
+        topic's message in a row of them."""
         stamps = stamps_of(block)
         return stamps, self._packer.fill(block, stamps), self._packer.bounds
 
     def messages_of_rows(self, rows: Sequence[SampleRow]) -> list[SampleMessages]:
-        """The messages of each sample: the same bytes, sooner."""
+        """Messages of each sample, given as a row: the same bytes as `messages`, faster."""
         stamps = [stamp_of(one.t) for one in rows]
         numbers, commands = (np.array([one[i] for one in rows]) for i in (1, 2))
         packed = self._packer.pack_rows(numbers, commands, stamps)
@@ -250,23 +249,24 @@ def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
     return Topic(TF, cdr.TF_MESSAGE, codec, columns)
 
 
-# BODY/accel: what BODY/twist changes by, as geometry_msgs/AccelStamped, where it is asked for.
+# BODY/accel: time derivative of BODY/twist as geometry_msgs/AccelStamped, on request.
 #
 #     a_O = a_C - R (dw/dt x r_OC + w x (w x r_OC))
 #
-# with a_C (world axes), w and dw/dt (body axes) of the samples; the message has a_O and R dw/dt in
-# world axes, as the twist has its numbers.
+# with a_C (world axes), w and dw/dt (body axes) of the samples; the message contains a_O and
+# R dw/dt in world axes, like the twist.
 
 
 Accelerating = Callable[["SampleBlock"], Any]
-"""Linear accelerations of C, world axes, and dw/dt, body axes, of shape (n, bodies, 3)."""
+"""Function of a block: linear accelerations of C, world axes [m/s^2], and dw/dt, body axes
+[rad/s^2], of shape (n, bodies, 3)."""
 
 Asked = Callable[["Scene", "SampleLayout"], Accelerating]
-"""Gives them for the blocks of a run; rb_sim.trajectory.record.accelerating is one."""
+"""Makes an `Accelerating` for a run, e.g. rb_sim.trajectory.record.accelerating."""
 
 
 class AccelTable:
-    """The messages of all bodies. prefix: before the name of the frame."""
+    """BODY/accel messages of all bodies. prefix: prepended to the frame name."""
 
     latched = False
 
@@ -277,7 +277,7 @@ class AccelTable:
         self.topics = [(body_topic(body, "accel"), cdr.ACCEL_STAMPED) for body in layout.bodies]
 
     def rows(self, block: SampleBlock) -> list[Any]:
-        """As of MessageTable."""
+        """As in MessageTable."""
         linear, angular = self._accelerations(block)
         spin, arm = block.angular_velocity, -self._center_of_mass
         own = cross(angular, arm) + cross(spin, cross(spin, arm))
@@ -288,9 +288,9 @@ class AccelTable:
 
 
 class OdometryTable:
-    """BODY/odometry: the pose in the world, the twist of the body's origin in body axes.
+    """BODY/odometry messages: pose in the world, twist of the body's origin in body axes.
 
-    prefix: as of AccelTable.
+    prefix: as in AccelTable.
     """
 
     latched = False
@@ -302,7 +302,7 @@ class OdometryTable:
         self.topics = [(body_topic(name, "odometry"), cdr.ODOMETRY) for name in names]
 
     def rows(self, block: SampleBlock) -> list[Any]:
-        """As of MessageTable."""
+        """As in MessageTable."""
         motion = origins(block, self._center_of_mass)
         velocity_B = rotate(conjugate(block.orientation), motion.linear_velocity)
         none = np.zeros((*block.position.shape[:2], cdr.COVARIANCE_6X6))
@@ -312,14 +312,14 @@ class OdometryTable:
         return [codec.pack_rows(stamps, values[:, i]) for i, codec in enumerate(self._codecs)]
 
 
-# What is latched: sent once, for who comes late.
+# Latched messages: sent once, and delivered to late subscribers.
 
 
 class Latched(NamedTuple):
     """A message that is sent once."""
 
     topic: str
-    """its full name."""
+    """absolute topic name."""
     ros_type: str
     data: bytes
 
@@ -331,8 +331,9 @@ def latched_messages(
     namespace: str,
     record: Mapping[str, str],
 ) -> list[Latched]:
-    """Those of a scene. initial: its first sample; namespace: name of the node; record: what the
-    bag says of the run."""
+    """The latched messages of a scene.
+
+    initial: its first sample; namespace: name of the node; record: metadata record of the bag."""
     beside = namespace.rpartition("/")[0]
     document, text = urdf(scene, layout, initial), description(scene, record)
     return [
@@ -343,7 +344,7 @@ def latched_messages(
 
 
 def description(scene: Scene, record: Mapping[str, str] | None = None) -> str:
-    """What is simulated, as JSON. record: of a bag, as `record_in` gives it back."""
+    """Description of the scene as JSON. record: of a bag, read back by `record_in`."""
     document = {
         "rb_sim": __version__,
         "scene": scene.name,
@@ -361,7 +362,7 @@ _RECORD = "record"
 
 
 def record_in(data: bytes) -> dict[str, str] | None:
-    """The record in a message of the topic `description` of a bag; None where it has none."""
+    """The metadata record in a message of the topic `description`; None if it contains none."""
     try:
         found = json.loads(cdr.read_string(data))[_RECORD]
     except (ValueError, KeyError, TypeError):
@@ -370,9 +371,9 @@ def record_in(data: bytes) -> dict[str, str] | None:
     return found if texts else None
 
 
-# What came from outside as messages of a bag, and back: commands, resets, states that were set.
+# Inputs of a run (commands, resets, set states) as messages of a bag, and back.
 #
-# Each is recorded before the sample that it acts on first, so that the run can be done again.
+# Each is recorded before the first sample that it affects, so that the run can be repeated.
 
 
 STATE = (
@@ -382,10 +383,7 @@ STATE = (
 
 
 class InputTable:
-    """Messages of commands, resets and states that were set.
-
-    topics: (name, ROS type) of each.
-    """
+    """Messages of commands, resets and set states. topics: (name, ROS type) of each."""
 
     def __init__(self, layout: SampleLayout) -> None:
         self._bodies = layout.commanded
@@ -398,7 +396,7 @@ class InputTable:
         self.topics = (*commands, (RESETS, cdr.CLOCK), *states)
 
     def message(self, given: Input) -> tuple[int, bytes]:
-        """Index of the topic, and the message."""
+        """Index of the topic, and the message of an input."""
         stamp = stamp_of(given.t)
         if not given.body:
             return len(self._bodies), self._reset.pack(stamp, ())
@@ -410,7 +408,7 @@ class InputTable:
         return self._bodies.index(given.body), codec.pack(stamp, (*given.force, *given.torque))
 
     def read(self, topic: int, data: bytes, index: int) -> Input:
-        """The input of a message. index: of its sample. Raises ValueError for another message."""
+        """The input in a message. index: of its sample. Raises ValueError for other messages."""
         if topic == len(self._bodies):
             return Input(index, _stamp(self._reset, data) / cdr.NANO, "")
         if topic > len(self._bodies):
@@ -428,7 +426,7 @@ class InputTable:
 
 
 def _state_codec() -> cdr.Codec:
-    """sensor_msgs/JointState with named numbers: what Input.state, together and project hold."""
+    """sensor_msgs/JointState with the named numbers STATE: Input.state, together and project."""
     layout = cdr.Layout().stamp().text(WORLD).count(len(STATE))
     for name in STATE:
         layout.text(name)

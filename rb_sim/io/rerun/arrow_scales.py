@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How long arrows are drawn in a recording, and where they start."""
+"""Lengths and start points of the arrows in a recording."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 QUIET = np.errstate(all="ignore")
-"""A run that blows up has samples without bounds, of which numpy would tell in words of its own."""
+"""Suppresses numpy's warnings: a diverging run has samples that overflow."""
 
 
 TOUCHING = 0.01
-"""Of the size of a body, within which a point on its surface counts as inside."""
+"""Tolerance, relative to the body's size, within which a point on its surface counts as inside."""
 
 
 class Scales(NamedTuple):
-    """How long the arrows are, in metres of the view, and how far the scene reaches [m]."""
+    """Scales of the arrows (metres in the view per unit), and the extent of the scene [m]."""
 
     length: float
     per_newton: float
     per_speed: float
     center: Array
-    """of the scene, from the local origin [m]."""
+    """of the scene, relative to the local origin [m]."""
     size: float
     origin: Array
-    """local origin in world axes [m], from which all places of the 3D view are counted."""
+    """local origin, world axes [m]: positions in the 3D view are relative to it."""
 
 
 @QUIET
 def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
-    """Arrows, at the median, about half as long as the bodies, or an eighth of the way, if more."""
+    """Scales such that the median arrow is about half as long as the bodies, or an eighth of the
+    scene's extent if that is longer."""
     points = np.concatenate([first.position, first.anchor], axis=1).reshape(-1, 3)
     margin = max((reach_of(scene.bodies[name]) for name in layout.bodies), default=0.0)
     center, size = framed(points.min(axis=0) - margin, points.max(axis=0) + margin)
@@ -65,12 +66,12 @@ def scales_of(scene: Scene, layout: SampleLayout, first: SampleBlock) -> Scales:
 
 
 FAR = 1e3
-"""Distance of a scene from the world's origin, in its own sizes, from which on single precision, in
-which the viewer counts, shows it by leaps: there places are counted from a local origin."""
+"""Distance of a scene from the world's origin, relative to its size, above which positions are
+relative to a local origin: the viewer's single precision would make motion jerky."""
 
 
 def local_origin(center: Array, size: float) -> Array:
-    """The origin of the 3D view [m]: zero, or whole metres near the scene if that is FAR away."""
+    """Origin of the 3D view [m]: zero, or rounded metres near the scene if it is FAR away."""
     if not np.isfinite(center).all() or np.linalg.norm(center) <= FAR * size:
         return np.zeros(3)
     return np.round(center)
@@ -78,61 +79,61 @@ def local_origin(center: Array, size: float) -> Array:
 
 @QUIET
 def framed(low: Array, high: Array) -> tuple[Array, float]:
-    """Middle and size [m] of what the camera is to show of the box between two corners.
+    """Centre and size [m] of the view of a box given by two corners.
 
-    A view is wider than high: what is high needs more room about it.
+    A view is wider than high, so that height counts more.
     """
     size = max(float(np.linalg.norm(high - low)), 1.4 * float(high[2] - low[2]))
     return 0.5 * (low + high), size or 1.0
 
 
 KEPT = 4096
-"""Lengths of vectors at least from which the scale of the arrows of a whole run is found."""
+"""Minimum number of vector lengths from which the arrow scale of a run is found."""
 
 
 class Lengths:
-    """The typical length of vectors of a run of any length: those of some samples are kept."""
+    """Median length of the vectors of a run of any duration, from a subset of the samples."""
 
     def __init__(self) -> None:
         self._longest = Thinned(1, 2 * KEPT)
 
     def add(self, vectors: Array) -> None:
-        """Those of the next samples, shape (n, k, 3); of a sample the longest counts."""
+        """Append vectors of samples, shape (n, k, 3); the longest of each sample counts."""
         longest = np.linalg.norm(vectors, axis=-1).max(axis=1, initial=0.0)
         self._longest.add(longest[:, None])
 
     def per_metre(self, length: float) -> float:
-        """Metres of arrow for a unit of the vector, so that at the median it has this length."""
+        """Metres of arrow per unit of the vector; the median arrow has length `length` [m]."""
         return 1.0 / nice(middle(self._longest.rows) / length)
 
 
 class Extent:
-    """The box in which the bodies and the anchors of reactions have been."""
+    """Bounding box of the bodies' centres and the anchors of reactions over a run."""
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        """The boxes of all bodies count."""
+        """The margin is the reach of the largest body."""
         self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
     @QUIET
     def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+        """Append samples."""
         points = np.concatenate([block.position, block.anchor], axis=1).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         self._low = np.minimum(self._low, points.min(axis=0, initial=np.inf))
         self._high = np.maximum(self._high, points.max(axis=0, initial=-np.inf))
 
     def center_and_size(self) -> tuple[Array, float]:
-        """What the camera is to show, with the reach of the largest body about it [m]."""
+        """Centre and size [m] of the view, including the reach of the largest body."""
         if not np.isfinite(self._low).all():
             return np.zeros(3), 1.0
         return framed(self._low - self._margin, self._high + self._margin)
 
 
 class Resolved:
-    """Takes round-off out of plots, whose axes would zoom into it; what moves stays as it is.
+    """Removes rounding from plots, whose axes would otherwise scale to it.
 
-    length: of the scene, by which a torque is compared with forces [m].
+    length: size of the scene, for comparison of torques with forces [m].
     """
 
     def __init__(self, length: float) -> None:
@@ -141,7 +142,7 @@ class Resolved:
         self._held: dict[str, Array] = {}
 
     def least(self, kind: str) -> float:
-        """What is below is round-off. Kinds that belong together lend each other their size."""
+        """Rounding level of a kind of quantity. Related kinds share a magnitude."""
         largest = self._largest.get(kind, 0.0)
         other, per = {
             "torque": ("force", self._length),
@@ -152,11 +153,12 @@ class Resolved:
 
     @QUIET
     def __call__(self, kind: str, name: str, values: Array) -> Array:
-        """Values of one kind, shape (n, m), that go on those of this name."""
+        """Values of one kind, shape (n, m), with constants in place of rounding, continued from the
+        last call for this name."""
         finite = np.abs(values[np.isfinite(values)])
         self._largest[kind] = max(self._largest.get(kind, 0.0), float(finite.max(initial=0.0)))
         least = self.least(kind)
-        flat = np.ptp(values, axis=0) <= least  # not what is not finite
+        flat = np.ptp(values, axis=0) <= least  # False for values that are not finite
         constant = values[0]
         constant = np.where(np.abs(constant) <= least, 0.0, constant)
         before = self._held.get(name, constant)
@@ -167,16 +169,16 @@ class Resolved:
 
 @QUIET
 def typical(vectors: Array) -> float:
-    """Median length of those among vectors of shape (..., 3) that are not zero; 0 if all are.
+    """Median length of the non-zero vectors, shape (..., 3); 0 if all are zero.
 
-    A peak is no measure: after an impact every other arrow would be too short to see. Nor are
-    lengths of round-off, so only those above NEGLIGIBLE of the greatest count.
+    The maximum would be dominated by impacts. Lengths below NEGLIGIBLE of the largest are rounding
+    and do not count.
     """
     return middle(np.linalg.norm(vectors.reshape(-1, 3), axis=1))
 
 
 def middle(lengths: Array) -> float:
-    """The same of lengths."""
+    """Median of non-zero lengths, as in `typical`."""
     lengths = lengths[np.isfinite(lengths)]
     greatest = float(lengths.max(initial=0.0))
     if greatest == 0.0:
@@ -186,10 +188,11 @@ def middle(lengths: Array) -> float:
 
 @QUIET
 def clear_of(half: Array, center: Array, q: Array, point: Array, arrow: Array) -> Array:
-    """Where arrows start so that they do not lie inside of the body: on their own line, where it
-    leaves the box around the shape; at `point` where that is not inside of the box, shape (n, 3).
+    """Start points (n, 3) of arrows outside of a body: `point` moved along the arrow to the box
+    around the shape, or `point` itself if it is outside.
 
-    half: of the box, body axes (3,); center: its centre, world (n, 3); q: body to world (n, 4).
+    half: half edges of the box, body axes (3,); center: its centre, world (n, 3); q: body to world
+    (n, 4).
     """
     direction = unit(arrow)
     p, d = rotate(conjugate(q), point - center), rotate(conjugate(q), direction)
@@ -202,20 +205,20 @@ def clear_of(half: Array, center: Array, q: Array, point: Array, arrow: Array) -
 
 @QUIET
 def unit(vectors: Array) -> Array:
-    """Directions, shape (n, 3); zero for zero."""
+    """Unit vectors, shape (n, 3); zero for zero vectors."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def drawn_reactions(layout: SampleLayout) -> list[int]:
-    """Reactions to draw: bearings, but not the total that they add up to."""
+    """Indices of the reactions to draw: single bearings, not their totals."""
     names = layout.reactions
     parts = {name.rpartition("/")[0] for name in names}
     return [k for k, name in enumerate(names) if name not in parts]
 
 
 def nice(value: float) -> float:
-    """The greatest 1, 2 or 5 times a power of ten that is not over 1.3 value; 1 for nothing."""
+    """Largest 1, 2 or 5 times a power of ten not above 1.3 value; 1 if value is not positive."""
     if not np.isfinite(value) or value <= 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(1.3 * value))

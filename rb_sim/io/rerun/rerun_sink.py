@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Records samples for the Rerun viewer: a 3D view and plots, in one .rrd file.
+"""Recorder of samples for the Rerun viewer (3D view and plots) in one .rrd file.
 
-Rows are collected and sent in columns, at most ROWS at a time, so memory does not grow. What is
-drawn and how the viewer is laid out is in `view`.
+Rows are collected and sent in columns, at most ROWS at a time, so that memory is bounded. Contents
+and layout are in `view`.
 """
 
 from __future__ import annotations
@@ -33,21 +33,20 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# A file for a writer that cannot cope with a failing disk.
+# Output file for a writer that cannot handle disk errors.
 #
-# Rerun may wait for ever once a write of its own has failed. So it gets the end of a pipe, and a
-# thread here moves the bytes into the file. When that fails it keeps the reason and goes on
-# reading: the writer never notices.
+# Rerun may block forever after a failed write. So it writes to a pipe, and a thread copies the
+# bytes to the file. If that fails, the thread keeps the error and continues to read.
 
 
 _PIECE = 1 << 16
 
 
 class PipedFile:
-    """Creates or replaces the file. Raises OSError where that is impossible.
+    """A file written through a pipe; created or replaced. Raises OSError if that is impossible.
 
-    name: path for the writer to open; call `opened` when it has.
-    error: why the file could not be written on, or None. It then ends with what came before.
+    name: path for the writer to open; call `opened` afterwards. error: error at which the file
+    ends, or None.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,27 +55,27 @@ class PipedFile:
         self._source, self._sink = os.pipe()
         self.name = f"/dev/fd/{self._sink}"
         self.error: OSError | None = None
-        # a daemon, so that a process can end without closing; what the writer sends at exit is read
+        # a daemon, so that a process can exit without closing; data written at exit are still read
         self._thread = threading.Thread(target=self._move, name="rb_sim recording", daemon=True)
         self._thread.start()
 
     def opened(self) -> None:
-        """The writer holds the pipe now: its closing is the end."""
+        """Tell that the writer has opened the pipe: its closing now ends the file."""
         os.close(self._sink)
 
     @property
     def vanished(self) -> bool:
-        """True if the file was removed. Ask before `wait`."""
+        """True if the file was deleted. Invalid after `wait`."""
         return os.fstat(self._file).st_nlink == 0
 
     @property
     def free(self) -> int:
-        """Space on its disk [bytes]. Ask before `wait`."""
+        """Free space on its disk [bytes]. Invalid after `wait`."""
         disk = os.fstatvfs(self._file)
         return disk.f_bavail * disk.f_frsize
 
     def wait(self) -> None:
-        """Return when everything up to the writer's end is in the file, and close it."""
+        """Wait until all data of the writer are in the file, and close it."""
         self._thread.join()
         os.close(self._file)
 
@@ -99,25 +98,25 @@ ROWS = 4096
 """Samples per flush, unless PERIOD comes first."""
 
 PERIOD = 2.0
-"""Seconds of real time after which samples go to the file, so that a live viewer sees them."""
+"""[s] of wall-clock time after which samples are written, so that a live viewer shows them."""
 
 ROOM = 1 << 20
-"""Free space that is kept, so that the file can be ended properly [bytes]."""
+"""Disk space left free so that the file can be finished [bytes]."""
 
 BYTES_PER_ROW = 1024
-"""Generous estimate for one body."""
+"""Upper estimate for one body and sample."""
 
 
 quiet = partial(np.errstate, all="ignore")
-"""While samples go to Rerun, which has single precision: a run that blows up has none so large."""
+"""Suppresses numpy's warnings of overflow in Rerun's single precision, for diverging runs."""
 
 
 class RerunSink:
-    """Writes one .rrd file; replaces an older one. motion_only: shown is the 3D view alone.
+    """Writes one .rrd file; replaces an older one. motion_only: show only the 3D view.
 
-    Raises MissingExtraError where rerun-sdk is not installed; SinkError from `open` and `write`
-    where the file cannot be written, is removed or the disk is full. The recording is closed then
-    and can be viewed up to there.
+    Raises MissingExtraError without rerun-sdk; `open` and `write` raise SinkError if the file
+    cannot be written, is deleted, or the disk is full. The recording is then closed and readable up
+    to that point.
     """
 
     def __init__(self, path: Path, *, motion_only: bool = False) -> None:
@@ -130,7 +129,7 @@ class RerunSink:
         self._rows = 0
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the file. The 3D view is set up with the first samples, which give its scale."""
+        """Create the file. The first samples later determine the scale of the 3D view."""
         self._scene, self._layout = scene, layout
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +142,7 @@ class RerunSink:
         self._flushed = time.monotonic()
 
     def write(self, block: SampleBlock) -> None:
-        """Take the samples of `block`; every so often they go to the file."""
+        """Add the samples of `block`; they are written to the file periodically."""
         if self._recording is None:
             raise SinkError(f"{self.path}: the recording is closed")
         if not len(block):
@@ -154,7 +153,7 @@ class RerunSink:
             self._flush()
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Write the rest and the trails. Raises SinkError as `write` does."""
+        """Write the remaining samples and the trails. Raises SinkError as `write` does."""
         if self._recording is None:
             return
         self._flush()
@@ -165,7 +164,7 @@ class RerunSink:
         self._check_written()
 
     def _flush(self) -> None:
-        """Send what was collected."""
+        """Write the collected samples."""
         self._flushed = time.monotonic()
         blocks, self._blocks, self._rows = self._blocks, [], 0
         if not blocks:
@@ -185,7 +184,7 @@ class RerunSink:
         return View(self._recording, self._scene, self._layout, first, self._motion_only)
 
     def _check_room(self, rows: int) -> None:
-        """Stop while the file can still be ended."""
+        """Raise SinkError while the file can still be finished, if the disk is nearly full."""
         if self._file.vanished:
             self._end()
             raise SinkError(f"{self.path}: the recording was removed while it was written")

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What does not change in a recording: shapes, surfaces, colours, widths and names of curves."""
+"""Constant parts of a recording: shapes, surfaces, colours, widths and names of curves."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Shapes of bodies as Rerun draws them, in body axes from the body origin.
+# Rerun archetypes of bodies, in body axes from the body origin.
 
 
 def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
-    """The solid in a colour; a ball and an ellipsoid with lines that show how they turn."""
+    """The solid in a colour; spheres and ellipsoids with lines that make rotation visible."""
     common: dict[str, Any] = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}
     match shape.type:
         case "sphere":
@@ -51,7 +51,7 @@ def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
 
 
 def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:
-    """The edges of the box with the mass and inertia of a body of no shape."""
+    """Edges of the box with the mass and inertia of a body without shape."""
     half, axes = inertia_box(body)
     return rr.Boxes3D(
         centers=[body.center_of_mass],
@@ -64,27 +64,26 @@ def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:
 
 SUPPORT = (125, 130, 142)
 JOINT = (225, 225, 230)
-"""Of pivots, bearings and rails, which stand before bodies and grids."""
+"""Colour of pivots, bearings and rails, which are drawn in front of bodies and grids."""
 PIVOT, BEARING, AXLE = 0.07, (0.07, 0.3), 1.0
-"""In lengths of the arrows: radius of a pivot; radius and length of a bearing; half the line that
-shows its axis."""
+"""In arrow lengths: radius of a pivot; radius and length of a bearing; half length of its axis."""
 THIN_LINE, WIDE_LINE = 0.8, 2.5
-"""Radii of the lines of a grid, and of an axis or a rail, in pixels."""
+"""Line radii of a grid, and of an axis or a rail [pixels]."""
 
 
 def spacing(size: float) -> float:
-    """Power of ten that divides the scene into some ten fields."""
+    """Grid spacing: the power of ten that divides the scene into about ten cells."""
     return float(10.0 ** np.round(np.log10(size / 10.0)))
 
 
 def lines(strips: Any, color: tuple[int, int, int], width: float) -> Any:
-    """Strips of a width in pixels."""
+    """Line strips with a radius in pixels."""
     radius: Any = rr.Radius.ui_points(width)
     return rr.LineStrips3D(strips, colors=[color], radii=[radius])
 
 
 def grid(point: Any, normal: Any, near: Any, size: float) -> Any:
-    """A plane as lines, which hide nothing: about `size` [m] around the point nearest to `near`."""
+    """A plane as grid lines, transparent: about `size` [m] around the point nearest to `near`."""
     along = [_turned(from_z(normal), axis) for axis in np.eye(3)[:2]]
     field = spacing(size)
     half = field * np.ceil(0.5 * size / field)
@@ -101,14 +100,14 @@ def grid(point: Any, normal: Any, near: Any, size: float) -> Any:
 
 
 def pivot(point_B: Any, length: float) -> Any:
-    """The point about which a body turns."""
+    """The fixed point of a body."""
     return rr.Ellipsoids3D(
         centers=[point_B], half_sizes=[[PIVOT * length] * 3], colors=[JOINT], fill_mode="solid"
     )
 
 
 def bearing(point_B: Any, axis_B: Any, length: float) -> tuple[Any, Any]:
-    """The bearing about which a body turns, and its axis."""
+    """The bearing of a body, and its axis."""
     point, axis = np.array(point_B, float), np.array(axis_B, float)
     radius, long = BEARING
     solid = rr.Cylinders3D(
@@ -120,8 +119,10 @@ def bearing(point_B: Any, axis_B: Any, length: float) -> tuple[Any, Any]:
 
 
 def rail(guide: Any, start: Any, near: Any, size: float, origin: Any) -> Any:
-    """The curve along which a point goes. start: where that point is at the start, from the local
-    origin; near, size, origin: as of `support_archetype`."""
+    """Guide curve of a point.
+
+    start: position of that point in the first sample, relative to the local origin; near, size,
+    origin: as in `support_archetype`."""
     match guide.type:
         case "line":
             direction = np.array(guide.direction)
@@ -147,10 +148,10 @@ def _turned(quaternion: Any, vector: Any) -> Any:
 
 
 def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any | None:
-    """A contact's surface; None for a body's own shape, which is drawn anyway.
+    """The surface of a contact; None if it is a body's own shape, which is drawn anyway.
 
-    An endless one is drawn as far as `size` [m] around the point of it nearest to `near`, which is
-    counted from the local origin [m] of the view, as what is drawn.
+    Infinite surfaces are drawn up to `size` [m] around the point nearest to `near`, which is
+    relative to the local origin [m] of the view.
     """
     match surface.type:
         case "plane":
@@ -179,23 +180,22 @@ def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any 
 
 
 AXIS = 1.4
-"""Length of the body axes in reaches of the shape, so that they stick out of a ball."""
+"""Length of body axes, relative to the reach of the shape, so that they extend beyond a sphere."""
 
 TRAIL = (150, 160, 175)
 BODIES = tuple(map(rgb, CYCLE))
 LIGHT = (240, 240, 240)
-"""What is black elsewhere, where the ground is white."""
+"""Replacement for black on the dark background."""
 
 ARROW = 2.5
-"""Radius of an arrow in pixels: its length has a scale of its own, which its width has not."""
+"""Radius of an arrow [pixels], independent of the scale of its length."""
 
 MARKER = 5.0
-"""Radius in pixels of the point at a body's centre of mass, which is seen of a body that is smaller
-than it: a box that flies for half a kilometre."""
+"""Radius [pixels] of the centre of mass, which shows bodies too small to see."""
 
 
 class Static:
-    """Logs it once, at the start of a recording. scales: of the arrows and of the camera."""
+    """Logs the constant parts once, at the start. scales: of arrows and camera."""
 
     def __init__(
         self,
@@ -205,7 +205,7 @@ class Static:
         scales: Scales,
         first: SampleBlock,
     ) -> None:
-        """first: samples, of which the first one tells where rails begin."""
+        """first: samples; the first one gives the start of rails."""
         self._recording, self._scene, self._layout = recording, scene, layout
         self._scales = scales
         self._orientation = dict(zip(layout.bodies, first.orientation[0], strict=True))
@@ -216,7 +216,7 @@ class Static:
         self._recording.log(entity_path(entity), archetype, static=True)
 
     def log(self, panels: list[Panel]) -> None:
-        """Send all of it; of the panels the names and colours of their curves."""
+        """Log all constant parts, including names and colours of the panels' curves."""
         self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         for i, name in enumerate(self._layout.bodies):
             body = self._scene.bodies[name]
@@ -259,11 +259,11 @@ class Static:
             self._log(f"plots/{panel.entity}", _lines(panel, **more))
 
     def log_supports(self, center: Array, size: float) -> None:
-        """What holds the bodies: surfaces of contacts and planes, in the world or on a parent, and
-        on each body the pivots and bearings about which it turns.
+        """Log the supports: surfaces of contacts and planes, in the world or on a parent, and the
+        pivots and bearings on each body.
 
-        center, size [m]: what the 3D view shows, from the local origin. A plane on a body that has
-        a shape is not drawn: the shape shows it.
+        center, size [m]: range of the 3D view, relative to the local origin. A plane on a body with
+        a shape is not drawn, since it is part of the shape.
         """
         length = self._scales.length
         specs: dict[str, Any] = dict(self._scene.constraints)
@@ -295,7 +295,7 @@ class Static:
                 self._log(f"{frame}/support/{name}", surface)
 
     def _start_of(self, body: str, point_B: Any) -> Array:
-        """Where a point of a body is at the start, from the local origin [m]."""
+        """Position of a body's point at the first sample, relative to the local origin [m]."""
         arm = np.array(point_B) - self._scene.bodies[body].center_of_mass
         return self._position[body] + _turned(self._orientation[body], arm) - self._scales.origin
 
@@ -312,12 +312,12 @@ class Static:
 
 
 def entity_path(entity: str) -> str:
-    """The path with what Rerun does not take as it is, a space for one, escaped."""
+    """The path with special characters such as spaces escaped for Rerun."""
     return "/".join(map(rr.escape_entity_path_part, entity.split("/")))
 
 
 def has_plane(scene: Scene) -> bool:
-    """Whether a plane of the world is drawn, beside which the view's own grid would confuse."""
+    """Whether a plane of the world is drawn, which replaces the view's own grid."""
     specs: list[Any] = list(scene.constraints.values())
     if any(spec.type in ("rolling", "plane") and spec.parent is None for spec in specs):
         return True

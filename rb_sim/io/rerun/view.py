@@ -7,24 +7,24 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a recording shows: the bodies in 3D with their trails and arrows, and plots beside them.
+"""Contents of a recording: the bodies in 3D with trails and arrows, and plots.
 
-| entity                  | what                                                              |
+| entity                  | content                                                           |
 |-------------------------|-------------------------------------------------------------------|
-| world/BODY              | frame of the body: its shape (edges of a box of the same inertia  |
-|                         | for a body without one) and axes                                  |
-| world/trail/BODY        | way of the centre of mass so far, piece by piece                  |
-| world/velocity/BODY     | where the velocity of the centre of mass is drawn                 |
-| world/reaction/NAME     | where the force on the body is drawn: on its line of action       |
-| world/command/BODY      | where the commanded force is drawn: at the body's origin          |
-| .../arrow               | the vector itself, in m/s or N, and how long it is drawn          |
+| world/BODY              | body frame: its shape (without one edges of the box with the same |
+|                         | inertia) and axes                                                 |
+| world/trail/BODY        | path of the centre of mass so far, in pieces                      |
+| world/velocity/BODY     | start of the velocity arrow of the centre of mass                 |
+| world/reaction/NAME     | start of the force arrow, on the line of action of the reaction   |
+| world/command/BODY      | start of the commanded force arrow, at the body's origin          |
+| .../arrow               | the vector itself [m/s or N], and its scale                       |
 | world/support/NAME      | surface of a contact, a plane or a rail in the world              |
-| world/BODY/support/NAME | surface of a contact on BODY; pivot or bearing about which it turns |
-| world/contact/NAME      | point of contact, while it is closed: orange slips, blue holds    |
+| world/BODY/support/NAME | surface of a contact on BODY; its pivot or bearing                |
+| world/contact/NAME      | contact point while closed: orange slips, blue sticks or rolls    |
 | plots/contacts/NAME     | its state: 0 open, 1 slip, 2 stick or roll                        |
-| events                  | what happened to the contacts, as text                            |
+| events                  | contact events as text                                            |
 | plots/BODY/..., plots/reactions/NAME/..., plots/command/BODY/..., plots/joints/NAME,         |
-| plots/energy, plots/residual: numbers                                                       |
+| plots/energy, plots/residual: values                                                        |
 
 The timeline is `sim_time` [s]. Imported only when a recording is opened.
 """
@@ -67,13 +67,13 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# What a recording says in words: its legend, events, the summary.
+# Texts of a recording: legend, events, summary.
 #
 # Imported only when a recording is opened.
 
 
 def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -> str:
-    """What is drawn, and at which scale. forces: whether reactions are."""
+    """Legend of the 3D view with the scales of the arrows. forces: whether reactions are drawn."""
     lines = [f"## {scene.name}", scene.description, ""]
     lines += [f"**velocity** (light blue): 1 m of arrow is {1 / scales.per_speed:g} m/s  "]
     if forces:
@@ -90,12 +90,12 @@ def about(scene: Scene, layout: SampleLayout, scales: Scales, *, forces: bool) -
 
 
 def markdown(text: str) -> Any:
-    """The text as a document of the recording."""
+    """The text as a Rerun document."""
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """The numbers of the summary as a list; what is nested as JSON."""
+    """The values of the summary as a list; nested ones as JSON."""
     rows = [f"- {key}: {_short(value)}" for key, value in summary.items()]
     return "\n\n**Summary**\n" + "\n".join(rows)
 
@@ -106,18 +106,18 @@ def _short(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-# The way of a point in pieces, so that a viewer can show what lies behind it and no more.
+# Path of a point in pieces, so that a viewer can show only its past.
 
 
 PIECES = 2048
-"""After so many the pieces become twice as long, so that a long run stays small."""
+"""Number of pieces after which their length doubles, to bound a long run."""
 
 SHORTEST = 0.002
-"""Of the size of the scene; first length of a piece."""
+"""First minimum length of a piece, relative to the scene's size."""
 
 
 class Trail:
-    """Cuts the way into pieces of at least a certain length. size: of the scene [m]."""
+    """Cuts a path into pieces of a minimum length. size: of the scene [m]."""
 
     def __init__(self, size: float) -> None:
         self._shortest = SHORTEST * size
@@ -126,7 +126,7 @@ class Trail:
         self._made = 0
 
     def add(self, position: Array) -> tuple[NDArray[np.intp], list[list[list[float]]]]:
-        """The next positions, shape (n, 3); (rows at which a piece ended, its points)."""
+        """Append positions, shape (n, 3); returns (rows at which a piece ended, its points)."""
         rows, pieces = [], []
         for row, point in enumerate(position.tolist()):
             if self._piece:
@@ -142,28 +142,28 @@ class Trail:
         return np.array(rows, dtype=np.intp), pieces
 
 
-# How the Rerun viewer lays a recording out: 3D and text on the left, plots on the right.
+# Blueprint (layout) of the Rerun viewer: 3D and text on the left, plots on the right.
 
 
 _EYE = np.array([0.48, -0.72, 0.45])
-"""From the centre of the scene to the eye, in sizes of the scene."""
+"""Vector from the centre of the scene to the camera, relative to the scene's size."""
 
 
 class Shown(NamedTuple):
-    """What the viewer is to lay out."""
+    """Contents of the layout."""
 
     layout: SampleLayout
     panels: list[Panel]
     plane: bool
     """whether a plane of the world is drawn."""
     center: Array
-    """of what the 3D view is to show [m]."""
+    """centre of the 3D view, relative to the local origin [m]."""
     size: float
     zero: frozenset[str] = frozenset()
-    """plots of what is zero throughout, which have no panel."""
+    """plots that are zero throughout and have no panel."""
 
     def plots(self, panels: Iterable[Panel]) -> list[Any]:
-        """Views of these panels, but of those of zeros."""
+        """Views of these panels, without those that are zero throughout."""
         return [
             _plot(
                 f"plots/{panel.entity}",
@@ -175,7 +175,7 @@ class Shown(NamedTuple):
 
 
 def motion_blueprint(shown: Shown) -> Any:
-    """The 3D view alone, without panels, for pictures of the motion."""
+    """Layout with only the 3D view, for pictures of the motion."""
     return rrb.Blueprint(
         _spatial_view(shown, titled=False),
         rrb.TopPanel(state="hidden"),
@@ -188,7 +188,7 @@ def motion_blueprint(shown: Shown) -> Any:
 
 
 def blueprint(shown: Shown) -> Any:
-    """The layout."""
+    """The full layout."""
     layout = shown.layout
     about = rrb.TextDocumentView(origin="/about", name="about")
     if layout.contacts:
@@ -239,11 +239,11 @@ def _spatial_view(shown: Shown, titled: bool = True) -> Any:
 
 
 ACTING = ("reactions/", "command/")
-"""How the entities of what acts on a body begin."""
+"""Prefixes of the entities of reactions and commands."""
 
 
 def _bodies(shown: Shown) -> Any:
-    """The motion of each body and of the joints that hold it, behind tabs if there are several."""
+    """Motion of each body and its joints, in tabs if there are several."""
     columns = []
     for name in shown.layout.bodies:
         mine = [p for p in shown.panels if p.body == name and not p.entity.startswith(ACTING)]
@@ -266,7 +266,7 @@ def _forces(shown: Shown) -> list[Any]:
 
 
 def _tabs(columns: list[Any]) -> Any:
-    """Behind tabs if there are several."""
+    """The columns in tabs if there are several."""
     return columns[0] if len(columns) == 1 else rrb.Tabs(*columns)
 
 
@@ -279,17 +279,18 @@ def _plot(entity: str, name: str) -> Any:
 TIMELINE = "sim_time"
 
 NOT_SHOWN = ("balance", "power")
-"""Panels of plots.png that a recording has not."""
+"""Panels of plots.png that a recording does not have."""
 
 STATES = np.array([(120, 120, 120), rgb(SLIPPING), rgb(STICKING)], dtype=np.uint8)
-"""Of a contact that is open, slips, sticks or rolls."""
+"""Colour of a contact: open, slipping, sticking or rolling."""
 
 
 class View:
-    """Sends a scene's samples to a recording. first: samples that give the scale of the arrows.
+    """Sends a scene's samples to a recording.
 
-    motion_only: lay out nothing but the 3D view. Plots draw what is constant to round-off as
-    constant, so that no axis zooms into it.
+    first: samples that determine the scale of the arrows. motion_only: show only the 3D view.
+    Values that are constant to rounding are plotted as constant, since axes would scale to the
+    rounding.
     """
 
     def __init__(
@@ -314,7 +315,7 @@ class View:
         panels = panels_of(scene, layout)
         self._panels = [panel for panel in panels if panel.entity not in NOT_SHOWN]
         self._most: dict[str, tuple[str, float]] = {}
-        """by plot its kind, and the largest number so far."""
+        """kind and largest value so far of each plot."""
         self._static = Static(recording, scene, layout, self._scales, first)
         self._static.log(self._panels)
         self._log_scales()
@@ -324,8 +325,8 @@ class View:
         recording.send_blueprint(self._blueprint(self._shown))
 
     def send(self, block: SampleBlock) -> None:
-        """The next samples."""
-        nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would cut off
+        """Send samples."""
+        nanoseconds = np.rint(self._timeline.follow(block.t) * 1e9)  # rerun itself would truncate
         times = nanoseconds.astype("timedelta64[ns]")
         self._times = times
         here = self._from_local_origin(block)
@@ -341,7 +342,7 @@ class View:
         self._send_strings(here)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
-        """Camera and arrows at the scale of the whole motion, the summary beside the words."""
+        """Set camera and arrow scales for the whole motion, and add the summary to the legend."""
         center, size = self._extent.center_and_size()
         least = self._resolved.least
         zero = frozenset(
@@ -360,7 +361,7 @@ class View:
         self._log("about", markdown(self._about() + ending))
 
     def _from_local_origin(self, block: SampleBlock) -> SampleBlock:
-        """The samples with their places from the local origin of the 3D view."""
+        """The samples with positions relative to the local origin of the 3D view."""
         origin = self._scales.origin
         if not origin.any():
             return block
@@ -392,7 +393,7 @@ class View:
             self._arrows(entity, self._clear_of(block, body, block.anchor[:, k], arrow), arrow)
 
     def _clear_of(self, block: SampleBlock, body: int, point: Array, arrow: Array) -> Array:
-        """The start of an arrow that would begin at `point`, outside of the body."""
+        """Start of an arrow from `point`, moved outside of the body."""
         shape = self._scene.bodies[self._layout.bodies[body]].shape
         if shape is None:
             return point
@@ -411,18 +412,18 @@ class View:
                 self._show(panel.kind, entity, values)
 
     def _show(self, kind: str, entity: str, values: Array) -> None:
-        """Numbers without their round-off."""
+        """Plot values without their rounding."""
         if len(values):
             self._note_most(kind, entity, values)
             self._plot(entity, self._resolved(kind, entity, values))
 
     def _note_most(self, kind: str, entity: str, values: Array) -> None:
-        """What is not finite is to be seen."""
+        """Update the largest value of a plot; values that are not finite count as infinite."""
         most = np.abs(np.where(np.isfinite(values), values, np.inf)).max(initial=0.0)
         self._most[entity] = kind, max(self._most.get(entity, (kind, 0.0))[1], float(most))
 
     def _send_contacts(self, block: SampleBlock) -> None:
-        """State, point where closed, and events."""
+        """Send state, closed contact points, and events."""
         for c, name in enumerate(self._layout.contacts):
             state = block.contact_state[:, c]
             self._plot(f"plots/contacts/{name}", state[:, None])
@@ -439,7 +440,7 @@ class View:
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
 
     def _send_strings(self, block: SampleBlock) -> None:
-        """Each string as a line between its ends."""
+        """Send each string as a line between its ends."""
         for name, spec in contacts_of(self._scene).items():
             if spec.surface.type == "string":
                 ends = [
@@ -450,7 +451,7 @@ class View:
                 self._columns(f"world/string/{name}", columns)
 
     def _carried(self, block: SampleBlock, body: str | None, point: Any) -> Array:
-        """Where a point of a body, from its origin, or of the world is [m], (n, 3)."""
+        """Positions (n, 3) [m] of a point given relative to a body's origin, or in the world."""
         if body is None:
             return np.tile(np.array(point, float) - self._scales.origin, (len(block), 1))
         i = self._layout.bodies.index(body)
@@ -458,7 +459,7 @@ class View:
         return block.position[:, i] + rotate(block.orientation[:, i], arm)
 
     def _send_trail(self, i: int, position: Array) -> None:
-        """The pieces of way that were finished, each at its end's time."""
+        """Send the finished pieces of a path, each at the time of its end."""
         rows, pieces = self._trails[i].add(position)
         if not len(rows):
             return
@@ -471,14 +472,14 @@ class View:
         self._recording.send_columns(entity_path(entity), self._index, columns=columns)
 
     def _arrows(self, entity: str, points: Array, vectors: Array) -> None:
-        """Vectors in their own unit; how long a unit is drawn is known at the end of the run.
+        """Send vectors in their own unit; their scale is set at the end of the run.
 
-        Place and scale belong to two entities, since the viewer takes a transform as a whole."""
+        Start point and scale are two entities, since the viewer takes a transform as a whole."""
         self._columns(entity, rr.Transform3D.columns(translation=points))
         self._columns(f"{entity}/arrow", rr.Arrows3D.columns(vectors=vectors))
 
     def _log_scales(self) -> None:
-        """How long arrows are drawn: one scale for forces and one for velocities."""
+        """Log the scales of the arrows: one for forces and one for velocities."""
         forces = [f"world/reaction/{self._layout.reactions[k]}" for k in self._drawn]
         forces += [f"world/command/{name}" for name in self._layout.commanded]
         speeds = [f"world/velocity/{name}" for name in self._layout.bodies]

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The Rerun viewer as a process: a window, a screenshot, a film."""
+"""The Rerun viewer as a subprocess: a window, a screenshot, a film."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ import numpy as np
 
 from rb_sim.base.errors import MissingExtraError, SinkError
 
-# The process of a Rerun viewer, which does not outlive us.
+# Viewer process that ends with this process.
 
 
 FATAL = (signal.SIGTERM, signal.SIGHUP)
-"""Would end us without a word to the viewer. SIGINT is an exception by itself."""
+"""Signals that would end this process without cleanup (SIGINT raises KeyboardInterrupt)."""
 
 
 @contextlib.contextmanager
 def viewer_process(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[Any]]:
-    """A viewer; ended with what it started when the block is left, by a signal too."""
+    """A viewer process; terminated with its children when the block is left, also by a signal."""
     with _signals_as_exits():
-        # a group of its own: the command is a wrapper, and the viewer its child
+        # a process group of its own, since the command is a wrapper and the viewer its child
         process = subprocess.Popen(command, start_new_session=True, **options)
         try:
             yield process
@@ -51,7 +51,7 @@ def viewer_process(command: Sequence[str], **options: Any) -> Iterator[subproces
 
 @contextlib.contextmanager
 def _signals_as_exits() -> Iterator[None]:
-    """SystemExit where a signal would end the process at once; other handlers stay."""
+    """Convert the FATAL signals to SystemExit, unless they have handlers."""
     numbers: list[signal.Signals] = []
     if threading.current_thread() is threading.main_thread():
         numbers = [n for n in FATAL if signal.getsignal(n) is signal.SIG_DFL]
@@ -69,7 +69,7 @@ def _leave(number: int, _: FrameType | None) -> None:
 
 
 def _end_group(process: subprocess.Popen[Any]) -> None:
-    """End the process and its children, whether or not it has gone already itself."""
+    """Terminate the process and its children, even if it has ended already."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.killpg(process.pid, number)
@@ -79,20 +79,20 @@ def _end_group(process: subprocess.Popen[Any]) -> None:
     process.wait()
 
 
-# A picture of a recording, drawn by the Rerun viewer without a window.
+# Picture of a recording, rendered by a headless Rerun viewer.
 
 
 SCREENSHOT_SIZE = (1600, 1000)
-"""Of the viewer, in points; the picture has more pixels where the viewer scales."""
+"""Size of the viewer in points; the picture has more pixels if the viewer scales."""
 
 MOMENT = 0.6
-"""The time shown, as a fraction of the recording."""
+"""Time shown, as a fraction of the recording."""
 
 PATIENCE = 90.0
-"""Seconds to wait for the picture."""
+"""Timeout of the viewer [s]."""
 
 LOCAL = "127.0.0.1"
-"""Viewers listen here; by itself one would listen on every network."""
+"""Address on which viewers listen; the default would be every network interface."""
 
 MOTION = "motion"
 """Name of the 3D view."""
@@ -100,16 +100,16 @@ MOTION = "motion"
 _PAUSE = 1.0
 
 _GREETING = 5.0
-"""Seconds for which the viewer shows a note of its own over the view."""
+"""Time for which the viewer shows a notice over the view [s]."""
 
 
 def save_screenshot(
     recording: Path, picture: Path, size: tuple[int, int] = SCREENSHOT_SIZE
 ) -> None:
-    """Draw `recording` (.rrd) into `picture` (.png).
+    """Render `recording` (.rrd) to `picture` (.png).
 
-    Raises MissingExtraError without rerun-sdk, SinkError where the viewer cannot draw (it needs
-    Vulkan; Mesa's software driver will do) or the picture cannot be written.
+    Raises MissingExtraError without rerun-sdk; SinkError if the viewer cannot render (it needs
+    Vulkan; Mesa's software driver suffices) or the picture cannot be written.
     """
     with _viewer(recording, size) as viewer:
         data = _settled(viewer)
@@ -121,7 +121,7 @@ def save_screenshot(
 
 
 def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
-    """Pictures (PNG) of the motion in `recording` at these times, as fractions of it.
+    """Pictures (PNG) of the motion in `recording` at these moments, as fractions of its time span.
 
     Raises as `save_screenshot` does.
     """
@@ -134,12 +134,13 @@ def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> 
             viewer.patient()
             when = first + moment * (last - first)
             viewer.ask("set_time", "sim_time", duration=when, play_state="paused")
-            viewer.ask("take_screenshot", view)  # may still be of the time before
+            viewer.ask("take_screenshot", view)  # may still show the preceding time
             yield viewer.ask("take_screenshot", view)
 
 
 def rerun_executable() -> str:
-    """Path of the viewer that belongs to this Python, else of the one on PATH."""
+    """Path of the viewer installed with this Python, else of the one on PATH. Raises
+    MissingExtraError."""
     beside = Path(sys.executable).with_name("rerun")
     found = str(beside) if beside.exists() else shutil.which("rerun")
     if found is None:
@@ -148,7 +149,7 @@ def rerun_executable() -> str:
 
 
 class _Viewer:
-    """A viewer process and the line to it."""
+    """A viewer process and the connection to it."""
 
     def __init__(self, process: subprocess.Popen[bytes], log: Path, port: int) -> None:
         self._process = process
@@ -158,7 +159,7 @@ class _Viewer:
         self._client: Any = None
 
     def ask(self, question: str, *arguments: Any, **options: Any) -> Any:
-        """The answer of the viewer, once it gives one."""
+        """Call a method of the viewer until it answers. Raises SinkError as `check` does."""
         from rerun.experimental import ViewerClient
 
         while True:
@@ -167,16 +168,16 @@ class _Viewer:
                 if self._client is None:
                     self._client = ViewerClient.connect(self._url)
                 return getattr(self._client, question)(*arguments, **options)
-            except Exception:  # not up yet: rerun says so in several ways
+            except Exception:  # not ready yet: rerun raises various errors
                 self._client = None
             time.sleep(0.3)
 
     def patient(self) -> None:
-        """Grant the next question as long as the first."""
+        """Restart the timeout."""
         self._deadline = time.monotonic() + PATIENCE
 
     def check(self) -> None:
-        """Raise SinkError if the viewer has died or takes too long."""
+        """Raise SinkError if the viewer has ended or the timeout has passed."""
         if self._process.poll() is not None:
             raise SinkError(f"the Rerun viewer cannot draw here: {self._reason()}")
         if time.monotonic() > self._deadline:
@@ -192,13 +193,13 @@ class _Viewer:
 
 @contextlib.contextmanager
 def _viewer(recording: Path, size: tuple[int, int]) -> Iterator[_Viewer]:
-    """A viewer without a window that shows `recording`; gone afterwards."""
+    """A headless viewer of `recording`, terminated afterwards."""
     port = _free_port()
     command = [rerun_executable(), str(recording), "--headless"]
     command += ["--window-size", f"{size[0]}x{size[1]}", "--bind", LOCAL, "--port", str(port)]
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        own = {**os.environ, "TMPDIR": folder}  # it leaves its files there when it is ended
+        own = {**os.environ, "TMPDIR": folder}  # it leaves temporary files when terminated
         with (
             log.open("wb") as output,
             viewer_process(command, env=own, stdout=output, stderr=subprocess.STDOUT) as process,
@@ -213,7 +214,7 @@ def _free_port() -> int:
 
 
 def _settled(viewer: _Viewer) -> bytes:
-    """The picture (PNG), once everything is loaded and nothing moves any more."""
+    """Picture (PNG) of the recording, once it is loaded and no longer changes."""
     first, last = _loaded_span(viewer)
     moment = first + MOMENT * (last - first)
     viewer.ask("set_time", "sim_time", duration=moment, play_state="paused")
@@ -226,7 +227,7 @@ def _settled(viewer: _Viewer) -> bytes:
 
 
 def _loaded_span(viewer: _Viewer) -> tuple[float, float]:
-    """First and last simulated time [s], once the viewer has loaded everything."""
+    """First and last simulated time [s], once the viewer has loaded the recording."""
     while True:
         viewer.check()
         state = viewer.ask("get_state")
@@ -238,11 +239,11 @@ def _loaded_span(viewer: _Viewer) -> tuple[float, float]:
         time.sleep(0.3)
 
 
-# The Rerun viewer in a window of its own.
+# The Rerun viewer in a window.
 
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Environment variables, one of which a program on Linux needs to open a window."""
+"""Environment variables of which a Linux program needs one to open a window."""
 
 
 def show(recording: Path) -> None:
@@ -258,28 +259,28 @@ def show(recording: Path) -> None:
         raise SinkError(f"the Rerun viewer did not open: {reason}")
 
 
-# A film of a recording: pictures by the Rerun viewer without a window, joined by ffmpeg.
+# Film of a recording: pictures by a headless Rerun viewer, encoded by ffmpeg.
 
 
 RATE = 25
-"""Pictures per second."""
+"""Frames per second."""
 SHORTEST, LONGEST = 4.0, 20.0
-"""Of a film [s]; runs that are shorter or longer are played slower or faster."""
+"""Duration limits of a film [s]; shorter or longer runs are played slower or faster."""
 FILM_SIZE = (960, 540)
-"""Of a picture; H.264 wants even numbers."""
+"""Size of a frame [pixels]; H.264 requires even numbers."""
 
 
 class Film(NamedTuple):
-    """What was made."""
+    """Properties of a film."""
 
     pictures: int
     seconds: float
     speed: float
-    """simulated seconds in one of the film."""
+    """simulated seconds per second of film."""
 
 
 def find_ffmpeg() -> str:
-    """The program. Raises SinkError where there is none."""
+    """Path of ffmpeg. Raises SinkError if it is not installed."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise SinkError("--video: needs the program ffmpeg (on Debian and Ubuntu: apt install "
@@ -288,16 +289,16 @@ def find_ffmpeg() -> str:
 
 
 def length_of(duration: float) -> float:
-    """Seconds of the film of a run of this duration [s]."""
+    """Duration of the film [s] of a run of this duration [s]."""
     return float(np.clip(duration, SHORTEST, LONGEST))
 
 
 def save_video(
     recording: Path, path: Path, duration: float, size: tuple[int, int] = FILM_SIZE
 ) -> Film:
-    """Film `recording` (.rrd, of `duration` seconds) into `path` (.mp4), which is never half there.
+    """Film `recording` (.rrd, of `duration` seconds) to `path` (.mp4), written only when complete.
 
-    Raises SinkError without ffmpeg or where it fails, and as `save_screenshot` does.
+    Raises SinkError without ffmpeg or if it fails, and as `save_screenshot` does.
     """
 
     ffmpeg = find_ffmpeg()
@@ -318,7 +319,7 @@ def save_video(
                     joining.stdin.write(picture)
                 joining.stdin.close()
             except BrokenPipeError:
-                pass  # it ended early; its last line says why
+                pass  # ffmpeg ended early; its log has the reason
             except BaseException:
                 joining.kill()
                 raise

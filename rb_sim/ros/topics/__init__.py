@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What the node publishes and subscribes to."""
+"""Publishers and subscriptions of the node."""

@@ -9,14 +9,14 @@
 
 """Commanded wrenches: geometry_msgs/WrenchStamped on ~/BODY/wrench.
 
-A command acts on the body at the body's origin O. Its numbers are in the axes of header.frame_id:
-the world frame, or the frame named like the body (then the wrench turns with the body). It is
+A command acts on the body at the body's origin O. Its components are in the axes of
+header.frame_id: the world frame, or the body frame (then the wrench turns with the body). It is
 taken at a sample instant t_k, acts from t_k on, and is held until the next one or until
-wrench_timeout simulated seconds have passed. The stamp is not used: what arrives late acts late,
-and the bag says when (BODY/wrench_applied).
+wrench_timeout simulated seconds have passed. The stamp is not used: a late command acts late, as
+recorded in BODY/wrench_applied.
 
-The loop polls the subscriptions itself and takes messages as bytes, in a ninth of the time that an
-object of rclpy takes (2 us of 18): a controller may send far more commands than there are samples.
+The loop polls the subscriptions itself and takes messages as bytes, in a ninth of the time of an
+rclpy object (2 us instead of 18): a controller may send far more commands than there are samples.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ UNREADABLE = "not a wrench"
 OVERTAKEN = "overtaken"
 EXPIRED = "expired"
 REMINDER = 10.0
-"""[s] of wall time between two lines on refusals of one kind."""
+"""[s] of wall-clock time between two log lines on refusals of one kind."""
 MOST_KINDS = 100
-"""Reasons of refusals that are counted one by one; beyond, by kind: who sends a new
-frame each time fills neither memory nor screen, and is reported all the same."""
+"""Maximum number of reasons counted individually; further ones are counted by kind, so that a
+sender of ever new frames fills neither memory nor log."""
 LONGEST = 100
-"""Characters of a wrong frame that are repeated."""
+"""Maximum number of characters of a wrong frame that are quoted."""
 NUMBERS = Struct("<6d")
-"""Force and torque."""
+"""Force and torque, six doubles."""
 PLAIN, STAMP = b"\x00\x01\x00\x00", 8
-"""First bytes of a message in CDR, little-endian, and the size of the stamp behind them."""
+"""First bytes of a CDR message, little-endian, and size of the stamp that follows."""
 
 
 class Command(NamedTuple):
-    """A wrench that may be applied."""
+    """A valid commanded wrench."""
 
     frame: str
     """"world" or "body": the axes of force and torque."""
@@ -70,17 +70,17 @@ class Command(NamedTuple):
 
 
 class TakesWrench(Protocol):
-    """The part of Simulation that commands act on."""
+    """The interface of Simulation that commands use."""
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
     ) -> None:
-        """Let a force [N] and a torque about the body origin [N m] act from now on."""
+        """Apply a force [N] and a torque about the body origin [N m] from now on."""
         ...
 
 
 class Limits(NamedTuple):
-    """The strongest wrench that is taken; 0: any."""
+    """Largest accepted force and torque; 0: unlimited."""
 
     force: float = 0.0
     """[N]."""
@@ -89,14 +89,14 @@ class Limits(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Why a message has no effect: the reason it is counted under, and what is wrong in words."""
+    """Why a message has no effect: the reason under which it is counted, and an explanation."""
 
     reason: str
     words: str
 
 
 class Reader:
-    """Reads the messages for `body`. prefix: of the node's frames."""
+    """Reads the messages for `body`. prefix: of the node's frame names."""
 
     def __init__(self, body: str, prefix: str = "") -> None:
         self._body, self._prefix = body, prefix
@@ -104,7 +104,7 @@ class Reader:
         self._layouts = [_layout(frame_id, axes) for frame_id, axes in self._frames.items()]
 
     def read(self, data: bytes) -> Command | Refusal:
-        """The command in a serialized WrenchStamped, or why it is refused."""
+        """The command in a serialized WrenchStamped, or the reason of refusal."""
         for front, at, axes in self._layouts:
             if data.startswith(PLAIN) and data.startswith(front, len(PLAIN) + STAMP):
                 if len(data) < at + NUMBERS.size:
@@ -114,7 +114,7 @@ class Reader:
         return self._read_any(data)
 
     def _read_any(self, data: bytes) -> Command | Refusal:
-        """As `read`, in nine times the time: of other frames and other encodings."""
+        """As `read`, nine times slower, for other frames and other encodings."""
         try:
             message: WrenchStamped = deserialize_message(data, WrenchStamped)
         except Exception as error:  # rclpy's own error types share no base class
@@ -128,7 +128,7 @@ class Reader:
 
 
 def _layout(frame_id: str, axes: str) -> tuple[bytes, int, str]:
-    """Of a message in this frame: what follows the stamp, where its numbers begin, the axes."""
+    """For a message in this frame: bytes after the stamp, offset of its numbers, axes."""
     text = frame_id.encode() + b"\0"
     front = len(text).to_bytes(4, "little") + text
     end = STAMP + len(front)
@@ -136,7 +136,7 @@ def _layout(frame_id: str, axes: str) -> tuple[bytes, int, str]:
 
 
 def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
-    """A command in "world" or "body" axes, if its numbers are finite and none is beyond all use."""
+    """A command in "world" or "body" axes; a Refusal if a number is not finite or huge."""
     numbers = (*force, *torque)
     if not all(map(math.isfinite, numbers)):
         return Refusal(NOT_FINITE, "a component is not a finite number")
@@ -146,7 +146,7 @@ def checked(frame: str, force: Vector, torque: Vector) -> Command | Refusal:
 
 
 def wrong_frame(frame_id: str, body: str, prefix: str) -> Refusal:
-    """What is wrong with a frame that is neither the world's nor the body's."""
+    """The refusal of a frame that is neither the world nor the body."""
     world, own, given = repr(prefix + WORLD), repr(prefix + body_frame(body)), repr(frame_id)
     if len(given) > LONGEST:
         given = f"{given[:LONGEST]}... ({len(frame_id)} characters)"
@@ -159,7 +159,7 @@ def wrong_frame(frame_id: str, body: str, prefix: str) -> Refusal:
 
 
 def beyond(command: Command, limits: Limits) -> Refusal | None:
-    """Why the command is stronger than what is taken; None: it is not."""
+    """The refusal of a command above the limits; None if it is within them."""
     for name, unit, vector, limit in (
         ("force", "N", command.force, limits.force),
         ("torque", "N m", command.torque, limits.torque),
@@ -172,7 +172,7 @@ def beyond(command: Command, limits: Limits) -> Refusal | None:
 
 
 class Commands:
-    """Takes commands for the commanded bodies and applies them at sample instants."""
+    """Receives commands for the commanded bodies and applies them at sample instants."""
 
     def __init__(self, node: Node, bodies: Sequence[str], prefix: str = "") -> None:
         group = Polled()
@@ -183,21 +183,21 @@ class Commands:
         }
         self._readers = {body: Reader(body, prefix) for body in bodies}
         self._newest: dict[str, Command] = {}
-        """what has come for a body since the last sample."""
+        """newest command for each body since the last sample."""
         self.prefix = prefix
         self._since: dict[str, float] = {}
         self._warned: dict[tuple[str, str], float] = {}
         self.limits = Limits()
         self.held: dict[str, tuple[Command, float]] = {}
-        """the command that acts on each body and when it began to [s]."""
+        """the command that acts on each body, and when it started [s]."""
         self.received = 0
-        """messages that have come."""
+        """number of messages received."""
         self.applied = 0
         self.refused: Counter[str] = Counter()
         """number of messages without effect, by reason."""
 
     def apply(self, simulation: TakesWrench, t: float, timeout: float) -> None:
-        """Give the newest command of each body to the simulation, and end those that are too old.
+        """Apply the newest command of each body to the simulation, and end those that timed out.
 
         t: simulated time from which it acts [s]. timeout: see wrench_timeout [s].
         """
@@ -213,9 +213,10 @@ class Commands:
                 self._count(body, Refusal(EXPIRED, words), f"{body}: {words}")
 
     def collect(self) -> None:
-        """Take what has come: the newest of each body will act, the others are counted.
+        """Read the received messages: the newest of each body will act, the others are counted.
 
-        To be called between samples, too, where they are rare: the middleware keeps inbox.DEPTH.
+        If samples are rare, also call it between samples: the middleware keeps only inbox.DEPTH
+        messages.
         """
         for body, inbox in self._inboxes.items():
             for data in inbox.take():
@@ -223,7 +224,7 @@ class Commands:
                 self._note(body, self._readers[body].read(data))
 
     def _note(self, body: str, command: Command | Refusal) -> None:
-        """Keep a command for the next sample, or count why it has no effect."""
+        """Keep a command for the next sample, or count the reason of refusal."""
         if isinstance(command, Command):
             command = beyond(command, self.limits) or command
         if isinstance(command, Refusal):
@@ -234,33 +235,33 @@ class Commands:
         self._newest[body] = command
 
     def overtake(self, bodies: Iterable[str]) -> None:
-        """Drop what has come for these bodies and has not acted: what takes its place is newer."""
+        """Drop pending commands for these bodies, in favour of newer ones."""
         self.collect()
         for body in bodies:
             if self._newest.pop(body, None) is not None:
                 self.refused[OVERTAKEN] += 1
 
     def give(self, simulation: TakesWrench, body: str, command: Command, t: float) -> None:
-        """Let a command act from simulated time t [s] on. RbSimError: the body takes none."""
+        """Let a command act from time t [s] on. Raises RbSimError if the body takes none."""
         simulation.apply_wrench(body, command.force, command.torque, command.frame)
         self._since[body] = t
         self.held[body] = command, t
         self.applied += 1
 
     def forget(self) -> None:
-        """Drop what has arrived and what is held (after a reset)."""
+        """Drop pending and acting commands (after a reset)."""
         self.overtake(self._inboxes)
         self._since.clear()
         self.held.clear()
 
     def close(self) -> None:
-        """Take no more."""
+        """Remove the subscriptions."""
         for inbox in self._inboxes.values():
             self._node.destroy_subscription(inbox.subscription)
         self._inboxes = {}
 
     def in_force(self) -> str:
-        """The commands that act now, in words."""
+        """Text with the commands that act now."""
         acting = [
             f"{body} force {_text(command.force)} N, torque {_text(command.torque)} N m"
             f" in {command.frame} axes since t = {since:.9g} s"
@@ -270,14 +271,14 @@ class Commands:
 
     def _is_over(self, body: str, t: float, timeout: float) -> bool:
         since = self._since.get(body)
-        # half a nanosecond: sample instants are stamped to the nanosecond
+        # half a nanosecond, since sample instants are stamped in nanoseconds
         return since is not None and timeout > 0 and t - since >= timeout - 0.5e-9
 
     def _count(self, body: str, refusal: Refusal, line: str) -> None:
-        """Count; say the first of each kind, then one every REMINDER with the number so far."""
+        """Count a refusal; log the first of each kind, then one per REMINDER with the count."""
         self.refused[refusal.reason] += 1
         count, now = self.refused[refusal.reason], time.monotonic()
-        # the words of a wrong frame name it; those of a limit change with every message
+        # the text for a wrong frame is specific; that for a limit changes with every message
         kind = refusal.words if refusal.reason in (UNKNOWN_FRAME, OWN_FRAME) else refusal.reason
         if (body, kind) not in self._warned and len(self._warned) >= MOST_KINDS:
             kind = refusal.reason

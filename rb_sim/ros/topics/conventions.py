@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Topics that other ROS programs expect, published where a parameter asks for them.
+"""Topics that other ROS programs expect, published on request by a parameter.
 
-Their messages are those that the bag has (`rb_sim.io.messages.topics`), but for `imu`, whose
-numbers follow from others and which no log has.
+The messages are those of the bag (`rb_sim.io.messages.topics`), except `imu`, which is derived and
+not recorded.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Robot description (URDF) and markers, latched for viewers that come late.
+# Robot description (URDF) and markers, latched for late viewers.
 
 
 class RobotDescription:
@@ -67,7 +67,7 @@ class RobotDescription:
         self._publisher = offer(self._node, self._message, "robot_description", 1, latched=True)
 
     def write(self, block: SampleBlock) -> None:
-        """Publish once."""
+        """Publish with the first sample."""
         if self._publisher is not None and not self._published:
             self._published = True
             text = urdf(self._scene, self._layout, block)
@@ -94,7 +94,7 @@ class Markers:
         self._publisher.publish(marker_array(scene, self._prefix))
 
     def write(self, block: SampleBlock) -> None:
-        """Nothing changes."""
+        """Does nothing: markers do not change."""
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
@@ -103,11 +103,11 @@ class Markers:
         self._publisher = None
 
 
-# ~/BODY/accel, ~/BODY/odometry and joint_states: where parameters ask, as the bag has them.
+# ~/BODY/accel, ~/BODY/odometry and joint_states, on request, as in the bag.
 
 
 class OfTable:
-    """Publishes the messages of a table. make: gives it, of scene, layout and prefix of frames."""
+    """Publishes the messages of a table. make: creates it for scene, layout and frame prefix."""
 
     def __init__(self, node: Node, settings: Settings, make: Make) -> None:
         self._node, self._settings, self._make = node, settings, make
@@ -144,7 +144,7 @@ class OfTable:
 
 
 def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
-    """Of the accelerations of every body. RbSimError: the method has none."""
+    """The table of accelerations of all bodies. Raises RbSimError if the method provides none."""
     if scene.simulation.method == "time_stepping":
         raise RbSimError(
             "parameter accelerations: method time_stepping has none; must be another method"
@@ -153,21 +153,21 @@ def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
 
 
 def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
-    """Of all joints; where there is none its message is empty."""
+    """The table of all joints; its message is empty without joints."""
     return JointTable(scene, layout)
 
 
-# ~/BODY/imu (sensor_msgs/Imu): what an inertial sensor at a point of the body would measure.
+# ~/BODY/imu (sensor_msgs/Imu): the reading of an ideal inertial sensor at a point of the body.
 #
 #     f = R^T (a_P - g)        a_P = a_C + R (dw/dt x r + w x (w x r)),   r = P - C in body axes
 #
-# f is the specific force in body axes (at rest it points up, by 9.81 m/s^2), g the sum of the
-# scene's uniform gravity on the body. Accelerations are those of Newton's and Euler's equations
-# with the reactions of the sample (rb_sim.trajectory.record); an impact shows in none.
+# f is the specific force in body axes (at rest 9.81 m/s^2 upwards), g the sum of the scene's
+# uniform gravity on the body. Accelerations follow from Newton's and Euler's equations with the
+# reactions of the sample (rb_sim.trajectory.record); impacts are not included.
 
 
 COVARIANCE_3X3 = 9
-"""Numbers of a 3 x 3 covariance; all zero: unknown."""
+"""Elements of a 3 x 3 covariance; all zero: unknown."""
 
 
 class Sensor(NamedTuple):
@@ -179,7 +179,7 @@ class Sensor(NamedTuple):
 
 
 def read_sensors(text: str) -> list[Sensor]:
-    """'BODY' or 'BODY X Y Z', several of them with ';' in between. RbSimError: it is neither."""
+    """Sensors in 'BODY' or 'BODY X Y Z', several separated by ';'. Raises RbSimError."""
     sensors = []
     for part in text.split(";"):
         name, *numbers = part.split() or [""]
@@ -200,7 +200,7 @@ def read_sensors(text: str) -> list[Sensor]:
 
 
 class Imu:
-    """Publishes what the sensors measure. RbSimError: one of them is on no body of the scene."""
+    """Publishes the readings of the sensors. Raises RbSimError for an unknown body."""
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node, self._settings = node, settings
@@ -248,7 +248,7 @@ class Imu:
         self.latest.sent(last)
 
     def _gravity(self, body: str) -> Array:
-        """Of all uniform fields on the body, world axes [m/s^2]."""
+        """Sum of the uniform gravity fields on the body, world axes [m/s^2]."""
         total = np.zeros(3)
         for effect in self._scene.effects.values():
             if isinstance(effect, Gravity) and (effect.bodies is None or body in effect.bodies):
@@ -270,7 +270,7 @@ def imu_codec(frame_id: str) -> cdr.Codec:
 
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
-    """A sink for each convention that a parameter asks for."""
+    """The sinks for all conventions requested by parameters."""
     tables = {
         joint_table: settings.joint_states,
         OdometryTable: settings.odometry,

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Where commands arrive: subscriptions that the loop polls itself, as bytes.
+"""Subscriptions for commands that the loop polls itself, as bytes.
 
-A message as bytes takes a ninth of the time that an object of rclpy does (2 us of 18): a controller
-may send far more commands than there are samples.
+Taking a message as bytes takes a ninth of the time of an rclpy object (2 us instead of 18): a
+controller may send far more commands than there are samples.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from rclpy.subscription import Subscription
 from rb_sim.ros.serving import accept
 
 DEPTH = 1000
-"""Messages kept until they are taken, the newest ones, and taken at once."""
+"""Number of newest messages kept until they are taken, and taken at once."""
 
 
 class Polled(CallbackGroup):
-    """A group that no executor runs: its subscriptions are polled by handle instead.
+    """A callback group that no executor runs: its subscriptions are polled by handle instead.
 
-    Idle, an executor's spin_once costs some 100 us and take_message under 2 us, so a loop can
-    afford the latter at every sample; and the two can never race for a message.
+    Without messages an executor's spin_once costs some 100 us and take_message under 2 us, so that
+    a loop can afford the latter at every sample; and the two cannot compete for a message.
     """
 
     def can_execute(self, entity) -> bool:
@@ -45,26 +45,26 @@ class Polled(CallbackGroup):
         return False
 
     def ending_execution(self, entity) -> None:
-        """Never begun."""
+        """Never called."""
 
 
 class HidesPolled:
-    """A node whose executor is not shown the subscriptions that are polled.
+    """A node that hides its polled subscriptions from its executor.
 
-    rclpy's events executor does not ask their group: it would take commands as well, and an older
-    one could come behind a newer one.
+    rclpy's events executor ignores their callback group: it would take commands too, and could
+    deliver an older one after a newer one.
     """
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """All others."""
+        """The subscriptions that are not polled."""
         for subscription in super().subscriptions:  # type: ignore[misc]  # of rclpy's node
             if not isinstance(subscription.callback_group, Polled):
                 yield subscription
 
 
 class PollingNode(HidesPolled, Node):
-    """A node as rclpy has it, but for that."""
+    """An rclpy node that hides polled subscriptions."""
 
 
 class Inbox:
@@ -72,8 +72,8 @@ class Inbox:
 
     def __init__(self, node: Node, topic: str, group: Polled) -> None:
         self._arrived: deque[bytes] = deque()
-        # take_message is what rclpy's executors call, but not documented: without it the
-        # subscription joins the default group and the node's own spinning fills the queue.
+        # take_message is used by rclpy's executors but not documented: if it is missing, the
+        # subscription joins the default group, and the node's executor fills the queue
         self._by_handle = _can_take()
 
         def note(message: bytes) -> None:  # rclpy inspects the signature
@@ -83,7 +83,7 @@ class Inbox:
         self.subscription = accept(node, WrenchStamped, topic, note, DEPTH, own_group)
 
     def take(self) -> list[bytes]:
-        """What has arrived since the last call."""
+        """Messages since the last call."""
         if self._by_handle:
             handle = self.subscription.handle
             with handle:
@@ -92,7 +92,7 @@ class Inbox:
                     if not taken:
                         break
                     self._arrived.append(taken[0])
-        if not self._arrived:  # as it is at nearly every sample
+        if not self._arrived:  # the usual case
             return []
         messages = list(self._arrived)
         self._arrived.clear()

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a late joiner sees: the state of the node and what it simulates, latched, and the time.
+"""Latched state and description of the node, and the clock during start.
 
 `~/state` is a std_msgs/String: compiling, paused, running, error. `~/description` is one with JSON:
-scene, bodies, constraints, effects, rate, version. Both are there from the first second, also while
-the engine compiles; parameters answer then, and /clock shows zero.
+scene, bodies, constraints, effects, rate, version. Both exist from the start, also during
+compilation, when parameters are answered and /clock is zero.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 CLOCK_PERIOD = 0.5
-"""[s] of wall time between two messages of a clock that stands still."""
+"""[s] of wall-clock time between messages of a stopped clock."""
 STARTING = 0.1
-"""[s] between two of them while the node starts: nobody has found it yet."""
+"""[s] between clock messages during start, when subscribers have not yet found the node."""
 
 
 class Presence:
@@ -49,22 +49,22 @@ class Presence:
         self._state = ""
 
     def tell(self, state: str) -> None:
-        """Publish the state if it is a new one."""
+        """Publish the state if it changed."""
         if state != self._state:
             self._state = state
             self._state_topic.publish(String(data=state))
 
     def describe(self, scene: Scene) -> None:
-        """Publish what is simulated."""
+        """Publish the description of the scene."""
         self._description_topic.publish(String(data=description(scene)))
 
     @contextmanager
     def telling_time(
         self, do: Callable[[Callable[[], object]], object] = lambda act: act()
     ) -> Iterator[None]:
-        """Inside the block a thread shows a clock at zero, while this one prepares a run.
+        """Publish a clock at zero from a thread inside the block, while this thread prepares a run.
 
-        do: carries out what destroys the publisher.
+        do: executes the function that destroys the publisher.
         """
         if not self._publish_clock:
             yield
@@ -87,7 +87,7 @@ class Presence:
 
 
 def twins(node: Node) -> int:
-    """How many other nodes on the graph have this node's full name."""
+    """Number of other nodes with this node's full name."""
     own = (node.get_name(), node.get_namespace())
     return max(0, node.get_node_names_and_namespaces().count(own) - 1)
 
@@ -95,8 +95,8 @@ def twins(node: Node) -> int:
 def is_alone(
     node: Node, since: float, discovery: float, over: Callable[[], bool] = lambda: False
 ) -> bool:
-    """No other node of this name seen up to `discovery` seconds after `since` (time.monotonic), or
-    until it is over.
+    """Whether no other node of this name is seen up to `discovery` seconds after `since`
+    (time.monotonic), or until `over` returns True.
     """
     while twins(node) == 0:
         if over() or time.monotonic() >= since + discovery:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The sinks of a running node: messages on topics, and the accuracy checks."""
+"""Sinks of a running node: messages on topics, and the accuracy checks."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 
 EVENT_DEPTH = 10_000
-"""Events of contacts that are kept for a slow subscriber: a cascade of impacts is not cut short."""
+"""Contact events kept for slow subscribers: enough for a cascade of impacts."""
 ASK = 1000
-"""Messages that somebody listened to, after which a topic is asked again whether anybody does."""
+"""Number of messages sent before a topic is checked again for subscribers."""
 
 LOOK_PERIOD = 0.2
-"""[s] of wall time between looks at who listens: a look takes a microsecond or two a topic."""
+"""[s] of wall-clock time between checks for subscribers, each 1 to 2 us per topic."""
 
 Send = Callable[[bytes], None]
 
@@ -56,8 +56,8 @@ Send = Callable[[bytes], None]
 class TopicSink:
     """Publishes each sample once.
 
-    depth: messages kept for a slow subscriber (/clock: 1, events: EVENT_DEPTH at least).
-    skip: topics that are not wanted. prefix: of all frames.
+    depth: messages kept for a slow subscriber (/clock: 1, events: at least EVENT_DEPTH). skip:
+    topics to omit. prefix: of all frames.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class TopicSink:
         self._depth = depth
         self._publishers: list[Publisher] = []
         self._send: list[Send] = []
-        """for each topic of the table."""
+        """send function of each topic of the table."""
         self._held = ExitStack()
         self._events: Publisher | None = None
         self._clock: tuple[Send, bytes] | None = None
@@ -78,12 +78,12 @@ class TopicSink:
         self.latest = Latest()
 
     def wait_until_received(self, seconds: float) -> None:
-        """Until the reliable subscribers have all that was sent, but at most so long for each."""
+        """Wait until reliable subscribers have all messages, at most `seconds` per topic."""
         for publisher in filter(None, (*self._publishers, self._events)):
             publisher.wait_for_all_acked(Duration(seconds=seconds))
 
     def repeat_clock(self) -> None:
-        """Publish the last time again, for who has come since, twice a second."""
+        """Publish the last time again for new subscribers, twice a second."""
         now = time.monotonic()
         if self._clock is not None and now - self._clock_sent >= CLOCK_PERIOD:
             self._clock_sent = now
@@ -91,7 +91,7 @@ class TopicSink:
             send(data)
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the publishers."""
+        """Create the publishers. Raises RbSimError, SinkError."""
         self._table = TopicTable(scene, layout, skip=self._skip, prefix=self._prefix)
         topics = self._table.topics
         self._publishers = [self._publisher(topic.name, topic.ros_type) for topic in topics]
@@ -103,7 +103,7 @@ class TopicSink:
             [
                 publisher
                 for publisher, topic in zip(self._publishers, topics, strict=True)
-                if topic.name != CLOCK  # it is repeated for all
+                if topic.name != CLOCK  # repeated by repeat_clock
             ]
         )
 
@@ -113,11 +113,11 @@ class TopicSink:
             self._publish(instant)
 
     def prepare(self, rows: Sequence[SampleRow]) -> None:
-        """Pack the messages of samples that may come next, together."""
+        """Pack the messages of samples that will probably come next."""
         self._prepared = deque(zip(rows, self._table.messages_of_rows(rows), strict=True))
 
     def write_row(self, row: SampleRow) -> None:
-        """Publish one sample: the same bytes, without arrays by name in between."""
+        """Publish one sample given as a row: the same bytes as `write`, faster."""
         while self._prepared:
             one, instant = self._prepared.popleft()
             if one is row:
@@ -127,12 +127,12 @@ class TopicSink:
 
     def _publish(self, instant: SampleMessages) -> None:
         for data in instant.events:
-            self._events.publish(data)  # type: ignore[union-attr]  # events are of contacts
+            self._events.publish(data)  # type: ignore[union-attr]  # set if there are contacts
         for send, data in zip(self._send, instant.messages, strict=True):
             send(data)
         self.latest.sent(instant.messages)
         if CLOCK not in self._skip:
-            # the table ends with the clock
+            # the clock is last in the table
             self._clock = self._send[-1], instant.messages[-1]
             self._clock_sent = time.monotonic()
 
@@ -152,33 +152,34 @@ class TopicSink:
 
 
 class Latest:
-    """The last message of each topic, once more where a subscription begins while none comes.
+    """Repeats the last message of each topic for new subscriptions while time stands.
 
-    Most subscriptions are volatile, those of tf among them: a latched topic would not help them.
-    Who was there before gets that message a second time.
+    Most subscriptions are volatile (also those of tf), so that latching would not help them.
+    Earlier subscribers receive that message twice.
     """
 
     def __init__(self) -> None:
         self._publishers: Sequence[Publisher] = []
         self._messages: Sequence[bytes] = []
         self._counts: list[int] = []
-        """of subscriptions, of each topic at the last look."""
+        """number of subscriptions of each topic at the last check."""
         self._new: set[int] = set()
-        """topics with a subscription that has come since their last message, as far as seen."""
+        """topics with a subscription since their last message."""
         self._looked = 0.0
 
     def open(self, publishers: Sequence[Publisher]) -> None:
-        """Take charge of these topics."""
+        """Set the topics."""
         self._publishers, self._counts = publishers, [0] * len(publishers)
 
     def sent(self, messages: Sequence[bytes]) -> None:
-        """Remember what was published, one message of each topic in their order."""
+        """Store the published messages, one of each topic, in order."""
         self._messages = messages
         if self._new:
             self._new.clear()
 
     def tick(self, *, stands: bool) -> None:
-        """See who has come, a few times a second; where no sample is due they get the last one."""
+        """Check for new subscriptions a few times a second; if no samples are due (`stands`), send
+        them the last message."""
         if (now := time.monotonic()) - self._looked < LOOK_PERIOD:
             return
         self._looked = now
@@ -193,24 +194,25 @@ class Latest:
             self._new.clear()
 
     def close(self) -> None:
-        """Forget the topics: their publishers are removed."""
+        """Forget the topics, whose publishers are removed."""
         self._publishers, self._messages = [], []
         self._new.clear()
 
 
 def sender(publisher: Publisher, held: ExitStack) -> Send:
-    """Sends serialized messages, in half the time of Publisher.publish; nothing to nobody.
+    """A function that sends serialized messages, in half the time of Publisher.publish; sends
+    nothing without subscribers.
 
-    That takes hold of the publisher's handle and looks at the message's type each time. Here `held`
-    keeps the handle until it is closed, which must be before the publisher is destroyed.
+    Publisher.publish enters the handle and checks the type each time. Here `held` keeps the handle
+    until it is closed, which must be before the publisher is destroyed.
     """
     handle = publisher.handle
     held.enter_context(handle)
-    # these two are what the publisher's own methods call, but not documented
+    # these two are used by the publisher's own methods but not documented
     send = getattr(handle, "publish_raw", publisher.publish)
     listeners = getattr(handle, "get_subscription_count", publisher.get_subscription_count)
     if publisher.qos_profile.durability != QoSDurabilityPolicy.VOLATILE:
-        return send  # who comes late gets what was sent to nobody
+        return send  # late subscribers get messages sent before
     unasked = 0
 
     def send_to_listeners(data: bytes) -> None:
@@ -227,8 +229,8 @@ def sender(publisher: Publisher, held: ExitStack) -> Send:
 
 
 def _unavailable(node: Node) -> tuple[str, ...]:
-    """/tf where tf2_msgs is not installed (it is with ROS, but not on PyPI), or cannot be loaded,
-    which is said."""
+    """/tf if tf2_msgs is not installed (it comes with ROS, but is not on PyPI), or cannot be
+    loaded, which is logged."""
     package = TF_MESSAGE.partition("/")[0]
     if not is_there(package):
         return (TF,)
@@ -240,22 +242,22 @@ def _unavailable(node: Node) -> tuple[str, ...]:
     return ()
 
 
-# What a running node is watched for: the same as a run of the command line, batch by batch.
+# Accuracy checks of a running node, the same as in a run of the command line, in batches.
 
 
 BATCH = 1000
-"""Samples that wait at most to be looked at: some 3 ms of work; one by one would cost far more."""
+"""Number of samples per batch: about 3 ms of work; single samples would cost far more."""
 MOST = 8
-"""Batches that wait at most; the loop waits then."""
+"""Maximum number of queued batches; beyond it the loop waits."""
 PART = 125
-"""Samples that the thread puts together in one go."""
+"""Number of samples that the thread concatenates at once."""
 WAY = 1e-3
-"""[s] that the thread sleeps between two goes while no batch waits: it may have a real-time
-priority, and who listens to the node has none."""
+"""[s] that the thread sleeps between parts while no batch is queued: it may have a real-time
+priority, and subscribers have none."""
 
 
 class Batch(NamedTuple):
-    """Samples, who is to look at them, and what they cost up to their end."""
+    """Samples, the checks for them, and the effort up to their end."""
 
     check_list: CheckList
     samples: list[SampleRow] | SampleBlock
@@ -263,10 +265,10 @@ class Batch(NamedTuple):
 
 
 class CheckSink:
-    """Keeps samples for a while and hands them to the checks together.
+    """Collects samples and passes them to the checks in batches.
 
-    simulation: whose steps and rejections count as effort, samples computed ahead included.
-    From `open` to `close` a thread looks at them, since a sample is not to wait for that.
+    simulation: its steps and rejections count as effort, including prefetched samples. From `open`
+    to `close` a thread runs the checks, so that samples are not delayed.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -278,36 +280,36 @@ class CheckSink:
         self._error: BaseException | None = None
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Begin to look, in a thread."""
+        """Start the thread."""
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def write(self, block: SampleBlock) -> None:
-        """Look at the block, and at what waits."""
+        """Check the block, after the collected samples."""
         self._pass_on()
         self._hand_over(block)
 
     def write_row(self, row: SampleRow) -> None:
-        """Keep the sample; have what waits looked at once it is enough."""
+        """Collect the sample; a full batch is checked."""
         self._waiting.append(row)
         if len(self._waiting) >= BATCH:
             self._pass_on()
 
     def look(self) -> tuple[Finding, ...]:
-        """Have looked at what waits; what has passed its bound since the start or the last reset,
-        as far as the thread has come, if there is one."""
+        """Findings since the start or the last reset, as far as the thread has come; also submits
+        the collected samples."""
         self._pass_on()
         if self._error is not None:
             raise self._error
         return self._check_list.findings
 
     def reset(self) -> None:
-        """Begin anew: from the initial state on balances and findings are another run's."""
+        """Discard samples and findings: after a reset they belong to another run."""
         self._waiting = []
         self._check_list = self._new()
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """End the thread, when it has looked at everything."""
+        """Finish all checks and end the thread."""
         if self._thread is not None:
             self._batches.put(None)
             self._thread.join()
@@ -318,13 +320,13 @@ class CheckSink:
         return CheckList(of.scene, of.layout, of.compiled)
 
     def _pass_on(self) -> None:
-        """Have looked at what waits."""
+        """Submit the collected samples."""
         if self._waiting:
             rows, self._waiting = self._waiting, []
             self._hand_over(rows)
 
     def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
-        """Have the samples looked at: by the thread, or at once."""
+        """Check the samples in the thread, or at once without a thread."""
         batch = Batch(self._check_list, samples, effort_of(self._simulation))
         if self._thread is None:
             self._add(batch)
@@ -339,7 +341,7 @@ class CheckSink:
         self._give_way()
 
     def _block(self, rows: list[SampleRow]) -> SampleBlock:
-        """One block from the samples."""
+        """The rows as one block."""
         parts = []
         for first in range(0, len(rows), PART):
             parts.append(block_of_rows(rows[first : first + PART], self._simulation.layout))
@@ -355,5 +357,5 @@ class CheckSink:
             if self._error is None:
                 try:
                     self._add(batch)
-                except BaseException as error:  # raised where somebody looks next
+                except BaseException as error:  # raised by the next `look`
                     self._error = error
