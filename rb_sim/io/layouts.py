@@ -27,6 +27,7 @@ from rb_sim.base.names import ros_name
 from rb_sim.base.palette import AXES
 from rb_sim.io.extent import reach_of
 from rb_sim.io.messages import topic_names as names
+from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.messages.topic_names import NAMESPACE, TF, WORLD
 from rb_sim.io.rerun.arrow_scales import drawn_reactions, nice
 from rb_sim.numerics.rotations import rotate
@@ -73,7 +74,7 @@ class Shown(NamedTuple):
     states: tuple[tuple[str, str], ...]
     """title and topic of each point of contact."""
     joints: tuple[str, ...]
-    """names of the hinges in joint_states."""
+    """names of the joints, in the order of joint_states."""
     events: str | None
     center: tuple[float, float, float]
     size: float
@@ -101,7 +102,8 @@ def shown(scene: Scene, layout: SampleLayout) -> Shown:
     bodies = layout.bodies[:MOST_BODIES]
     reactions = [layout.reactions[k] for k in drawn_reactions(layout)]
     contacts = layout.contacts[:MOST_REACTIONS]
-    joints = tuple(ros_name(n) for n, c in scene.constraints.items() if c.type == "fixed_axis")
+    table = JointTable(scene, layout)
+    joints = tuple(map(ros_name, table.names))
     left_out = [
         f"{what}: the first {most} of {count}"
         for what, most, count in (
@@ -118,7 +120,7 @@ def shown(scene: Scene, layout: SampleLayout) -> Shown:
     ]
     panels = [panel for body in bodies for panel in _of_body(body)]
     panels += [_wrench(title, topic, part) for title, topic in wrenches for part in _PARTS]
-    panels += [_of_joints(joints)] if joints else []
+    panels += _of_joints(joints, table.units)
     panels += _of_whole(bool(layout.contacts))
     places = np.array([
         np.array(body.position) + rotate(np.array(body.orientation), np.array(body.center_of_mass))
@@ -173,12 +175,16 @@ def _wrench(title: str, topic: str, part: tuple[str, str, str]) -> Panel:
     return Panel(f"{title}: {field} [{unit}]", tuple(curves), "wrenches")
 
 
-def _of_joints(joints: tuple[str, ...]) -> Panel:
-    curves = (
-        Curve(JOINTS, (name, "position"), name, AXES[k % len(AXES)])
-        for k, name in enumerate(joints)
-    )
-    return Panel("joint angles [rad]", tuple(curves), "energy")
+def _of_joints(joints: tuple[str, ...], units: list[str]) -> Iterator[Panel]:
+    """A panel of angles and one of displacements, of the joints that have them."""
+    for title, unit in (("joint angles [rad]", "rad"), ("joint displacements [m]", "m")):
+        names = [name for name, own in zip(joints, units, strict=True) if own == unit]
+        curves = (
+            Curve(JOINTS, (name, "position"), name, AXES[k % len(AXES)])
+            for k, name in enumerate(names)
+        )
+        if names:
+            yield Panel(title, tuple(curves), "energy")
 
 
 def _of_whole(has_contacts: bool) -> Iterator[Panel]:

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rb_sim.base.errors.SceneWarning
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 WORKSHOP = """\
-description: a box that is pushed on a floor, a door on a hinge
+description: a box that is pushed on a floor, a cart on a rail, a door on a hinge
 bodies:
   left-box:
     mass: 2.0
@@ -46,7 +46,13 @@ bodies:
     center_of_mass: [0.3, 0, 0.5]
     position: [0.5, 0.5, 0]
     angular_velocity: [0, 0, 1]
+  cart:
+    mass: 1.0
+    shape: {type: box, size: [0.2, 0.2, 0.2]}
+    position: [0, -1, 0.5]
+    linear_velocity: [0.5, 0, 0]
 constraints:
+  rail: {type: translation, body: cart, guide: {type: line, direction: [1, 0, 0]}}
   floor: {type: contact, body: left-box, friction: {type: coulomb, static: 0.4}}
   hinge: {type: fixed_axis, body: door, axis_B: [0, 0, 1], bearing_distance: 0.8}
 effects:
@@ -97,7 +103,15 @@ def test_foxglove_plots_numbers_of_the_messages(files, messages):
     text = json.loads(files["foxglove.json"])
     plots = [panel for key, panel in text["configById"].items() if key.startswith("Plot!")]
     paths = [path["value"] for plot in plots for path in plot["paths"]]
-    assert "/rb_sim/joint_states.position[0]" in paths
+    of_joints = {
+        path["label"]: path["value"]
+        for plot in plots
+        for path in plot["paths"]
+        if path["value"].startswith("/rb_sim/joint_states")
+    }
+    joints = messages["/rb_sim/joint_states"].name  # type: ignore[attr-defined]
+    assert joints == ["rail", "hinge"]
+    assert of_joints == {n: f"/rb_sim/joint_states.position[{k}]" for k, n in enumerate(joints)}
     assert "/rb_sim/left_box/pose.pose.position.z" in paths
     for path in paths:
         topic, *fields = path.split(".")
@@ -134,9 +148,10 @@ def test_plotjuggler_plots_numbers_of_the_messages(files, messages):
         assert all(area.tag == "DockArea" and area[0].tag == "plot" for area in splitter)
     curves = [curve.attrib["name"] for curve in root.iter("curve")]
     assert len(curves) == len(set(curves)) > 20
-    joint = "/rb_sim/joint_states/hinge/position"  # as the program names a number of a joint
-    assert joint in curves and messages["/rb_sim/joint_states"].name == ["hinge"]  # type: ignore[attr-defined]
-    for name in set(curves) - {joint}:
+    # as the program names a number of a joint
+    joints = {f"/rb_sim/joint_states/{name}/position" for name in ("rail", "hinge")}
+    assert joints <= set(curves)
+    for name in set(curves) - joints:
         topic = max((t for t in messages if name.startswith(f"{t}/")), key=len)
         fields = name.removeprefix(f"{topic}/").split("/")
         assert isinstance(float(reduce(named, fields, messages[topic])), float), name  # type: ignore[arg-type]
@@ -152,7 +167,9 @@ def test_rviz_shows_topics_of_the_right_type(files, messages):
         if kind in kinds:
             assert type(messages[display["Topic"]["Value"]]).__name__.endswith(kinds[kind])
     assert {"Grid", "TF", "RobotModel", "MarkerArray", "Pose", "Wrench"} == set(seen)
-    assert seen.count("Wrench") == 8 + 2 + 1  # corners of the box, bearings, the command
+    assert (
+        seen.count("Wrench") == 8 + 2 + 1 + 1
+    )  # corners of the box, bearings, the rail, the command
     model = next(d for d in text["Displays"] if d["Class"].endswith("RobotModel"))
     assert model["Description Topic"]["Durability Policy"] == "Transient Local"
     assert "<robot" in messages[model["Description Topic"]["Value"]].data  # type: ignore[attr-defined]
