@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
     Make = Callable[[Scene, SampleLayout, str], MessageTable]
-    from rb_sim.mechanics.samples import SampleLayout
-    from rb_sim.scene.schema import Scene
 
 
 # Robot description (URDF) and markers, latched for late viewers.
