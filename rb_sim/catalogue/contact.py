@@ -241,7 +241,7 @@ class ViscousLaw(Spec):
 
 
 class RegularisedLaw(Spec):
-    """T = -mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+    """T = -mu N s / sqrt(s^2 + v^2): creeps if Coulomb's law sticks."""
 
     type: Literal["regularised"] = "regularised"
     coefficient: NonNegative

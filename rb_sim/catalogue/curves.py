@@ -83,7 +83,7 @@ def put_piece(table, s, results):
 
 @inline
 def along(table, s, x, y, z):
-    """((c - p) . c', c' . c', (c - p) . c'') at s for p = (x, y, z)."""
+    """((c - p) . c', c' . c', (c - p) . c'') at the parameter s for the point p = (x, y, z)."""
     breaks, turns, k = breaks_of(table), turns_before(table[2], s), int(table[1])
     i = piece_at(breaks, s - table[2] * turns)
     u = s - (breaks[i] + table[2] * turns)
@@ -166,7 +166,7 @@ def way(x, s, first, second, third):
 def share_of_step(table, s0, v0, s1, v1, h, tolerance):
     """Fraction of a step after which it reaches a break that it may not cross; 1 if there is none.
 
-    The step goes from s0 with ds/dt = v0 to s1 with v1 in the time h [s]; s in between is the cubic
+    s changes from s0 with ds/dt = v0 to s1 with v1 in the time h [s]; in between it is the cubic
     through them, searched on each interval in which it is monotonic (ds/dt may change sign).
     """
     period = table[2]

@@ -9,10 +9,10 @@
 
 """Friction laws: traction in slipping and the limit of the traction in sticking.
 
-`traction` gives the tangential force as  N per_normal + direct  for a slip velocity s (of the body
-relative to the support, in the tangent plane).  A law with a corner at s = 0 is continued straight
+`traction` gives the tangential force as N per_normal + direct for a slip velocity s (of the body
+relative to the support, in the tangent plane). A law with a corner at s = 0 is continued straight
 through it along `ahead`, the direction of slip at the start of the step, so that the equations stay
-smooth until the event "slip vanishes" has been located (Hairer, Norsett, Wanner I, II.6).
+smooth until the event "slip vanishes" is located (Hairer, Norsett, Wanner I, II.6).
 """
 
 from __future__ import annotations

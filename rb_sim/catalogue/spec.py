@@ -9,13 +9,13 @@
 
 """Base of the catalogue: specs of parameters, their field types, and the data that kernels take.
 
-Every kind describes its parameters by a subclass of `Spec`. The field types hold what is the same
-everywhere: numbers are finite, a string is never read as a number nor a truth value as 0 or 1,
-directions and quaternions come out normalised, an inertia tensor is one that some mass distribution
-has. Vectors are tuples, so that a spec is hashable and cannot change.
+Every kind describes its parameters by a subclass of `Spec`. The field types check common rules:
+numbers are finite, a string is never read as a number nor a boolean as 0 or 1, directions and
+quaternions are normalised, an inertia tensor is physically admissible. Vectors are tuples, so that
+a spec is hashable and immutable.
 
-Kernels see the constants of a body, its state, and the dispatched laws of the catalogue. Frames: W
-world, B the body that a kind names, A its parent (the world when there is none).
+Kernels take the constants of a body, its state, and the dispatched laws of the catalogue. Frames: W
+world, B the body that a kind names, A its parent (the world if there is none).
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Spec(BaseModel):
     """Base of every model read from a scene: unknown keys are refused, values frozen and finite.
 
     Fields are strict (no string or bool as a number). For sequences use the types of this module or
-    add `Strict(False)`, since YAML gives lists where the models hold tuples.
+    add `Strict(False)`, since YAML gives lists and the models hold tuples.
     """
 
     model_config = ConfigDict(
@@ -166,7 +166,7 @@ def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
 def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
     """vector / |vector| without overflow or underflow; refuses the zero vector.
 
-    What already has length 1 to round-off is kept bit for bit.
+    A vector of length 1 up to rounding is returned unchanged, bit for bit.
     """
     largest = max(abs(component) for component in vector)
     if largest == 0.0:
@@ -341,7 +341,7 @@ Symmetric = tuple[float, float, float, float, float, float]
 
 
 class Inertial(NamedTuple):
-    """Constants of one rigid body."""
+    """Mass, inertia and centre of mass of one rigid body."""
 
     mass: float
     """mass [kg]."""

@@ -146,7 +146,8 @@ def pairs_of(
     """The compiled pair of each contact point; refuses a shape that cannot touch the surface.
 
     lies_flat: a rim touches a plane at RIM_POINTS points; None: only for a cylinder whose contact
-    `opens_rigidly`. bilateral: a rim on a cylinder uses the first of its two points only.
+    `opens_rigidly`.
+    bilateral: a rim on a cylinder uses the first of its two points only.
     """
     if hasattr(surface, "pairs"):
         return surface.pairs(place, body, parent, points)

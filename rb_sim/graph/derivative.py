@@ -81,7 +81,7 @@ def slopes_of(x: Symbol) -> Sequence[Any]:
 
 
 def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
-    """(a / b)' = (a' - (a / b) b') / b."""
+    """Derivative of a quotient: (a / b)' = (a' - (a / b) b') / b."""
     return (da - x * db) / b
 
 
@@ -94,7 +94,7 @@ def _root(x: Any, a: Any, da: Any) -> Any:
 
 
 def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:
-    """atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
+    """Derivative of an angle: atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
     return (dy * z - y * dz) / (y * y + z * z)
 
 

@@ -119,7 +119,7 @@ class ByLaws(NamedTuple):
     laws: Any
     p: Any
     at: Any
-    """Workspace for n coordinates."""
+    """workspace for n coordinates."""
     n: Any
 
 

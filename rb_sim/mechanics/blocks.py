@@ -277,8 +277,8 @@ TOGETHER = 700
 class Elimination:
     """Workspace for the blocks of a plan, and the operations on them.
 
-    diagonal, right: packed diagonal blocks and right sides (first the right side, then the diagonal
-    as it was); between: block (i, k), size_i by size_k rows, of a later i with k.
+    diagonal, right: packed diagonal blocks and right sides (each followed by the original
+    diagonal); between: block (i, k), size_i by size_k rows, of a later node i with k.
     """
 
     def __init__(self, plan: Plan, program: Program) -> None:

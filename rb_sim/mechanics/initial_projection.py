@@ -9,7 +9,7 @@
 
 """Projection of the start of N bodies onto the constraint manifold, by elimination on numbers.
 
-It runs once and as plain Python, which costs as little as the rows are sparse.
+It runs once, as plain Python, at a cost that grows with the nonzero entries only.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def suits_pendulum(system):
 
 
 def begin_as_pendulum(system, y):
-    """phi, w, S and C."""
+    """(phi, w, S, C) at the start of a step."""
     weight, _ = total_wrench(system.effects, 0.0, system.body, AT_REST)
     n, down = system.axis_B, unrotate(system.q_0, weight)
     arm = cross(n, system.rho)
@@ -254,7 +254,7 @@ def suits_sphere(system):
 
 
 def gain(system):
-    """(angular acceleration alpha, radius times normal), world axes; effects at rest in world
+    """(angular acceleration alpha, radius times normal), world axes; loads with body axes = world
     axes."""
     force, torque = total_wrench(system.effects, 0.0, system.body, AT_REST)
     n, inertia, arm = system.normal, system.body.inertia[0], system.surface.radius

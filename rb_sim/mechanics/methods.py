@@ -51,7 +51,7 @@ def any_system(system: Any) -> bool:
 def expandable(system: Any) -> bool:
     """Whether the law of the system has a Taylor series.
 
-    In maximal coordinates the nearest point of a spline is found by iteration, which has none.
+    In maximal coordinates the nearest point of a spline is found by iteration, which has no series.
     """
     return traceable(system) and (isinstance(system, GuidedBody) or not splines_of(system))
 
@@ -169,8 +169,8 @@ def loop_of(kind: type) -> tuple[Step, float] | None:
 def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:
     """The method `name` with a fixed step [s], or adaptive with a local tolerance.
 
-    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step.
-    Raises ValueError if the method does not come in that form.
+    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step. Raises
+    ValueError if the method does not support that choice.
     """
     entry = METHODS[name]
     if step is not None and entry.fixed is not None:

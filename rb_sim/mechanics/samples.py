@@ -9,7 +9,7 @@
 
 """The sample: all quantities reported at one instant, as arrays over time.
 
-Defined once; every sink derives its schema from it.
+Every sink derives its schema from the definition here.
 """
 
 from __future__ import annotations

@@ -40,9 +40,10 @@ if TYPE_CHECKING:
 class Motion(ABC):
     """The state of a compiled scene and its grid of steps.
 
-    compiled: system, initial coordinates, layout and breakpoints. method: a class of
-    rb_sim.integrate.methods with its step or tolerance. watch: called every PIECE_STEPS steps and
-    at each event; an exception that it raises ends the run, which can be continued later.
+    compiled: system, initial coordinates, layout and breakpoints.
+    method: a class of rb_sim.integrate.methods with its step or tolerance.
+    watch: called every PIECE_STEPS steps and at each event; an exception that it raises ends the
+    run, which can be continued later.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:

@@ -37,7 +37,7 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 Array = NDArray[np.float64]
 
 MIRROR = np.array([1.0, -1.0, -1.0])
-"""the quadratic form head^2 - |tail|^2."""
+"""Diagonal of the quadratic form head^2 - |tail|^2."""
 
 
 class Cones(NamedTuple):
@@ -73,12 +73,12 @@ class Cones(NamedTuple):
 
 
 class Objective(NamedTuple):
-    """1/2 |root y|^2 + c.y."""
+    """The objective 1/2 |root y|^2 + c.y."""
 
     root: Array
     """root, (m, k); (0, k) for a linear objective."""
     c: Array
-    """(k,)."""
+    """coefficients of the linear term, (k,)."""
 
     def slope(self, y: Array) -> Array:
         """Gradient, (k,)."""
@@ -137,7 +137,7 @@ class Optimality(NamedTuple):
     error: Array
     """errors of the conditions, (k + p,)."""
     normals: Array
-    """(p, k): grad g."""
+    """gradients grad g of the active pieces, (p, k)."""
 
     @property
     def worst(self) -> float:

@@ -113,7 +113,7 @@ class Compiled:
     between: Between | None = None
     """pairs of bodies in contact through `between`; None without such contacts."""
     absolute: tuple[float | None, ...] = ()
-    """absolute tolerances of the bodies; () where none is given."""
+    """absolute tolerance of each body; () if none is given."""
 
     @property
     def reduced(self) -> bool:
@@ -168,7 +168,7 @@ class Compiled:
         if not family.has(self.system):
             return self
         shared = replace(self)
-        shared.__dict__["laws"] = family.laws  # cached_property looks there
+        shared.__dict__["laws"] = family.laws  # where cached_property looks
         return shared
 
 

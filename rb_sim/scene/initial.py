@@ -163,7 +163,7 @@ def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
 def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> tuple[str, ...]:
     """Names of the reactions with a row in a linear dependence of the constraint rows.
 
-    Contacts are left out: whether they hold changes.
+    Contacts are omitted, since they open and close.
     """
     null = rank_of_joints(system, t, y).null
     if null.shape[1] == 0:

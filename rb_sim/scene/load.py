@@ -162,10 +162,11 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
 def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
     """Load and check a scene of bodies at rest; mass and inertia may be omitted.
 
-    Args: source: As in `load_scene`.
+    Args:
+        source: As in `load_scene`.
 
-    Raises: SceneError: The scene is not valid; the text names file, key, value and the allowed
-    values.
+    Raises:
+        SceneError: The scene is not valid; the text names file, key, value and the allowed values.
     """
     if isinstance(source, Mapping):
         plain = _plain(source, IN_MEMORY)

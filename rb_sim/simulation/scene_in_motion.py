@@ -396,7 +396,7 @@ class SceneInMotion(InSteps):
         self._inputs.append(Input(0, 0.0, ""))
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Set the state of bodies; time and commands go on, earlier events are dropped.
+        """Set the state of bodies; time and commands are kept, earlier events are dropped.
 
         From here until a reset one body with a joint moves in maximal coordinates, too.
 
@@ -504,7 +504,7 @@ class SceneInMotion(InSteps):
             limits: Largest number of steps and wall-clock time.
 
         Returns:
-            False if `watch` ended the integration: `state` is still that before the call.
+            False if `watch` ended the integration; `state` is then that before the call.
 
         Raises:
             SimulationError: The integration cannot go on, or exceeds `limits`.

@@ -120,15 +120,19 @@ Progress = Callable[[float, float], None]
 
 
 class Simulation(SceneInMotion):
-    """A scene with its current time and state, which `run` and `advance` integrate.
+    """A scene with its present time and state, which `run` and `advance` integrate.
 
-    Args: scene: Loaded scene, or anything that `load_scene` takes; its `simulation` section gives
-    method, step or tolerance. coordinates: "auto" takes reduced coordinates for one body with at
-    most one joint; "maximal" takes the general formulation always. announce: Called with a line of
-    text before machine code is compiled, which takes seconds; by default the line goes to standard
-    error. family: Laws shared by scenes that differ in numbers only; None: laws of its own.
+    Args:
+        scene: Loaded scene, or anything that `load_scene` takes; its `simulation` section gives
+            method, step or tolerance.
+        coordinates: "auto" takes reduced coordinates for one body with at most one joint; "maximal"
+            takes the general formulation always.
+        announce: Called with a line of text before machine code is compiled, which takes seconds;
+            by default the line goes to standard error.
+        family: Laws shared by scenes that differ in numbers only; None: its own laws.
 
-    Raises: SceneError: The scene cannot be simulated.
+    Raises:
+        SceneError: The scene cannot be simulated.
     """
 
     _is_trial = False

@@ -282,7 +282,7 @@ class Resultant(NamedTuple):
 def resultant(
     trajectory: Record, name: str, about: str | Sequence[float] | Array | None
 ) -> Resultant:
-    """As Trajectory.resultant."""
+    """Resultant of a reaction or effect, see Trajectory.resultant."""
     acting = trajectory.reaction.get(name)
     if acting is None:
         effects = effect_wrenches(trajectory) if trajectory.scene is not None else {}

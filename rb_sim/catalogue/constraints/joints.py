@@ -84,7 +84,7 @@ class Weld(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """the point about which the reaction is given, from the body origin, body axes [m]."""
+    """the point about which the reaction is taken, from the body origin, body axes [m]."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A,  q_AB = q_AB(0)       the pose relative to the parent stays constant
@@ -157,8 +157,8 @@ class CurveGuide(Spec):
 class Translation(Spec):
     """The body keeps its attitude; with a `guide`, point_B stays on it.
 
-    m dv/dt = F . tau along the tangent; the guide gives a force normal to the path, and the lock a
-    torque that keeps the body from turning, both counted in one reaction about point_B.
+    m dv/dt = F . tau along the tangent. One reaction about point_B comprises a force of the guide,
+    normal to the path, and the torque that prevents rotation.
     """
 
     type: Literal["translation"]

@@ -9,8 +9,8 @@
 
 """Short form of supports, as `supports` of a scene lists them: each acts at one point of a body.
 
-Each is a constraint like the others, but for `contact`: that is written out as the contact of a
-point of the body with a plane of its parent.
+Each is a constraint like the others, except `contact`, which is converted to the contact of a point
+of the body with a plane of its parent.
 """
 
 from __future__ import annotations
@@ -70,9 +70,9 @@ def _coefficient(value: Any) -> Any:
 class PointContact(Spec):
     """Point contact: N >= 0 along the normal, |friction force| <= friction N tangentially.
 
-    Say the point on one side, point_B or point_A, and the normal on one side; if both points are
-    given they must coincide. An edge has the normal of what lies on it: take normal_B there, for
-    bodies at rest.
+    Give the point on one side, point_B or point_A, and the normal on one side; if both points are
+    given they must coincide. An edge has no normal: give normal_B of the body in contact with it,
+    for bodies at rest.
     """
 
     type: Literal["contact"]

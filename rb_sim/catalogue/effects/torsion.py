@@ -9,11 +9,11 @@
 
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
-theta is the twist about the axis of the turn from the parent's to the body's frame, theta = 2
-atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the law takes the angle nearest
-to that at the end of the previous step.  The gradient of theta is the axis itself as long as the
-body only turns about it; otherwise the full gradient keeps the law conservative: (w^2 a + w a x v +
-(v . a) v) / (w^2 + (v . a)^2).
+theta is the twist about the axis in the rotation from the parent's to the body's frame, theta = 2
+atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the value closest to that at
+the end of the previous step is taken. The gradient of theta is the axis itself as long as the body
+only turns about it; otherwise the full gradient keeps the law conservative: (w^2 a + w a x v + (v .
+a) v) / (w^2 + (v . a)^2).
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class TorsionDamperRow(NamedTuple):
 
 @inline
 def twist(row, B, A):
-    """(twist angle with whole turns, the whole turns in it [rad], gradient of the angle, body
+    """(twist angle including whole turns [rad], these turns [rad], gradient of the angle, body
     axes)."""
     q = quaternion_product(row.q_BA, quaternion_product(conjugate(A.q_WB), B.q_WB))
     v = (q[0], q[1], q[2])

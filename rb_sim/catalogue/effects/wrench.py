@@ -9,8 +9,8 @@
 
 """Prescribed wrenches: constant, harmonic, tabulated over time, and commanded.
 
-A wrench is a force at a point of the body (its origin unless the scene says otherwise) and a free
-torque; both are given in world axes or in body axes, and those in body axes turn with the body.
+A wrench is a force at a point of the body (by default its origin) and a free torque; both are given
+in world axes or in body axes, and those in body axes turn with the body.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ class CommandRow(NamedTuple):
     force_B: Vec3
     torque_B: Vec3
     r_B: Vec3
-    """from the centre of mass to the body origin, body axes [m]."""
+    """vector from the centre of mass to the body origin, body axes [m]."""
 
 
 @wrench.register(WorldWrenchRow)

@@ -9,8 +9,8 @@
 
 """Smooth bodies on spheres and cylinders, whose contact point is found by iteration.
 
-A smooth convex surface touches a sphere or a cylinder where its point p(n) of inward normal n lies
-straight along n from the support's centre or axis:  t . (p(n) - c) = 0  for every tangent t.  This
+A smooth convex surface touches a sphere or a cylinder at its point p(n) of inward normal n for
+which n passes through the support's centre or axis c: t . (p(n) - c) = 0 for every tangent t. This
 is solved by Newton's method from the direction of the body's centre; the rate of n follows from the
 same linear equations, differentiated in time.
 """

@@ -9,12 +9,11 @@
 
 """Contact pairs: gap, normal and contact point of each kind of pair, with their rates.
 
-`touching` gives all of it at one instant.  The normal n points from the parent's surface A towards
-the body B; P is the point of B's surface that is nearest to A's.  P and n wander over the bodies:
-their rates are those of the geometric point and direction, not of a material point, which is what
-the derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 needs (LL 38.2).
-
-Vectors that a pair keeps are taken from the centre of mass of their body.
+`touching` gives them at one instant. The normal n points from the parent's surface A towards the
+body B; P is the point of B's surface that is nearest to A's. P and n move over the bodies: their
+rates are those of the geometric point and direction, not of a material point, as needed for the
+derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 (LL 38.2). Vectors stored in a pair
+are from the centre of mass of their body.
 """
 
 from __future__ import annotations
@@ -112,7 +111,7 @@ class Touch(NamedTuple):
     """The geometry of one contact at one instant, world axes."""
 
     gap: float
-    """distance of the surfaces, negative where they overlap [m]."""
+    """distance of the surfaces, negative for an overlap [m]."""
     normal: Vec3
     """unit normal, from A's surface towards B."""
     normal_rate: Vec3

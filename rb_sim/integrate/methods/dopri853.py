@@ -236,13 +236,14 @@ def dopri853_traced(rate, t, y, h, velocities):
 
 
 class Dopri853(NamedTuple):
-    """Fixed step [s]."""
+    """Dormand-Prince 8(5,3) with a fixed step [s]."""
 
     step: float
 
 
 class AdaptiveDopri853(NamedTuple):
-    """Step chosen so that the estimated local error stays within the tolerance."""
+    """Dormand-Prince 8(5,3) with steps such that the estimated local error is within the
+    tolerance."""
 
     tolerance: float
     """local error relative to max(1, |y_i|) of each coordinate."""

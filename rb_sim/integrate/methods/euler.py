@@ -53,6 +53,6 @@ def euler_traced(rate, t, y, h, velocities):
 
 
 class Euler(NamedTuple):
-    """Fixed step [s]."""
+    """Semi-implicit Euler with a fixed step [s]."""
 
     step: float

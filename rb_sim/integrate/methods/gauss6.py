@@ -95,6 +95,6 @@ def gauss6(law, jacobian, n, t, y, h, p, dy, work):
 
 
 class Gauss6(NamedTuple):
-    """Fixed step [s]."""
+    """Gauss collocation with a fixed step [s]."""
 
     step: float

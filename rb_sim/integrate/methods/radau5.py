@@ -101,14 +101,14 @@ def radau(law, jacobian, n, t, y, h, p, dy, work, stalled):
 
 
 class Radau5(NamedTuple):
-    """Fixed step [s]."""
+    """Radau IIA with a fixed step [s]."""
 
     step: float
 
 
 class AdaptiveRadau5(NamedTuple):
-    """Adaptive steps by a local tolerance, relative to max(1, |y|) of each coordinate; largest step
-    [s]."""
+    """Radau IIA with steps by a local tolerance, relative to max(1, |y|) of each coordinate;
+    largest step [s]."""
 
     tolerance: float
     largest_step: float

@@ -58,6 +58,6 @@ def rk4_traced(rate, t, y, h, velocities):
 
 
 class Rk4(NamedTuple):
-    """Fixed step [s]."""
+    """Classical Runge-Kutta method with a fixed step [s]."""
 
     step: float

@@ -231,7 +231,8 @@ taylor = SeriesStep(order)
 
 
 class AdaptiveTaylor(NamedTuple):
-    """Order and step chosen so that the last two terms of the series stay within the tolerance."""
+    """Taylor's method: order and step such that the last two terms of the series are within the
+    tolerance."""
 
     tolerance: float
     """local error relative to max(1, |y_i|) of each coordinate."""

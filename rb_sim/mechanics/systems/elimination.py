@@ -396,7 +396,7 @@ def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
 
 @inline
 def times(matrix, x, n, result):
-    """A x."""
+    """A x for a vector x."""
     for i in range(n):
         result[i] = 0.0
         for j in range(n):
@@ -415,9 +415,9 @@ def least_norm_routine(arguments, results):
 
 @routine
 def changed_routine(arguments, results):
-    """Change of P x for changes of A that keep its rank:
+    """Change of P x for changes of A that keep its rank.
 
-        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973).
+        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973)
 
     arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers.
     """

@@ -113,9 +113,10 @@ def free_inside(system, y):
 # Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37), I1
 # dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves by m dV/dt = F. The angular velocity stays on its
 # polhode, the intersection of two ellipsoids. Near the middle axis a deviation across the polhode
-# of relative size e grows to e (w2/w1)^2 in a flip, and with it the time of the next one: after
-# some flips rounding alone decides the phase. So after every step the angular velocity is projected
-# onto its initial polhode. The remaining rounding error along the polhode does not grow.
+# of relative size e grows to e (w2/w1)^2 in a flip, and with it the error of the time of the next
+# flip: after some flips rounding alone decides the phase. So after every step the angular velocity
+# is projected onto its initial polhode. The remaining rounding error along the polhode does not
+# grow.
 
 
 LARGEST_TURN = 0.05
@@ -148,8 +149,8 @@ CONFIGURATION[FreeRotor] = 7
 def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
     """The system with the polhode through the angular velocity in y.
 
-    The second invariant is a difference that vanishes where the spin is along the axis k; with k
-    the axis of the least such difference it keeps its digits next to a separatrix too.
+    The second invariant is a difference that vanishes if the angular velocity is along the axis k;
+    with k the axis of the smallest such difference it keeps its digits next to a separatrix, too.
     """
     moments, w = system.moments, y[10:13]
     twice_energy = dot(moments, (w[0] * w[0], w[1] * w[1], w[2] * w[2]))
@@ -319,7 +320,8 @@ STARTS[MultiBody] = start_spins
 
 
 def settle_spins(system: MultiBody, y: list[Any]) -> None:
-    """Project the angular velocities onto their polhodes, in place; only the change is rotated."""
+    """Project the angular velocities onto their polhodes, in place; only the change is rotated to
+    body axes."""
     for spin in system.spins:
         first = WIDTH * spin.body + 10
         w_P = rotate(conjugate(spin.q_BP), tuple(y[first : first + 3]))

@@ -9,8 +9,8 @@
 
 """State of N bodies in maximal coordinates, and loops over their effects and constraints.
 
-Each walk is unrolled over the kinds that the scene names while it is compiled; what is not named is
-not there.
+The loops are unrolled at compile time over the kinds that the scene names; kernels of other kinds
+are not compiled.
 """
 
 from __future__ import annotations

@@ -176,7 +176,7 @@ def free_accelerations(system, y):
 
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
-    """Each constraint's `fill` in turn."""
+    """Write the rows of each constraint by its `fill`, in order."""
     fill_all(system.constraints, t, system, y, 0)
 
 
@@ -334,7 +334,7 @@ def multibody(
 
 
 def body_table(bodies: list[Inertial]) -> np.ndarray:
-    """Constants and work space of the bodies, (N, BODY_WIDTH)."""
+    """Table of the constants of the bodies, with workspace, (N, BODY_WIDTH)."""
     table = np.zeros((len(bodies), BODY_WIDTH))
     for i, body in enumerate(bodies):
         table[i, MASS] = body.mass

@@ -156,7 +156,7 @@ def put_contact(system, t, out, B, rho, rho_dot, alpha):
 
 @sample.register(RollingBody)
 def rolling_sample(system, t, y, out):
-    """State, the reaction at the contact point, and balances."""
+    """Write state, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = rolling_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 
@@ -192,7 +192,7 @@ def line_settle(system, t, y):
 
 @sample.register(LineRollingBody)
 def line_sample(system, t, y, out):
-    """State, the reaction at the contact point, and balances."""
+    """Write state, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = line_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 
