@@ -57,8 +57,7 @@ from rb_sim.numerics.vectors import ZERO, scale
 
 
 class Sides(NamedTuple):
-    """Edges of one body that may cross a support between its corners, and the support's own
-    edges."""
+    """Edges of one body that may cross a support between its corners, and the reverse."""
 
     name: str
     """name of the constraint."""
@@ -241,7 +240,7 @@ class ViscousLaw(Spec):
 
 
 class RegularisedLaw(Spec):
-    """T = -mu N s / sqrt(s^2 + v^2): creeps if Coulomb's law sticks."""
+    """T = -mu N s / sqrt(s^2 + v^2): creeps slowly under loads for which Coulomb's law sticks."""
 
     type: Literal["regularised"] = "regularised"
     coefficient: NonNegative

@@ -171,7 +171,7 @@ class Disk(Shape):
 
 
 class Cylinder(Shape):
-    """Solid cylinder: moment a^2/2 per unit mass about its axis, a^2/4 + h^2/12 transversely."""
+    """Solid cylinder: per unit mass a^2/2 about its axis, a^2/4 + h^2/12 about a diameter."""
 
     type: Literal["cylinder"] = "cylinder"
     radius: Positive = Field(description="radius [m]")
@@ -181,7 +181,7 @@ class Cylinder(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
-        """a^2/2 about the axis, a^2/4 + h^2/12 transversely."""
+        """a^2/2 about the axis, a^2/4 + h^2/12 about a diameter."""
         square = self.radius**2
         return _revolution(0.5 * square, 0.25 * square + self.length**2 / 12.0, self.axis_B)
 
@@ -210,7 +210,7 @@ class Box(Shape):
 
 
 class Rod(Shape):
-    """Thin rod: transverse moment l^2/12 per unit mass; with `radius` a solid cylinder."""
+    """Thin rod: l^2/12 per unit mass about a normal to it; with `radius` a solid cylinder."""
 
     type: Literal["rod"] = "rod"
     length: Positive = Field(description="length [m]")
@@ -221,8 +221,8 @@ class Rod(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
-        """l^2/12 transversely; about the axis that of a cylinder, of radius THIN_ROD l by
-        default."""
+        """l^2/12 about a normal to the axis; about the axis that of a cylinder, by default of
+        radius THIN_ROD l."""
         thin = self.length**2 / 12.0
         if self.radius is None:
             return _revolution(0.5 * (THIN_ROD * self.length) ** 2, thin, self.axis_B)

@@ -117,8 +117,7 @@ def levelled(axis: Vec3, normal: Vec3) -> Vec3:
 
 
 class RollingRow(NamedTuple):
-    """Rolling without slip: the surface touches the parent's plane, contact point at rest: 3
-    rows."""
+    """Rolling without slip: the surface touches the parent's plane at a point at rest: 3 rows."""
 
     surface: tuple
     r_A: Vec3

@@ -9,10 +9,11 @@
 
 """Constraint rows: equations linear in the velocities u = (v_C, w_B) of body and parent.
 
-Each row is J u = b and, if it is holonomic, g(q) = 0; differentiated once more it is J du/dt + bias
-= 0 (LL 38.2; mechanics of the non-free solid). `fill` writes J (12 columns: v_WC of the body in
-world axes, its angular velocity in body axes, the same of the parent), bias, error g, rate b, and
-whether the row is holonomic. Vectors stored in a row are from the centre of mass of their body.
+Each row is  J u = b  and, if it is holonomic, g(q) = 0; differentiated once more it is
+J du/dt + bias = 0 (LL 38.2; mechanics of the non-free solid). `fill` writes J (12 columns: v_WC of
+the body in world axes, its angular velocity in body axes, the same of the parent), bias, error g,
+rate b, and whether the row is holonomic. Vectors stored in a row are from the centre of mass of
+their body.
 """
 
 from __future__ import annotations

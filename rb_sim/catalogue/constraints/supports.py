@@ -146,7 +146,7 @@ class Rod(Distance):
 
 
 class Hinge(Spec):
-    """Frictionless hinge: a force in any direction; with an axis (a pin) also torques normal to
+    """Frictionless hinge: a force in any direction; with an axis (pin) also torques normal to
     it."""
 
     type: Literal["hinge"]

@@ -89,8 +89,7 @@ def quadratic_drag(row, t, body, B, A):
 
 
 class AngularDamping(Spec):
-    """K = -c (w_B - w_A): viscous torque on the angular velocity relative to the parent or the
-    world."""
+    """K = -c (w_B - w_A): viscous torque against rotation relative to the parent or the world."""
 
     type: Literal["angular_damping"]
     body: Name

@@ -9,12 +9,12 @@
 
 """Spring-damper between a point of the body and a point of its parent or the world.
 
-With a rest length l0 > 0 the force acts along the line through the points: F = -k (l - l0) u of the
-spring, F = -c (u . d') u of the damper. With l0 = 0 the law is isotropic, as for a bushing: F = -k
-d - c v, without a singular point at d = 0. Here v is the velocity of the body's point relative to
-the parent's material point at the same place. The force acts on both bodies at this place, so the
-dissipated power is c v . v for any rotation of the parent. A scene without damping does not compute
-it.
+With a rest length l0 > 0 the force acts along the line through the points:
+F = -k (l - l0) u of the spring, F = -c (u . d') u of the damper. With l0 = 0 the law is isotropic,
+as for a bushing: F = -k d - c v, without a singular point at d = 0. Here v is the velocity of the
+body's point relative to the parent's material point at the same place. The force acts on both
+bodies at this place, so the dissipated power is c v . v for any rotation of the parent. A scene
+without damping does not compute it.
 """
 
 from __future__ import annotations

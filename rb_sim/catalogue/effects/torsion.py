@@ -9,11 +9,11 @@
 
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
-theta is the twist about the axis in the rotation from the parent's to the body's frame, theta = 2
-atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the value closest to that at
-the end of the previous step is taken. The gradient of theta is the axis itself as long as the body
-only turns about it; otherwise the full gradient keeps the law conservative: (w^2 a + w a x v + (v .
-a) v) / (w^2 + (v . a)^2).
+theta is the twist about the axis in the rotation from the parent's to the body's frame,
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the value closest to
+that at the end of the previous step is taken. The gradient of theta is the axis itself as long as
+the body only turns about it; otherwise the full gradient keeps the law conservative:
+(w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ LATER = 0.01
 """Time after which the model is computed again, in times of the fastest mode."""
 
 STEADY = 1e-6
-"""Change of A in that time, relative to A, up to which the motion counts as steady."""
+"""Change of A over LATER, relative to A, up to which the motion counts as steady."""
 
 
 def linearize(
