@@ -26,9 +26,10 @@ from rb_sim.graph.symbols import External, call, stepwise
 from rb_sim.numerics.kernels import Routine, dispatch, inline, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 
-# A spline c(s) as data: its pieces in one table, which compiled functions read by address. A traced
-# law calls for the coefficients of the piece at a parameter and evaluates them itself: the same
-# code serves every spline of a degree, and its derivatives are those of the piece.
+# A spline c(s) as data: its pieces in one table, which compiled functions read by address.
+#
+# A traced law calls for the coefficients of the piece at a parameter and evaluates them itself: the
+# same code serves every spline of a degree, and its derivatives are those of the piece.
 
 
 # The table of a spline as compiled functions read it: pieces, points along the curve and breaks.

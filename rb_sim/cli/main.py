@@ -31,6 +31,7 @@ from rb_sim.cli import options as opt
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
 
 # Usage errors are printed in one line, as all other errors: the problem, and which --help to read.
+#
 # Help shows a flag without a type: newer versions of typer print one, as if the flag took a value.
 
 

@@ -152,7 +152,7 @@ def _rest(
     whole_after_first = all(not cut for _, _, cut in left[1:])
     together = axes == list(range(axes[0], kind.ndim))
     if not together or not whole_after_first or kind.strided:
-        # rows with gaps: parts of them could be read wrongly
+        # rows with gaps: only reading them would be right
         raise KindError("a part of an array that does not lie in one piece")
     found = Array(kind.element, len(axes), origins=kind.origins)
     return found, Value(found, (place, *counts))

@@ -414,9 +414,10 @@ class Expressions(Variables):
         return taken_apart(self, self.get(call), from_places(result, here))
 
 
-# Statements of a function, for arguments of given kinds. A variable has one kind throughout a
-# function; if an integer turns out to become a real number later, the translation is repeated with
-# that knowledge.
+# Statements of a function, for arguments of given kinds.
+#
+# A variable has one kind throughout a function; if an integer turns out to become a real number
+# later, the translation is repeated with that knowledge.
 
 
 class Translation(Expressions):

@@ -36,8 +36,9 @@ from rb_sim.compiler.source import parameters_of, result_type, taken_apart
 from rb_sim.compiler.translate import AgainError, CompileError, Translation
 from rb_sim.graph.machine import new_module, target_machine
 
-# LLVM IR with typed pointers for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04). Every pointer
-# becomes one to bytes, and is cast where something is read or written.
+# LLVM IR with typed pointers for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04).
+#
+# Every pointer becomes one to bytes, and is cast where something is read or written.
 
 
 _TABLE = re.compile(

@@ -180,6 +180,7 @@ def _is_zero(x: Any) -> bool:
 
 
 # The Jacobian of a graph column by column: the code grows with the graph, not with the matrix.
+#
 # Quantities of the graph itself are computed once. Then the tangents (`tangent`), about as many
 # operations as the graph has, are evaluated for LANES directions at a time, one per vector lane; a
 # matrix of n columns takes n / LANES such passes.

@@ -309,8 +309,9 @@ def _python_operation(x: Symbol, name: Any) -> str:
     return f"{x.op}({', '.join(operands)})"
 
 
-# A graph as a C function for use outside rb_sim: `python -m tools.c_law SCENE` prints one. The
-# operations are in the order of the graph, one per line; a compiler without fused multiply-add
+# A graph as a C function for use outside rb_sim: `python -m tools.c_law SCENE` prints one.
+#
+# The operations are in the order of the graph, one per line; a compiler without fused multiply-add
 # gives the numbers of the machine code of `emit`, except for sines and similar functions of its own
 # library.
 

@@ -344,9 +344,10 @@ class Unrolled:
         return writer.added(chains) if chains else "zeroinitializer"
 
 
-# LLVM IR of a series: the orders in sequence, each with its sums. The factors of order j of all
-# sums are consecutive, so that vectors of four sums go through the orders side by side, without
-# additions across a vector.
+# LLVM IR of a series: the orders in sequence, each with its sums.
+#
+# The factors of order j of all sums are consecutive, so that vectors of four sums go through the
+# orders side by side, without additions across a vector.
 
 
 class Driver(Writer):

@@ -45,8 +45,9 @@ from rb_sim.graph.symbols import (
     where,
 )
 
-# Operations of dy/dt = f(t, y) that are polynomials in time along any motion, and their degrees. A
-# coordinate whose rate has degree d has degree d + 1: a rotation at constant rate, a fall or a
+# Operations of dy/dt = f(t, y) that are polynomials in time along any motion, and their degrees.
+#
+# A coordinate whose rate has degree d has degree d + 1: a rotation at constant rate, a fall or a
 # guided motion is known in advance. All other operations have degree infinity.
 
 

@@ -24,10 +24,11 @@ from rb_sim.graph.emit import RARELY, Operations, constant
 from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
 from rb_sim.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
 
-# Sine and cosine from arithmetic alone, for vector code. x = k pi/2 + r with |r| <= pi/4: pi/2 is
-# subtracted in three parts, of which k times the first two is exact (Cody and Waite 1980), and r is
-# the argument of the polynomials of FDLIBM (k_sin.c, k_cos.c; Sun Microsystems 1993). Accurate to
-# two units in the last place of the larger of both.
+# Sine and cosine from arithmetic alone, for vector code.
+#
+# x = k pi/2 + r with |r| <= pi/4: pi/2 is subtracted in three parts, of which k times the first two
+# is exact (Cody and Waite 1980), and r is the argument of the polynomials of FDLIBM (k_sin.c,
+# k_cos.c; Sun Microsystems 1993). Accurate to two units in the last place of the larger of both.
 
 
 NEAR = 2.0**20

@@ -41,8 +41,10 @@ from rb_sim.integrate.layout import (
 )
 from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
 
-# Newton's iteration on the positions g(q) = 0 of constraint rows. A class with rows registers two
-# kernels: the largest error, and one step of the iteration. The stopping rule is defined here only.
+# Newton's iteration on the positions g(q) = 0 of constraint rows.
+#
+# A class with rows registers two kernels: the largest error, and one step of the iteration. The
+# stopping rule is defined here only.
 
 
 POSITION_SWEEPS = 8

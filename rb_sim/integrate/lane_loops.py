@@ -124,9 +124,11 @@ def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples
                 out[(k * count + j) * width + i] = at[i * LANES + k]
 
 
-# Adaptive steps for several runs at once, on laws in lanes. Every lane has its own clock, error
-# control and index of its next sample; one call of the law is an attempt of every lane, and a lane
-# whose run has ended starts the next run. The steps are those of `record`.
+# Adaptive steps for several runs at once, on laws in lanes.
+#
+# Every lane has its own clock, error control and index of its next sample; one call of the law is
+# an attempt of every lane, and a lane whose run has ended starts the next run. The steps are those
+# of `record`.
 
 
 ERROR, ACCEPTED, FOLLOWING, WITHIN, ALL, ADAPTIVE_EXTRA = range(6)

@@ -50,9 +50,10 @@ def size_of(n, y, work, m):
     return max(work[FLOOR * n + m], way)
 
 
-# Indices of the arrays of the loops: laws, settings, clock, states. Loops take everything as
-# pointers: arrays and tuples are passed number by number, which would cost more than a step of a
-# small law.
+# Indices of the arrays of the loops: laws, settings, clock, states.
+#
+# Loops take everything as pointers: arrays and tuples are passed number by number, which would cost
+# more than a step of a small law.
 
 
 FINE, NOT_FINITE, STEP_UNDERFLOW, LEFT_DOMAIN = 0, 1, 2, 3
@@ -112,9 +113,10 @@ FIRST_TIME, CAPACITY = 1, 256
 WORST = FIRST_TIME + CAPACITY
 
 
-# Systems as loops pass them: one address of packed numbers and tables. A system of many tables is
-# passed as the address of its `Layout`; its tables are read where they are used. The caller of a
-# loop keeps the arrays alive.
+# Systems as loops pass them: one address of packed numbers and tables.
+#
+# A system of many tables is passed as the address of its `Layout`; its tables are read where they
+# are used. The caller of a loop keeps the arrays alive.
 
 
 REAL, INTEGER = "real", "integer"

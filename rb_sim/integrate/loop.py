@@ -258,10 +258,11 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
     return ended(laws, n, t, new, p, work, status)
 
 
-# The loop that Python calls: advance a state over a grid of steps, with samples. The grid does not
-# depend on the sample times. A sample between two grid points is one more step of the method from
-# the grid point before it: it has the method's full order, costs nothing without samples, and a run
-# split in two equals the run in one, bit for bit.
+# The loop that Python calls: advance a state over a grid of steps, with samples.
+#
+# The grid does not depend on the sample times. A sample between two grid points is one more step of
+# the method from the grid point before it: it has the method's full order, costs nothing without
+# samples, and a run split in two equals the run in one, bit for bit.
 
 
 @helper

@@ -22,6 +22,13 @@ from rb_sim.graph.table_program import Field, Program
 from rb_sim.mechanics.systems.elimination import Factors, elimination_order
 
 # Neighbours of each constraint row, bodies that stay unknowns, and the order of elimination.
+#
+# Nodes are the constraints between one pair of bodies, up to six rows each, and the hubs: bodies
+# that stay unknowns, since they would make all of their many constraints neighbours of each other
+# (star of n arms: n^3). The unknowns of a hub are its six accelerations:
+#
+#     [ A    G_h ] [lambda]   [-bias - G M^-1 f]
+#     [G_h^T -M_h] [ a_h  ] = [      -f_h      ],   A = G M^-1 G^T over all other bodies.
 
 
 MOST_ROWS = 6
@@ -144,8 +151,9 @@ def _rank(node: Node, hubs: frozenset[int]) -> int:
     return 0 if {node.body, node.parent} - {-1} - hubs else 2
 
 
-# Operations of the elimination on one or two small dense matrices, element by element. Symmetric
-# matrices are packed by their lower rows.
+# Operations of the elimination on one or two small dense matrices, element by element.
+#
+# Symmetric matrices are packed by their lower rows.
 
 
 def packed(n: int) -> int:

@@ -23,13 +23,14 @@ from rb_sim.mechanics.system import CONFIGURATION
 from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.numerics.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
-# Norm of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m. It is |(p,
-# J / R)| / m of momentum p and angular momentum J; for a sphere it is the speed with the same
-# kinetic energy. Each axis is weighted by its effect on the motion. The spin of a thin rod about
-# its axis may have most of the energy and hardly turns the rod: with one length for all axes, or by
-# energy, it would hide all other errors. This norm does not see errors of the spin about such an
-# axis, although they make the attitude wrong: where that matters, a thin body is measured a second
-# time with A = R 1 (see `measures_of`).
+# Norm of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m.
+#
+# It is |(p, J / R)| / m of momentum p and angular momentum J; for a sphere it is the speed with the
+# same kinetic energy. Each axis is weighted by its effect on the motion. The spin of a thin rod
+# about its axis may have most of the energy and hardly turns the rod: with one length for all axes,
+# or by energy, it would hide all other errors. This norm does not see errors of the spin about such
+# an axis, although they make the attitude wrong: where that matters, a thin body is measured a
+# second time with A = R 1 (see `measures_of`).
 
 
 Numbers = np.ndarray
@@ -89,10 +90,12 @@ def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
     return np.concatenate([v, by_lengths(lengths, w)], axis=2)
 
 
-# Amplitude of coordinates that depend on each other, found by following the motion. Coordinates in
-# joints cannot be varied one by one. The motion is followed from its start in coarse steps, each
-# compared with two of half its length, until every group of coordinates has turned back or has
-# moved further than a small motion. Only the amplitude is needed: a tenth is accurate enough.
+# Amplitude of coordinates that depend on each other, found by following the motion.
+#
+# Coordinates in joints cannot be varied one by one. The motion is followed from its start in coarse
+# steps, each compared with two of half its length, until every group of coordinates has turned back
+# or has moved further than a small motion. Only the amplitude is needed: a tenth is accurate
+# enough.
 
 
 Rate = Callable[[float, Array], Array]
@@ -237,18 +240,23 @@ def sizes(numbers: Array, parts: Indices) -> Array:
     return np.sqrt(np.add.reduceat(squares, parts)[::2])
 
 
-# Motions of one body relative to another that are small against their common motion. Two bodies
-# drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to their positions
-# would leave few digits of that micrometre. If a joint or an effect acts between two bodies, the
-# motion is followed (see `turns_of`) as the parent sees it, R_A^T (p_B - p_A) and q_A^-1 q_B. If
-# that turns back within a small distance, the errors of both bodies are relative to it, however far
-# they move together. Bodies joined in a chain start with small motions and end with large ones, as
-# the free end of a falling chain: there either all pairs turn back, or no pair is held.
+# Motions of one body relative to another that are small against their common motion.
+#
+# Two bodies drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to
+# their positions would leave few digits of that micrometre. If a joint or an effect acts between
+# two bodies, the motion is followed (see `turns_of`) as the parent sees it,
+#
+#     R_A^T (p_B - p_A)    and    q_A^-1 q_B,
+#
+# and if that turns back within a small distance, the errors of both bodies are relative to it,
+# however far they move together. Bodies joined in a chain start with small motions and end with
+# large ones, as the free end of a falling chain: there either all pairs turn back, or no pair is
+# held.
 
 
 RESOLVED = 1e4
-"""Relative displacement of a pair, in roundings of the bodies' positions, below which their
-positions are not held: following the motion amplifies rounding about a hundred times."""
+"""Relative displacement of a pair, in roundings of the bodies' positions, below which the pair
+counts as unmoved: following the motion amplifies rounding about a hundred times."""
 
 MOST_RELATIVE_STEPS = 60
 """Most steps for relative motions."""
@@ -359,14 +367,18 @@ def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, 
     return place, turn
 
 
-# Bodies whose motion is small in SI units: scales to which their errors are relative. An error is
-# limited to tolerance * max(1, |y_i|); for a body that swings by a nanometre that is the whole
-# motion. The amplitude of a body follows from the law itself, by moving the body alone: it turns
-# back where the work of its acceleration has used up its kinetic energy, v0^2 / 2 + integral of a .
-# ds = 0. This is done for each body that can move straight (free ones, and those on a guide or a
-# plane of the world), independently of the others. The amplitude of bodies in joints is found by
-# following the motion of all (see `turns_of`). Only without commands and for laws that do not
-# depend on time; a body that does not turn back within a small distance keeps SI units.
+# Bodies whose motion is small in SI units: scales to which their errors are relative.
+#
+# An error is limited to tolerance * max(1, |y_i|), which for a body that swings by a nanometre is
+# the whole motion. The amplitude of a body follows from the law itself, by moving the body alone:
+# it turns back where the work of its acceleration has used up its kinetic energy,
+#
+#     v0^2 / 2 + integral of a . ds = 0.
+#
+# This is done for each body that can move straight (free ones, and those on a guide or a plane of
+# the world), independently of the others. The amplitude of bodies in joints is found by following
+# the motion of all (see `turns_of`). Only without commands and for laws that do not depend on time;
+# a body that does not turn back within a small distance keeps SI units.
 
 
 SMALL = 0.1
@@ -379,7 +391,7 @@ ROUNDINGS = 4.0 * float(np.finfo(float).eps)
 """Smallest error of a position, relative to the position."""
 
 HALF = 16.0
-"""Rounding error of a position (half a unit in the last place) in units of ROUNDINGS; a smaller
+"""ROUNDINGS of a position in units of its rounding error, half a unit in the last place; a smaller
 change may vanish in a sum with other positions."""
 
 NEARBY = 1e-3

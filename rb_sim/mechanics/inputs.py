@@ -234,10 +234,11 @@ class Inputs:
         return with_numbers(on_symbols, places) if places else on_symbols
 
 
-# Systems that differ only in numbers share their laws: the differing numbers become inputs. A law
-# contains the constants of its scene, which suits one scene but not ten thousand that differ in a
-# mass. A family gets a few of them, finds the numbers that differ, and makes laws with these as
-# inputs; all others stay constants.
+# Systems that differ only in numbers share their laws: the differing numbers become inputs.
+#
+# A law contains the constants of its scene, which suits one scene but not ten thousand that differ
+# in a mass. A family gets a few of them, finds the numbers that differ, and makes laws with these
+# as inputs; all others stay constants.
 
 
 class Family:

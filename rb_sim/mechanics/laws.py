@@ -55,9 +55,10 @@ from rb_sim.numerics.vectors import (
     unrotate,
 )
 
-# Variables z instead of the coordinates y for steps along a Taylor series. The series comes from
-# the graph of dz/dt as for any law; a system needs only that law and the maps between y and z.
-# Worthwhile if it is 1.3 times cheaper (`python -m benchmarks.series`).
+# Variables z instead of the coordinates y for steps along a Taylor series.
+#
+# The series comes from the graph of dz/dt as for any law; a system needs only that law and the maps
+# between y and z. Worthwhile if it is 1.3 times cheaper (`python -m benchmarks.series`).
 
 
 Numbers = Sequence[Any]
@@ -83,8 +84,11 @@ class Variables(NamedTuple):
 # A body on a fixed axis under gravity: a pendulum, with its angular acceleration as a variable.
 #
 # With F the weight and m = n x rho in body axes, the angular acceleration is
+#
 #     S = (P cos phi - Q sin phi),   J P = m . F_0,   J Q = m . (n x F_0),
-# F_0 in the body axes of phi = 0.  With C = dS/dphi the series needs two products and no sine:
+#
+# with F_0 in the body axes of phi = 0. With C = dS/dphi the series needs two products and no sine:
+#
 #     phi' = w,   w' = S,   S' = C w,   C' = -S w.
 
 
@@ -122,6 +126,7 @@ AS_PENDULUM = Variables(suits_pendulum, 4, begin_as_pendulum, rates_of_pendulum,
 # A disk that rolls on its edge on a level plane under gravity, in angles (Routh; LL 38). e: level
 # direction in the disk's plane, u: up its slope from the contact to the centre, k: its axis (e x u
 # = k), theta: tilt between k and the normal n, c and s its cosine and sine, w = w1 e + w2 u + w3 k.
+#
 # Then (A + m a^2) w1' = w2 (A own - (C + m a^2) w3) - m g a c, A w2' = w1 (C w3 - A own), (C + m
 # a^2) w3' = m a^2 w1 w2, theta' = w1, where (e, u, k) itself turns by w1 e + w2 u + own k, that is
 # by turn = w2/s about n; own = c turn. The disk spins in it by w3 - own about k, and its centre
@@ -235,9 +240,11 @@ IN_ANGLES = Variables(suits_disk, 10, begin_in_angles, rates_of_angles, change_f
 
 
 # A homogeneous sphere that rolls under a constant force at its centre and a constant torque, in
-# world axes. LL 38, problem 1: about the contact point (I + m a^2) dw/dt = K + a n x F normal to n
-# and I dw_n/dt = K_n along n, so w = w_0 + alpha t in world axes, q' = (1/2) w q, and the centre
-# moves at w x a n.
+# world axes.
+#
+# LL 38, problem 1: about the contact point (I + m a^2) dw/dt = K + a n x F normal to n and I
+# dw_n/dt = K_n along n, so w = w_0 + alpha t in world axes, q' = (1/2) w q, and the centre moves at
+# w x a n.
 
 
 def suits_sphere(system):

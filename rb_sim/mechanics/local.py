@@ -183,6 +183,7 @@ def kept(t: Any, y: Any) -> list[Any]:
 
 
 # The constraint rows between a body and its parent, as the elimination over tables uses them.
+#
 # Functions take a thing, the time and fields, as above.
 
 

@@ -70,10 +70,13 @@ from rb_sim.mechanics.systems.multibody import (
 from rb_sim.mechanics.systems.translation import GuidedLaws, on_guides, ways
 from rb_sim.numerics.kernels import Step
 
-# Factors of A = G M^-1 G^T if many constraints act on one body. All of them would be neighbours of
-# each other. Instead the body stays as a hub: the changes a_h of its accelerations by the
-# multipliers are six more unknowns, with A over all other bodies and the block rows [A G_h; G_h^T
-# -M_h] for [lambda; a_h] = [right; 0].
+# Factors of A = G M^-1 G^T if many constraints act on one body.
+#
+# All of them would be neighbours of each other. Instead the body stays as a hub: the changes a_h of
+# its accelerations by the multipliers are six more unknowns,
+#
+#     [ A    G_h ] [lambda]   [right]
+#     [G_h^T -M_h] [ a_h  ] = [  0  ],   A = G M^-1 G^T over all other bodies.
 
 
 def plan_of(system: MultiBody) -> Plan | None:
@@ -141,8 +144,9 @@ def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
 
 
 # The constraint rows of N bodies in traced laws: order of elimination, rows with a multiplier,
-# multipliers. The kernels of `systems` write their tables as with numbers; here the tables hold
-# symbols.
+# multipliers.
+#
+# The kernels of `systems` write their tables as with numbers; here the tables hold symbols.
 
 
 LEFT_NEAR_SINGULAR = 1e-10

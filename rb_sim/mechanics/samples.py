@@ -291,9 +291,11 @@ def _shifted(parts: list[SampleBlock]) -> Iterator[Input]:
         first += len(part)
 
 
-# Motion of the body origin O from that of the centre of mass C: p_O = p_C - R r_OC and v_O = v_C -
-# w x (R r_OC), with r_OC the centre of mass in the body frame and w the angular velocity in world
-# axes.
+# From the centre of mass C to the body origin O.
+#
+#     p_O = p_C - R r_OC          v_O = v_C - w x (R r_OC)
+#
+# with r_OC the centre of mass in the body frame and w the angular velocity in world axes.
 
 
 def centers_of_mass(bodies: Mapping[str, Any], names: tuple[str, ...]) -> Array:

@@ -271,11 +271,12 @@ def instants_beside(events: Sequence[float], start: float, end: float) -> Array:
     return np.unique(beside[(beside > start) & (beside < end)])
 
 
-# Estimate of the remaining time of a run: reported if long, the run is ended if endless. A run with
-# a stiff initial transient is slow only at first, and one whose body later rolls at 1e9 rad/s is
-# fast only at first. So the estimate uses the fastest of the recent paces, and a run is ended only
-# if it stays endless for some time. The first pace is not used alone: it includes tracing of laws
-# and loading of loops.
+# Estimate of the remaining time of a run: reported if long, the run is ended if endless.
+#
+# A run with a stiff initial transient is slow only at first, and one whose body later rolls at 1e9
+# rad/s is fast only at first. So the estimate uses the fastest of the recent paces, and a run is
+# ended only if it stays endless for some time. The first pace is not used alone: it includes
+# tracing of laws and loading of loops.
 
 
 EFFORT = 5.0

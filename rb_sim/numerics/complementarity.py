@@ -22,11 +22,17 @@ from rb_sim.numerics.linear_solves import least_squares
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 
 # Equations of Alart and Curnier (1991) for a complementarity problem with friction, and Newton's
-# iteration on them with least-squares steps. A problem is w = A x + b with a rule for each row and
-# each friction bound: HOLDS: w = 0. PUSHES: x >= least, w >= 0, one of them zero. RUBS: tangential
-# row of a bound, |x_t| <= bound x_n, and x_t = -bound x_n w_t / |w_t| unless w_t = 0. Rows in no
-# bound are equalities; an infinite bound holds its rows while the normal row carries a force.
-# Dependent rows are allowed. Matrices are vectors of their rows, one after another.
+# iteration on them with least-squares steps.
+#
+# A problem is w = A x + b with a rule for each row and each friction bound:
+#
+#     HOLDS   w = 0
+#     PUSHES  x >= least, w >= 0, one of them zero
+#     RUBS    tangential row of a bound: |x_t| <= bound x_n, and x_t = -bound x_n w_t / |w_t| unless
+#             w_t = 0
+#
+# Rows in no bound are equalities; an infinite bound holds its rows while the normal row carries a
+# force. Dependent rows are allowed. Matrices are vectors of their rows, one after another.
 
 
 HOLDS, PUSHES, RUBS = 0, 1, 2

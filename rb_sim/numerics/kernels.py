@@ -38,8 +38,9 @@ from rb_sim.compiler.program import Entry, ForC, on_compilation
 from rb_sim.graph.machine import interpreted
 from rb_sim.graph.symbols import explored
 
-# Calls in compiled loops: laws and steps are called by their address, vectors are pointers. A
-# pointer to double in machine code is an array in plain Python (RB_SIM_INTERPRETED=1); both are
+# Calls in compiled loops: laws and steps are called by their address, vectors are pointers.
+#
+# A pointer to double in machine code is an array in plain Python (RB_SIM_INTERPRETED=1); both are
 # indexed in the same way.
 
 
@@ -271,8 +272,10 @@ def step(stages: int, implicit: int = 0) -> Callable[[Function], Step]:
     return lambda function: Step(function, stages, implicit)
 
 
-# Functions whose kernel is selected by the class of their first argument. The selection is made at
-# compile time, so that kernels that a scene does not use are not in its machine code.
+# Functions whose kernel is selected by the class of their first argument.
+#
+# The selection is made at compile time, so that kernels that a scene does not use are not in its
+# machine code.
 
 
 Kernel = Callable[..., Any]
@@ -311,9 +314,10 @@ def dispatch(stub: Kernel) -> Any:
     return call
 
 
-# Decorators of functions of catalogue and contact. The functions stay plain Python, which traces of
-# laws and RB_SIM_INTERPRETED=1 run as they are; those that compiled code calls are compiled with
-# it.
+# Decorators of functions of catalogue and contact.
+#
+# The functions stay plain Python, which traces of laws and RB_SIM_INTERPRETED=1 run as they are;
+# those that compiled code calls are compiled with it.
 
 
 __all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation"]

@@ -19,7 +19,9 @@ from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 # The x of minimum norm among those with the least |A x - b|, for small square matrices of any rank,
 # by a complete orthogonal decomposition A P = Q (T 0; 0 0) Z^T (Golub and Van Loan, Matrix
 # Computations, section 5.5) with Householder reflections I - 2 v v^T / |v|^2; a tenth of the cost
-# of a singular value decomposition. Matrices are vectors of their rows, one after another.
+# of a singular value decomposition.
+#
+# Matrices are vectors of their rows, one after another.
 
 
 @inline

@@ -35,10 +35,11 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit, rolling_spin
 from rb_sim.scene.schema import Scene
 
-# Linearly dependent constraint rows: permanently (redundant) or in one position only (singular). A
-# combination nu of rows with nu^T G = 0 stays one along every motion u that the rows allow if nu^T
-# dG/dt u = 0 for all such u. Otherwise the position is singular, a dead centre: the rows stop a
-# motion that they allow to first order, or let it branch, and accelerations and reactions are not
+# Linearly dependent constraint rows: permanently (redundant) or in one position only (singular).
+#
+# A combination nu of rows with nu^T G = 0 stays one along every motion u that the rows allow if
+# nu^T dG/dt u = 0 for all such u. Otherwise the position is singular, a dead centre: the rows stop
+# a motion that they allow to first order, or let it branch, and accelerations and reactions are not
 # unique.
 
 
@@ -115,8 +116,7 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
 
 
 def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Upper bound of |dG/dt u| for each row, as if it turned with the fastest body: size v^2 /
-    length."""
+    """Scale of |dG/dt u| for each row, as if it turned with the fastest body: size v^2 / length."""
     length = system.length
     speed = (np.linalg.norm(u[:, :3], axis=1) + length * np.linalg.norm(u[:, 3:], axis=1)).max()
     parts = G.reshape(len(G), -1, 6)

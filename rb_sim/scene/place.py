@@ -126,10 +126,11 @@ class InitialPlace:
         return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))
 
 
-# Joint points between bodies, with rows along the world's axes or along the parent's. On the
-# manifold both are equivalent. Off it, in the stages of a step, rows along the world's axes demand
-# other accelerations than rows that turn with the parent, and a body with one of each, close to
-# each other, is tilted by their difference over their distance.
+# Joint points between bodies, with rows along the world's axes or along the parent's.
+#
+# On the manifold both are equivalent. Off it, in the stages of a step, rows along the world's axes
+# demand other accelerations than rows that turn with the parent, and a body with one of each, close
+# to each other, is tilted by their difference over their distance.
 
 
 CLOSE = 0.1

@@ -61,9 +61,10 @@ from rb_sim.numerics.vectors import (
 )
 from rb_sim.scene.place import InitialPlace, quaternion, symmetric, vector
 
-# Principal axes of an inertia tensor (LL 32), by Jacobi rotations in long double. That keeps the
-# digits of the small moment of a slender body: the usual routines in double precision leave errors
-# of the size of a rounding of the largest moment.
+# Principal axes of an inertia tensor (LL 32), by Jacobi rotations in long double.
+#
+# That keeps the digits of the small moment of a slender body: the usual routines in double
+# precision leave errors of the size of a rounding of the largest moment.
 
 
 SWEEPS = 12

@@ -366,7 +366,7 @@ class SceneInMotion(InSteps):
         self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._commands = Commands(self.compiled)
         self.stepping_time = 0.0
-        """CPU-side time of runs so far, without compiling [s]."""
+        """wall-clock time of all runs so far, without compiling [s]."""
         self._start_anew()
 
     def __repr__(self) -> str:

@@ -37,10 +37,12 @@ from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.simulation.state_override import Placement
 
-# The laws of a motion with its derivatives by parameters: the variational equations. With s = dy/dk
-# for a number k of the scene, ds/dt = (df/dy) s + (df/dp) dp/dk. Every law is differentiated
-# exactly along s, including the projection onto the manifold, so that a method of fixed steps gives
-# the exact derivative of its own results (Hairer, Norsett & Wanner I, section I.14).
+# The laws of a motion with its derivatives by parameters: the variational equations.
+#
+# With s = dy/dk for a number k of the scene, ds/dt = (df/dy) s + (df/dp) dp/dk. Every law is
+# differentiated exactly along s, including the projection onto the manifold, so that a method of
+# fixed steps gives the exact derivative of its own results (Hairer, Norsett & Wanner I, section
+# I.14).
 
 
 Weighted = Sequence[tuple[float, Any]]

@@ -400,10 +400,12 @@ def _commanded(trajectory: Record, place: InitialPlace, body: str) -> tuple[Arra
     return force, torque - np.cross(r_OC_W, force)
 
 
-# Accelerations of the bodies at the samples, by Newton's and Euler's equations about the centre of
-# mass C: m a_C = F, I dw/dt + w x I w = K (body axes). F and K are the wrenches of the effects,
-# evaluated at the samples, and the recorded reactions; the integration does not need them, so they
-# cost time only when requested.
+# Accelerations of the bodies at the samples of a trajectory, by Newton's and Euler's equations.
+#
+#     m a_C = F        I dw/dt + w x I w = K        (about the centre of mass C, body axes)
+#
+# F and K are the wrenches of the effects, evaluated at the samples, and the recorded reactions; the
+# integration does not need them, so they cost time only when requested.
 
 
 class Accelerations(NamedTuple):

@@ -46,8 +46,9 @@ from rb_sim.numerics.vectors import (
     unrotate,
 )
 
-# A rim on a plane: the edge of a disk, or of an end of a cylinder, which may come to lie flat. A
-# tilted rim touches with its lowest point alone. A flat one touches all round: the points that
+# A rim on a plane: the edge of a disk, or of an end of a cylinder, which may come to lie flat.
+#
+# A tilted rim touches with its lowest point alone. A flat one touches all round: the points that
 # represent it depend on its motion before and stay fixed in the body until it tilts again. The
 # lowest and the highest point, opposite each other, form one line that continues through flat: the
 # lowest point on one side becomes the highest on the other. Only a rim that falls straight comes to
@@ -163,11 +164,17 @@ def rim_on_plane(pair, B, A):
 
 
 # A rim on a circular cylinder, from inside or outside: the edge of a disk, or of a cylinder's end.
-# The squared distance of the rim's points from the axis is, up to a constant, +- (p cos a + q sin a
-# + w cos^2 a), with a measured from the direction normal to the axis (inside) or from the one
-# closest to it (outside). It has two farthest (inside) or nearest (outside) points, at least one
-# third apart in angle, if |p|^(2/3) + |q|^(2/3) < (2 w)^(2/3), as for a disk across a trough; else
-# one.
+#
+# The squared distance of the rim's points from the axis is, up to a constant,
+#
+#     +- (p cos a + q sin a + w cos^2 a),
+#
+# with a measured from the direction normal to the axis (inside) or from the one closest to it
+# (outside). It has two local extremes, farthest (inside) or nearest (outside) points, if |p|^(2/3)
+# + |q|^(2/3) < (2 w)^(2/3), as for a disk across a trough; else one. Each half of the rim, cos a >
+# 0 and cos a < 0, has at most one of them; the first contact keeps to its half as long as there are
+# two, the second is the other one, or does not exist. In free flight the first one is the nearer
+# one to the support.
 
 
 ROUNDS = 80
@@ -346,13 +353,14 @@ def rim_on_cylinder(pair, B, A):
     return touch._replace(gap=where(lean.sense == ABSENT, touch.gap + pair.curved, touch.gap))
 
 
-# A corner or an end on another body's box or cylinder: it is supported by one face only. In flight
-# the gap is that to the nearest point of the solid. A point in contact keeps to the face that it
-# touched first, whose surface is continued beyond its edge, until it is beyond the edge by more
-# than rounding (corners that lie on edges, as in a stack of equal boxes, are off by some): no force
-# presses it there, and the contact opens. With the nearest point of the edge instead the normal
-# would jump, and the projection onto the manifold would take the point back to the edge, and energy
-# from it.
+# A corner or an end on another body's box or cylinder: it is supported by one face only.
+#
+# In flight the gap is that to the nearest point of the solid. A point in contact keeps to the face
+# that it touched first, whose surface is continued beyond its edge, until it is beyond the edge by
+# more than rounding (corners that lie on edges, as in a stack of equal boxes, are off by some): no
+# force presses it there, and the contact opens. With the nearest point of the edge instead the
+# normal would jump, and the projection onto the manifold would take the point back to the edge, and
+# energy from it.
 
 
 class PointOnSolid(BallOnSolid):

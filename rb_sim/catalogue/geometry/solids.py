@@ -171,11 +171,13 @@ def nearest_of_rod(rod, x, x_dot):
     return direction(away, away_dot, spare)
 
 
-# Contact points of two boxes: corners on faces both ways, and edge on edge. The direction of least
-# overlap (or of largest distance) among the normals of the six faces and the nine products of edges
-# is the normal of all points (separating axis theorem; Gottschalk 1996). If it is the normal of a
-# face, the opposite face of the other box is clipped to the prism over that face; the polygon that
-# remains has up to eight corners: those of either box, and crossings of edges.
+# Contact points of two boxes: corners on faces both ways, and edge on edge.
+#
+# The direction of least overlap (or of largest distance) among the normals of the six faces and the
+# nine products of edges is the normal of all points (separating axis theorem; Gottschalk 1996). If
+# it is the normal of a face, the opposite face of the other box is clipped to the prism over that
+# face; the polygon that remains has up to eight corners: those of either box, and crossings of
+# edges.
 
 
 MOST_POINTS = 8

@@ -35,9 +35,11 @@ from rb_sim.integrate.methods.collocation import (
 from rb_sim.numerics.kernels import call_law, helper, part, step
 
 # Radau IIA of order 5 with three stages: L-stable, so that decayed components do not limit the
-# step. Hairer & Wanner, Solving Ordinary Differential Equations II, section IV.8: stages by
-# simplified Newton with one real and one complex factorisation a step, and the error estimate
-# filtered twice by the real one (equations 8.20 and 8.21), which stays bounded for any stiffness.
+# step.
+#
+# Hairer & Wanner, Solving Ordinary Differential Equations II, section IV.8: stages by simplified
+# Newton with one real and one complex factorisation a step, and the error estimate filtered twice
+# by the real one (equations 8.20 and 8.21), which stays bounded for any stiffness.
 
 
 R6 = math.sqrt(6.0)

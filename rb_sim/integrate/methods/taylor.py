@@ -29,8 +29,9 @@ from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import DY, size_of
 from rb_sim.numerics.kernels import SeriesStep, call_law, helper, part
 
-# Steps along the Taylor series of the motion: their length, and the state at their end. Jorba &
-# Zou, Experimental Mathematics 14 (2005): the last two terms of the series are within the
+# Steps along the Taylor series of the motion: their length, and the state at their end.
+#
+# Jorba & Zou, Experimental Mathematics 14 (2005): the last two terms of the series are within the
 # tolerance, so the step is known in advance. Two checks follow: the slope of the series at the end
 # must equal dy/dt there, and no event function may change sign within the step. A step that fails
 # is shortened; its series is kept. The root of a square is such an event: if a body reverses on a
@@ -49,7 +50,7 @@ place if they are not the coordinates: y, then z, then the change of z; number o
 ones, that are roots."""
 
 LOOKS = 16
-"""Parts of a step to which the sign change of an event is located."""
+"""Number of parts of a step, to one of which the sign change of an event is located."""
 
 LEAST_LOOK = 2.0**-24
 """Part of a step below which an event close to zero is not resolved: the error of missing it is its

@@ -26,12 +26,13 @@ from rb_sim.numerics.kernels import inline, part, pointer, routine
 from rb_sim.numerics.linear_solves import of_rank
 from rb_sim.numerics.rank import RANK_TOLERANCE, rank_of
 
-# Constraint rows that depend on others: decided once, with as many digits as possible. Of dependent
-# rows some are omitted, and there is a choice. If a row is omitted in the order of elimination only
-# when its pivot is rounding, the remaining rows may be nearly dependent, too: pivots shrink to 1e-6
-# of their diagonal elements, the next ones are rounding errors of 1e-10, and so is the rank. Here
-# the rank comes from all rows together, and rows with small pivots are omitted as long as enough
-# others remain.
+# Constraint rows that depend on others: decided once, with as many digits as possible.
+#
+# Of dependent rows some are omitted, and there is a choice. If a row is omitted in the order of
+# elimination only when its pivot is rounding, the remaining rows may be nearly dependent, too:
+# pivots shrink to 1e-6 of their diagonal elements, the next ones are rounding errors of 1e-10, and
+# so is the rank. Here the rank comes from all rows together, and rows with small pivots are omitted
+# as long as enough others remain.
 
 
 LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
@@ -133,9 +134,10 @@ def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:
 
 
 # A lambda = b for the sparse A = G M^-1 G^T, for numbers and for symbols: L D L^T without pivoting,
-# in an order with little fill-in. A pivot that is rounding of its diagonal element belongs to a row
-# that depends on earlier ones: it gets no multiplier, which for a consistent right side does not
-# change G^T lambda.
+# in an order with little fill-in.
+#
+# A pivot that is rounding of its diagonal element belongs to a row that depends on earlier ones: it
+# gets no multiplier, which for a consistent right side does not change G^T lambda.
 
 
 NEARLY_DEPENDENT = 1e-4
@@ -298,10 +300,11 @@ def take_least_norm(system: MultiBody, rank: Any) -> None:
     system.vectors[MULTIPLIERS] = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
 
 
-# Choice of the redundant rows that get a multiplier, as one external function. In loops of bodies a
-# choice that suits one position loses digits in another: an omitted row may be needed there. So it
-# is repeated after every step. It pivots by value: compiled once and called by address, as the
-# minimum-norm multipliers.
+# Choice of the redundant rows that get a multiplier, as one external function.
+#
+# In loops of bodies a choice that suits one position loses digits in another: an omitted row may be
+# needed there. So it is repeated after every step. It pivots by value: compiled once and called by
+# address, as the minimum-norm multipliers.
 
 
 TIE = 1e-6

@@ -111,12 +111,13 @@ def free_inside(system, y):
 
 
 # Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37), I1
-# dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves by m dV/dt = F. The angular velocity stays on its
-# polhode, the intersection of two ellipsoids. Near the middle axis a deviation across the polhode
-# of relative size e grows to e (w2/w1)^2 in a flip, and with it the error of the time of the next
-# flip: after some flips rounding alone decides the phase. So after every step the angular velocity
-# is projected onto its initial polhode. The remaining rounding error along the polhode does not
-# grow.
+# dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves by m dV/dt = F.
+#
+# The angular velocity stays on its polhode, the intersection of two ellipsoids. Near the middle
+# axis a deviation across the polhode of relative size e grows to e (w2/w1)^2 in a flip, and with it
+# the error of the time of the next flip: after some flips rounding alone decides the phase. So
+# after every step the angular velocity is projected onto its initial polhode. The remaining
+# rounding error along the polhode does not grow.
 
 
 LARGEST_TURN = 0.05
@@ -264,9 +265,10 @@ def free_rotor(
     return start_rotor(system, y), y
 
 
-# Angular velocity of torque-free bodies among others: projected onto its initial polhode. In
-# maximal coordinates, too, a torque-free body then keeps its energy and angular momentum as exactly
-# as alone (see FreeRotor for why that matters near the middle axis).
+# Angular velocity of torque-free bodies among others: projected onto its initial polhode.
+#
+# In maximal coordinates, too, a torque-free body then keeps its energy and angular momentum as
+# exactly as alone (see FreeRotor for why that matters near the middle axis).
 
 
 class FreeSpin(NamedTuple):

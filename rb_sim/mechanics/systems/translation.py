@@ -44,6 +44,7 @@ from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import ZERO, add, dot, rotate, scale, sub
 
 # Guides along splines: position of a motion among their pieces, and steps that must end at breaks.
+#
 # A law along a spline is smooth on each piece only, and no method keeps its order across a break.
 
 
