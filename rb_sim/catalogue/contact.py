@@ -447,7 +447,7 @@ class Contact(Touching):
     def parts(self, place: Place) -> list[Part]:
         """One ContactRow for each point that may touch; none if `between` is given."""
         if self.between is not None:
-            return []  # contact.between finds pairs as they come close
+            return []  # pairs are found as they come close (scene/pairs_of_bodies)
         touching = pairs_of(
             place,
             self.body,
