@@ -114,7 +114,7 @@ CLICKS_WORDS = re.compile(r"'(?P<value>.*)' is not a valid (?P<kind>float|intege
 
 
 def _bad_value(error: Any) -> str:
-    """Option, value and allowed values if a number cannot be parsed; else "" (the empty text)."""
+    """Option, value and allowed values if a number cannot be parsed; else ""."""
     names = getattr(getattr(error, "param", None), "opts", None)
     if not names:
         return ""

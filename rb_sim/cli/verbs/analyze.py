@@ -166,8 +166,7 @@ def _print_balance(summary: dict[str, Any]) -> None:
 
 
 def _doubt(row: dict[str, Any], unit: str) -> str:
-    """Sampling error of an integral, if it is not small, and noise of the recording; else ""
-    (empty)."""
+    """Sampling error of an integral, if it is not small, and noise of the recording; else ""."""
     doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
     said = [f"sampling error {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
     said += [f"noise of the recording up to {noise:.2g} {unit}"] * (
