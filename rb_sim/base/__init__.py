@@ -7,6 +7,6 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What every package may use: errors, diagnostics, and what a failed start says."""
+"""Modules that every package may use: errors, diagnostics, names, colours, rounding."""
 
 __version__ = "0.1.0"

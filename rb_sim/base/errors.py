@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What can go wrong, said in one line that names the field, the value and what is allowed.
+"""Errors, each in one line with field, value and allowed values, and findings of accuracy checks.
 
-Findings of accuracy checks name quantity, value, limit, time and place, and what to try. Packages
-that are also the function of their name (rb_sim.fit) name what they lack.
+Findings have quantity, value, limit, time and place, and advice. Missing packages are reported also
+by packages that are callable (rb_sim.fit).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 
 class RbSimError(Exception):
-    """Base of all errors of rb_sim; its text is one line: mistake and allowed values."""
+    """Base of all errors of rb_sim; its text is one line: the mistake and the allowed values."""
 
 
 class SceneError(RbSimError):
@@ -53,9 +53,9 @@ class UnknownNameError(RbSimError, KeyError):
 
 
 class MissingExtraError(RbSimError):
-    """A library is not installed that is loaded when it is used; the text says what to install.
+    """An optional library is not installed; the text says how to install it.
 
-    extra: that brings it, or "" for one that comes with rb_sim.
+    extra: of rb_sim that installs it, or "" for a library by its own name.
     """
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
@@ -66,11 +66,11 @@ class MissingExtraError(RbSimError):
 
 
 class SimulationError(RbSimError):
-    """The integration cannot go on; the text has time, reason and, if it helps, a step."""
+    """The integration cannot continue; the text has time, reason and, if it helps, a step."""
 
 
 class StepTooLargeError(SimulationError):
-    """The state is no longer finite under a fixed step, which another step may mend."""
+    """The state is no longer finite with a fixed step; a smaller step may help."""
 
 
 class AccuracyWarning(UserWarning):
@@ -79,26 +79,26 @@ class AccuracyWarning(UserWarning):
 
 class SceneWarning(UserWarning):
     """A value of a scene that users of other programs often mean differently; the text states its
-    meaning here."""
+    meaning in rb_sim."""
 
 
 class SinkError(RbSimError):
-    """A recording that cannot be opened, written on or read; the text names the file.
+    """A recording that cannot be opened, written or read; the text names the file.
 
-    After a write the sink that raised it is closed; the caller drops it and goes on.
+    After a failed write the sink is closed; the caller drops it and continues.
     """
 
 
 def check_ending(path: Path | None, ending: str) -> None:
-    """Refuse a file name with another ending. Raises SinkError."""
+    """Refuse a file name with another suffix. Raises SinkError."""
     if path is not None and path.suffix != ending:
         raise SinkError(f"{path}: the name must end in {ending}")
 
 
 @contextmanager
 def named_if_lacking() -> Iterator[None]:
-    """Within it, and in a function that it decorates: an ImportError for a package that rb_sim
-    needs says in one line which and how to get it."""
+    """Context (and decorator) that turns an ImportError of a package that rb_sim needs into one
+    line with its name and how to install it."""
     try:
         yield
     except ImportError as error:
@@ -110,7 +110,7 @@ def named_if_lacking() -> Iterator[None]:
 
 
 class Check(NamedTuple):
-    """An accuracy check, for the reference page of messages."""
+    """An accuracy check as the reference page of messages describes it."""
 
     quantity: str
     limit: str
@@ -207,11 +207,11 @@ CHECKS: dict[str, Check] = {
         "if the message names a setting, use it; else take the result as one of several",
     ),
 }
-"""Every check by its name, which a warning begins with."""
+"""All checks by name; a warning begins with that name."""
 
 
 class Finding(NamedTuple):
-    """One loss of accuracy; each check reports its first."""
+    """Loss of accuracy found by a check; each check reports its first one."""
 
     watch: str
     """name of the check, a key of CHECKS."""
@@ -220,16 +220,16 @@ class Finding(NamedTuple):
     figure: float
     bound: float
     what: str
-    """the quantity, with its unit in brackets at the end if it has one."""
+    """quantity, with its unit in brackets at the end if it has one."""
     where: str
-    """the body, constraint or contact concerned, or ""."""
+    """body, constraint or contact, or "" if none applies."""
     advice: str
-    """what to try."""
+    """advice on how to avoid it."""
     finer_step: float | None = None
-    """fixed step to try first [s], from the order of the method; None where no step mends it."""
+    """fixed step to try first [s], from the order of the method; None if no step helps."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The finding as JSON data."""
         return {**self._asdict(), "text": str(self)}
 
     def __str__(self) -> str:
@@ -249,25 +249,25 @@ class Finding(NamedTuple):
 
 
 class GlobalError(NamedTuple):
-    """How far a run is from the motion at most, or why that is not known."""
+    """Largest error of a run as measured by a second run, or why it is not known."""
 
     relative: float = math.nan
-    """share of the motion; infinite where the second run could not go as far as the first."""
+    """error relative to the motion; infinite if the second run ended before the first."""
     t: float = 0.0
-    """when it is largest [s]."""
+    """time of the largest error [s]."""
     body: str = ""
     pose: float = math.nan
-    """largest difference of a centre of mass [m] or an attitude [rad] itself."""
+    """largest absolute difference of a centre of mass [m] or an attitude [rad]."""
     by: str = ""
-    """what the second run was made with."""
+    """method and setting of the second run."""
     unknown: str = ""
-    """why no error is stated."""
+    """reason why there is no error; "" if there is one."""
     upto: float | None = None
-    """end of the part of the run that was compared [s]; None: all of it was."""
+    """end of the compared part of the run [s]; None: the whole run."""
     why: str = ""
-    """why no more of it was."""
+    """reason why the rest was not compared."""
     below: bool = False
-    """whether it is only known to be smaller than this, by a coarser second run."""
+    """whether the value is only an upper bound, from a coarser second run."""
 
     @property
     def known(self) -> bool:
@@ -275,7 +275,7 @@ class GlobalError(NamedTuple):
         return not self.unknown
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The error as JSON data."""
         return {**self._asdict(), "text": str(self)}
 
     def __str__(self) -> str:
@@ -295,7 +295,7 @@ class GlobalError(NamedTuple):
 
 
 def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:
-    """Those that a summary of a run tells; what another version wrote otherwise is left out."""
+    """Findings in the summary of a run; entries of another format are omitted."""
     warnings = (summary or {}).get("warnings") or ()
     known = ({k: each[k] for k in Finding._fields if k in each} for each in warnings)
     least = set(Finding._fields) - set(Finding._field_defaults)
@@ -303,7 +303,7 @@ def findings_in(summary: Mapping[str, Any] | None) -> tuple[Finding, ...]:
 
 
 def global_error_in(summary: Mapping[str, Any] | None) -> GlobalError | None:
-    """The global error that a summary of a run states; None where it states none."""
+    """The global error in the summary of a run; None if there is none."""
     given = (summary or {}).get("global_error") or {}
     nan = {k: math.nan for k in ("relative", "pose") if given.get(k, 0.0) is None}
     known: dict[str, Any] = {k: given[k] for k in GlobalError._fields if k in given} | nan
@@ -311,7 +311,7 @@ def global_error_in(summary: Mapping[str, Any] | None) -> GlobalError | None:
 
 
 def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1) -> None:
-    """Warn of each line, and of each finding as lost accuracy."""
+    """Issue a warning for each line, and an AccuracyWarning for each finding."""
     for line in lines:
         warnings.warn(line, stacklevel=stacklevel + 1)
     for finding in findings:
@@ -319,10 +319,11 @@ def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1)
 
 
 class Called(ModuleType):
-    """A package that calls the function of its name in rb_sim.cli.public."""
+    """Module type of a package that can be called as the function of its name in
+    rb_sim.cli.public."""
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
-        """As that function."""
+        """Call that function."""
         name = self.__name__.rpartition(".")[2]
         with named_if_lacking():
             function = getattr(import_module("rb_sim.cli.public"), name)

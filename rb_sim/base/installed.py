@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a failed start lacks: packages that are missing or too old, and how to get them.
+"""Missing or outdated packages, and how to install them.
 
-Asked only after an import has failed, so that a start that works pays nothing.
+Checked only after an import has failed, so that a successful start costs nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ _NUMBERS = re.compile(r"\d+")
 
 
 def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
-    """(what is wrong, the requirement) of each package that does not fit; of rb_sim's own
-    requirements if none are given."""
+    """(problem, requirement) of each unmet requirement; of rb_sim's own requirements by default."""
     found = []
     for requirement in _recorded() if requirements is None else requirements:
         if "extra ==" in requirement:
@@ -47,7 +46,8 @@ def lacking(requirements: list[str] | None = None) -> list[tuple[str, str]]:
 
 
 def _recorded() -> list[str]:
-    """What rb_sim needs, as pip and colcon have recorded it; of a bare checkout, its setup.py."""
+    """Requirements of rb_sim, as recorded by pip and colcon; in a bare checkout from its
+    setup.py."""
     try:
         return metadata.requires("rb_sim") or []
     except metadata.PackageNotFoundError:
@@ -64,9 +64,10 @@ def _numbers(version: str) -> list[int]:
 
 
 def complaint(requirements: list[str] | None = None, error: BaseException | None = None) -> str:
-    """One line on what is lacking, with the command that brings it; "" if nothing is.
+    """One line on missing packages with the command that installs them; "" if none is missing.
 
-    error: what the start has failed with; a module that it misses is named, whatever is recorded.
+    error: exception of the failed start; a module that it misses is named even if it is not
+    recorded.
     """
     found = lacking(requirements)
     if not found and isinstance(error, ModuleNotFoundError) and error.name:

@@ -7,11 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Names of bodies and constraints: how ROS has them, and how a path in a scene writes them.
+"""Names of bodies and constraints, in ROS and in paths of a scene; suggestions of names.
 
-A scene keeps the name that its user gave. ROS allows less: the parts of a topic are letters, digits
-and underscores of ASCII and begin with a letter, and frames and joints are called as topics are.
-A sentence lists the first few of many, and the name that was probably meant first.
+A scene keeps the names given by its user. ROS allows less: the parts of a topic are ASCII letters,
+digits and underscores and begin with a letter; frames and joints have the same names as topics.
 """
 
 from __future__ import annotations
@@ -22,22 +21,22 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 
 LONGEST = 64
-"""Characters of a name, in ROS as in a scene: a topic has 255 in all."""
+"""Largest length of a name, in ROS as in a scene; a topic has 255 characters in total."""
 
 MOST_NAMED = 3
-"""Of many things of a kind, that a sentence lists, or that have a line of their own."""
+"""Most items of a kind that a sentence lists, or that get a line each."""
 
 _NOT_IN_TOPICS = re.compile(r"[^A-Za-z0-9_]+")
 _STEP = re.compile(
     r"""\.?([^.\[\]"'=/\s](?:[^.\[\]"'=/]*[^.\[\]"'=/\s])?)|\[(\d+)\]|\[(["'])(.*?)\3\]"""
 )
-"""Of a path: a key, an index in brackets, a key in quotation marks in brackets."""
+"""Pattern of one step of a path: a key, an index in brackets, a quoted key in brackets."""
 
 
 def ros_name(name: str) -> str:
     """The name as part of a topic: `left-wheel` is left_wheel, `2nd_gear` x2nd_gear.
 
-    Letters lose their accents; those of other scripts are called by their number in Unicode.
+    Letters lose their accents; letters of other scripts become their Unicode number.
     """
     if name.isascii() and name.isidentifier():
         return name
@@ -55,7 +54,7 @@ def _ascii(letter: str) -> str:
 
 
 def clashes(names: Iterable[str], taken: str = "") -> Iterator[tuple[str, str, str]]:
-    """(name, the other one, what both are in ROS) of each that another one excludes."""
+    """(name, other name, common ROS name) of each name that coincides with another one in ROS."""
     seen = {taken: taken}
     for name in names:
         other = seen.setdefault(ros_name(name), name)
@@ -66,7 +65,7 @@ def clashes(names: Iterable[str], taken: str = "") -> Iterator[tuple[str, str, s
 def keys_of(text: str) -> tuple[str | int, ...] | None:
     """The keys and indices of a path like `bodies.top.position[2]` or `bodies["v1.2"].mass`.
 
-    None where it is no path.
+    None if the text is not a path.
     """
     keys: list[str | int] = []
     at = 0
@@ -83,8 +82,8 @@ def keys_of(text: str) -> tuple[str | int, ...] | None:
 
 
 def first_few(texts: Sequence[str], count: int | None = None, most: int = MOST_NAMED) -> str:
-    """The first of the texts as a list in a sentence, "..." for the rest; count: of how many, if
-    they are not all given."""
+    """The first of the texts as a list in a sentence, with "..." for the rest; count: their total
+    number, if not all are given."""
     return ", ".join(texts[:most]) + ", ..." * ((count or len(texts)) > min(most, len(texts)))
 
 
@@ -136,11 +135,11 @@ ALSO_CALLED = {
     "joints": ("constraints",),
     "forces": ("effects",),
 }
-"""What other programs call a thing -> its names here; which of them is meant, the place tells."""
+"""Names in other programs -> candidates in rb_sim; the context decides between them."""
 
 
 MOST_NAMES = 14
-"""Names that a message lists: as many as the longest list of keys, that of a contact, has."""
+"""Most names in a message: the length of the longest list of keys, that of a contact."""
 
 
 def meant(value: object, names: Iterable[str]) -> str | None:

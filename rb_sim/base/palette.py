@@ -9,8 +9,8 @@
 
 """The colours of all pictures: plots, reports, Rerun, documentation.
 
-Okabe and Ito's colours (Color Universal Design, 2008), which differ with any colour vision, on a
-white ground as on Rerun's dark one. A quantity, a method and an engine have one colour everywhere.
+Colours of Okabe and Ito (Color Universal Design, 2008), distinguishable with any colour vision, on
+white and on Rerun's dark background. A quantity, a method or an engine has one colour everywhere.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from __future__ import annotations
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 BROWN, GREY = "#7F5539", "#6B6B6B"
-"""Not Okabe and Ito's, whose yellow is too pale for a line on white."""
+"""Further colours: Okabe and Ito's yellow is too pale for a line on white."""
 
 TEXT, FAINT, GRID = "#333333", "#666666", "#DDDDDD"
-"""Words, words of less weight, grid lines."""
+"""Text, secondary text, grid lines."""
 
 AXES = (VERMILLION, GREEN, BLUE, GREY)
-"""Of x, y, z and the scalar part w, and of roll, pitch, yaw (without w)."""
+"""Colours of x, y, z and the scalar part w, and of roll, pitch, yaw (without w)."""
 
 MOTIONS = {"A": BLUE, "B": ORANGE}
-"""Of two motions beside each other."""
+"""Colours of two motions in comparison."""
 
 ENERGIES = {"kinetic": VERMILLION, "potential": BLUE, "total": BLACK, "work": ORANGE}
 
 VELOCITY, REACTION, TENSION, COMMAND, EVENT = SKY, ORANGE, BLUE, PURPLE, PURPLE
-"""Of arrows and marks."""
+"""Colours of arrows and marks."""
 
 SLIPPING, STICKING = ORANGE, BLUE
-"""Of points of contact."""
+"""Colours of contact points."""
 
 GOOD, NARROW, BAD = BLUE, ORANGE, VERMILLION
-"""Of what holds with a wide margin, with a narrow one, and not."""
+"""Colours of a bound with a wide margin, with a narrow margin, and exceeded."""
 
 CYCLE = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BROWN, GREY)
-"""Of curves that have no colour of their own: bodies, topics, sources."""
+"""Colours of curves without their own: bodies, topics, sources."""
 
 METHODS = {
     "euler": PURPLE,
@@ -52,7 +52,7 @@ METHODS = {
     "taylor": SKY,
     "time_stepping": BROWN,
 }
-"""Of integration methods, by name; one that is not listed has GREY."""
+"""Colours of integration methods; GREY for others."""
 
 ENGINES = {
     "rb_sim": BLACK,
@@ -65,11 +65,11 @@ ENGINES = {
     "scipy": GREY,
     "heyoka": ORANGE,
 }
-"""Of the programs that benchmarks compare."""
+"""Colours of the programs that benchmarks compare."""
 
 
 def of_method(name: str) -> str:
-    """The colour of a method, whatever its form: "dopri853 adaptive" has that of dopri853."""
+    """The colour of a method in any form: "dopri853 adaptive" has that of dopri853."""
     return METHODS.get(name.split()[0], GREY)
 
 

@@ -7,27 +7,27 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How large rounding is, in four sizes that all of the package shares, what solvers leave, and
-what nobody sees.
+"""Thresholds of rounding in four sizes, of solvers, and of negligible quantities.
 
-What decides anything but rounding has a name of its own where it decides.
+Thresholds that decide anything but rounding are named where they are used.
 """
 
 from __future__ import annotations
 
 TWO_ULPS = 4e-16
-"""Relative difference of two doubles that are equal but for their last places."""
+"""Relative difference of two doubles that are equal except for their last places."""
 SUM_ROUNDING = 1e-14
-"""Of the terms of a sum of a few: what rounding leaves where the sum is zero."""
+"""Rounding error of a sum of a few terms, relative to the terms."""
 COMPUTED_ROUNDING = 1e-12
-"""Relative size of what is zero in numbers that some dozens of operations give."""
+"""Relative rounding error of numbers computed by some dozens of operations."""
 WRITTEN_ROUNDING = 1e-9
-"""Relative misfit of numbers that a person or a program has rounded and written down."""
+"""Relative error of numbers that a person or a program has rounded and written down."""
 NEGLIGIBLE = 1e-6
-"""Share of the largest of its kind below which something is not drawn and not told."""
+"""Fraction of the largest quantity of its kind below which a quantity is neither drawn nor
+reported."""
 SOLVED = 1e-9
-"""Share of what is solved for that solvers, projections and tolerances leave at their best: of
-constraints, of velocities, of the energy exchanged, of the lengths at which loads act."""
+"""Best accuracy of solvers, projections and tolerances, relative to what they solve for:
+constraints, velocities, the exchanged energy, the lengths at which loads act."""
 SOLVED_IN_CONTACT = 1e-6
-"""The same with contacts: of lengths by overlaps at events and bodies that creep at rest, of
-impulses by a step of time stepping."""
+"""The same with contacts: relative to lengths for overlaps at events and creep at rest, relative to
+impulses for a step of time stepping."""

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a scene can name: constraints, effects, contacts and curves, each with its equations."""
+"""Kinds that a scene can name (constraints, effects, contacts, curves), each with its equations."""

@@ -7,12 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Contact: what a scene says of it, and the equations of one point that touches and may part.
+"""Contacts: their spec in a scene file and the equations of one contact point.
 
-A support in the world may turn or shake as prescribed.
-
-Contacts and light strings push one way along a normal while they are closed, and they open where
-that push would have to pull (LL 38).
+Contacts and strings carry a normal force of one sign while they are closed, and open when that
+force would change sign (LL 38). A support in the world may have a prescribed motion.
 """
 
 from __future__ import annotations
@@ -55,46 +53,47 @@ from rb_sim.catalogue.surfaces import (
 )
 from rb_sim.numerics.vectors import ZERO, scale
 
-# Bodies whose sides may sink into a support that they touch with corners or ends alone.
+# Bodies whose edges may penetrate a support that is tested at their corners or ends only.
 
 
 class Sides(NamedTuple):
-    """Edges of one body that may cross a support without a corner in it, and the reverse."""
+    """Edges of one body that may cross a support between its corners, and the reverse."""
 
     name: str
-    """of the constraint."""
+    """name of the constraint."""
     body: int
     parent: int
-    """-1: the world."""
+    """index of the parent; -1: the world."""
     edges: np.ndarray
-    """ends in body coordinates from C, shape (k, 2, 3)."""
+    """ends of each edge, body coordinates from C, shape (k, 2, 3) [m]."""
     support: NamedTuple
     """Box, Cylinder or BallOnCylinder, in the parent's coordinates from C."""
     motion: NamedTuple
-    """of a support in the world."""
+    """prescribed motion of a support in the world."""
     own: NamedTuple | None
-    """the body's box, which corners and rims of the support may enter; None of a rod."""
+    """the body's box, which corners and rims of the support may enter; None for a rod."""
 
 
 def edges_of_box(box: Box) -> np.ndarray:
-    """Shape (12, 2, 3)."""
+    """The 12 edges of a box, shape (12, 2, 3) [m]."""
     signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
     corners = np.array(box.centre) + signs * np.array(box.half)
     pairs = [
         (i, j) for i in range(8) for j in range(i) if np.sum(signs[i] != signs[j]) == 1
-    ]  # neighbours differ in one sign
+    ]  # corners of an edge differ in one sign
     return np.array([[corners[i], corners[j]] for i, j in pairs])
 
 
 def support_of_pair(pair: Any) -> NamedTuple | None:
-    """The support of a corner or an end where sides may sink in; None of others."""
+    """Support that edges may penetrate, for the pair of a corner or an end; None for other
+    pairs."""
     if isinstance(pair, BallOnSolid) and isinstance(pair.surface, Box | Cylinder):
         return pair.surface
     return pair if isinstance(pair, BallOnCylinder) and pair.side > 0.0 else None
 
 
 def sides_of(name: str, spec: Any, part: Any, index: dict[str, int], place: Place) -> Any:
-    """The Sides of a contact of a box or a rod, None of others; part: its first point."""
+    """The Sides of a contact of a box or a rod, else None; part: the first point of the contact."""
     support = support_of_pair(part.row.pair)
     if support is None or spec.points is not None:
         return None
@@ -126,7 +125,7 @@ class Compliance(Spec):
 
 
 class ContactRow(NamedTuple):
-    """One point of contact: the types of its fields choose its equations."""
+    """One contact point: the types of its fields select its equations."""
 
     pair: tuple
     friction: tuple
@@ -137,79 +136,80 @@ class ContactRow(NamedTuple):
 
 
 def contact_rows(row: ContactRow) -> int:
-    """Rows of one point of contact: normal and two tangents; three more if it resists turning."""
+    """Number of rows of a contact point: 3 (normal, two tangents), or 6 with rolling resistance."""
     return 3 if isinstance(row.resistance, friction.NoResistance) else 6
 
 
 class ContactLaw(NamedTuple):
-    """What impacts and changes of mode need to know; kernels do not see it."""
+    """Constants of a contact point that impacts and mode changes use (kernels do not)."""
 
     restitution: float
     bilateral: bool
     compliant: bool
     static: float
-    """coefficient that bounds the traction at rest; inf where it never slips, 0 for none."""
+    """coefficient that limits the traction in sticking; inf if it never slips, 0 if it cannot
+    stick."""
     kinetic: float
-    """traction over N as a slip begins, of a law that can stick; inf where it never slips."""
+    """|T| / N at the onset of slip, for a law that can stick; inf if it never slips."""
     rolling_arm: float
     spinning_arm: float
     spring: tuple[float, float] = (0.0, 0.0)
     """stiffness [N/m] and damping [N s/m] of a compliant support."""
     closes: str = "closes"
-    """what the event is called when it begins to push."""
+    """name of the event at which the normal force begins."""
     opens: str = "opens"
-    """what it is called when it ceases to."""
+    """name of the event at which the normal force ends."""
     drags: bool = False
-    """whether its traction does not vanish as the push does."""
+    """whether the traction stays finite as the normal force vanishes."""
 
 
 class Touching(Spec):
-    """A constraint whose points may be open or closed."""
+    """A constraint whose points may be open or closed: a contact or a string."""
 
     body: Name
     parent: Name | None = None
 
     @abstractmethod
     def law(self) -> ContactLaw:
-        """What impacts and changes of mode need to know of each of its points."""
+        """Constants for impacts and mode changes, the same for each of its points."""
 
     @abstractmethod
     def parts(self, place: Place) -> list[Part]:
         """One ContactRow for each point."""
 
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
-        """ "1", "2" ... of its points, or "" where it has one."""
+        """Names of its points, "1", "2" ...; ("",) if it has one point."""
         n = len(self.parts(place))
         return ("",) if n == 1 else tuple(str(i + 1) for i in range(n))
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
-        """The total, and the reaction at each point where there are several."""
+        """Suffix "" for the total; with several points also the name of each."""
         points = self.contact_suffixes(place)
         return points if len(points) == 1 else ("", *points)
 
 
 MOST_POINTS = 64
-"""Of one contact: the equations of all of them are solved together."""
+"""Largest number of points of one contact: their equations are solved together."""
 
 
 class SmoothLaw(Spec):
-    """No friction."""
+    """Frictionless contact."""
 
     type: Literal["smooth"] = "smooth"
 
     def law(self) -> friction.Friction:
-        """The law of no friction."""
+        """The frictionless law."""
         return friction.Smooth()
 
 
 class CoulombLaw(Spec):
-    """|T| <= static N while it sticks, |T| = kinetic N against the slip while it slips."""
+    """|T| <= static N in sticking, |T| = kinetic N against the slip in slipping."""
 
     type: Literal["coulomb"] = "coulomb"
     static: NonNegative
-    """coefficient of a contact that sticks or rolls."""
+    """coefficient of friction in sticking or rolling."""
     kinetic: NonNegative | None = None
-    """coefficient of a contact that slips; default: static."""
+    """coefficient of friction in slipping; default: static."""
 
     @model_validator(mode="after")
     def _ordered(self) -> CoulombLaw:
@@ -219,7 +219,7 @@ class CoulombLaw(Spec):
         return self
 
     def law(self) -> friction.Friction:
-        """Coulomb's law; `kinetic` defaults to `static`, and static 0 is no friction at all."""
+        """Coulomb's law; `kinetic` defaults to `static`; a frictionless law if static is 0."""
         kinetic = self.static if self.kinetic is None else self.kinetic
         return friction.Coulomb(self.static, kinetic) if self.static > 0.0 else friction.Smooth()
 
@@ -234,13 +234,13 @@ class ViscousLaw(Spec):
     """whether the friction force is proportional to the normal force N."""
 
     def law(self) -> friction.Friction:
-        """The viscous law, per unit of normal force or not."""
+        """The viscous law, with the force proportional to N if `per_normal` is set."""
         kind = friction.ViscousPerNormal if self.per_normal else friction.Viscous
         return kind(self.coefficient)
 
 
 class RegularisedLaw(Spec):
-    """T = -mu N s / sqrt(s^2 + v^2): creeps where Coulomb's law sticks."""
+    """T = -mu N s / sqrt(s^2 + v^2): creeps slowly under loads for which Coulomb's law sticks."""
 
     type: Literal["regularised"] = "regularised"
     coefficient: NonNegative
@@ -254,7 +254,7 @@ class RegularisedLaw(Spec):
 
 
 class RoughLaw(Spec):
-    """Perfectly rough: rolls, never slips."""
+    """Perfectly rough contact: it rolls and never slips."""
 
     type: Literal["rough"] = "rough"
 
@@ -273,7 +273,7 @@ LAWS: dict[str, type[Spec]] = {
 
 
 class TurntableMotion(Spec):
-    """The support turns at a constant `rate` [rad/s] about `axis` through `point`."""
+    """Support that turns at a constant `rate` [rad/s] about `axis` through `point`."""
 
     type: Literal["turntable"] = "turntable"
     rate: Finite
@@ -284,12 +284,12 @@ class TurntableMotion(Spec):
     """a point of the axis, world [m]."""
 
     def carrier(self) -> NamedTuple:
-        """The motion of the support, as the loops take it."""
+        """The prescribed motion of the support, compiled."""
         return carriers.Turntable(self.point, scale(self.rate, self.axis))
 
 
 class ShakenMotion(Spec):
-    """The support is shifted by amplitude direction sin(2 pi frequency t + phase)."""
+    """Support displaced by amplitude direction sin(2 pi frequency t + phase)."""
 
     type: Literal["shaken"] = "shaken"
     direction: UnitVector3
@@ -302,7 +302,7 @@ class ShakenMotion(Spec):
     """phase at t = 0 [rad]."""
 
     def carrier(self) -> NamedTuple:
-        """The motion of the support, as the loops take it: with the angular frequency [rad/s]."""
+        """The prescribed motion of the support, compiled (with the angular frequency [rad/s])."""
         amplitude = scale(self.amplitude, self.direction)
         return carriers.Shaken(amplitude, 2.0 * math.pi * self.frequency, self.phase)
 
@@ -311,7 +311,7 @@ MOTIONS: dict[str, type[Spec]] = {"turntable": TurntableMotion, "shaken": Shaken
 
 
 def _group(value: Any) -> Any:
-    """Names of bodies, or all."""
+    """Validator: "all", or a list of at least two different names of bodies."""
     if value in (None, "all"):
         return value
     names = tuple(value) if isinstance(value, (list, tuple)) else ()
@@ -323,21 +323,21 @@ def _group(value: Any) -> Any:
 
 
 class Contact(Touching):
-    """The body's shape (or its `points`) against a support.
+    """Contact of the body's shape (or its `points`) with a support.
 
-    Outputs: NAME, the total, about the contact point (about C if there are several points); with
-    several points also NAME/1, NAME/2 ..., each about its own point. A contact `between` bodies
-    has NAME_BODY for each, about C: the total wrench of the others on it.
+    Outputs: NAME, the total wrench, about the contact point (about C if there are several points);
+    with several points also NAME/1, NAME/2 ..., each about its own point. A contact `between`
+    bodies has NAME_BODY for each body, about C: the total wrench of the other bodies on it.
     """
 
     type: Literal["contact"]
     body: Name
-    """the body on which it acts; all: each body of the scene, with a contact NAME_BODY of its own.
+    """the body in contact; all: each body of the scene, with a contact NAME_BODY of its own.
     Omitted if `between` is given."""
     parent: Name | None = None
     between: Annotated[Literal["all"] | tuple[str, ...] | None, PlainValidator(_group)] = None
-    """instead of `body` and `parent`: bodies that touch each other, [NAME, ...] or all that have a
-    shape; pairs that another constraint joins do not. With method time_stepping."""
+    """instead of `body` and `parent`: bodies in contact with each other, [NAME, ...], or all that
+    have a shape; without pairs that another constraint joins. Requires method time_stepping."""
     surface: Annotated[
         PlaneSurface | SphereSurface | CylinderSurface | BodySurface,
         PlainValidator(lambda value: spec_of_type(SURFACES, value)),
@@ -345,21 +345,21 @@ class Contact(Touching):
     """the support, in the parent's coordinates (from its origin) or in the world; for the parent's
     own shape: {type: shape}."""
     points: Points | None = None
-    """points that touch instead of the shape, from the body origin [m]."""
+    """contact points that replace the shape, from the body origin [m]."""
     lies_flat: bool | None = None
-    """whether the end of a disk or a cylinder may lie on a plane, held by six points of its rim;
-    default: true for a cylinder, false for a disk."""
+    """whether an end of a disk or a cylinder may lie on a plane, supported at six points of its
+    rim; default: true for a cylinder, false for a disk."""
     friction: Annotated[
         SmoothLaw | CoulombLaw | ViscousLaw | RegularisedLaw | RoughLaw,
         PlainValidator(lambda value: spec_of_type(LAWS, value)),
     ] = SmoothLaw()
-    """friction law: the force along the support."""
+    """friction law: the tangential force."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
-    """e: speed of rebound over speed of approach in an impact."""
+    """coefficient of restitution e: rebound speed over approach speed in an impact."""
     rolling_resistance: NonNegative = 0.0
-    """arm [m]: torque of at most arm N against rolling."""
+    """arm of the rolling resistance [m]: the torque against rolling is at most arm N."""
     spinning_resistance: NonNegative = 0.0
-    """arm [m]: the same about the normal."""
+    """arm of the spinning resistance [m]: the torque about the normal is at most arm N."""
     mode: Literal["unilateral", "bilateral"] = "unilateral"
     """unilateral: only pushes and may open; bilateral: also pulls and stays closed."""
     motion: (
@@ -369,7 +369,7 @@ class Contact(Touching):
         ]
         | None
     ) = None
-    """prescribed motion of a support in the world; default: it rests."""
+    """prescribed motion of a support in the world; default: at rest."""
     compliance: Compliance | None = None
     """stiffness and damping of the support; default: rigid."""
 
@@ -409,7 +409,7 @@ class Contact(Touching):
         return self
 
     def _check_between(self) -> None:
-        """Refuse what says something of one pair alone."""
+        """Refuse keys that belong to a contact of one pair only."""
         own = Contact.model_fields
         for key in ("parent", "surface", "points", "lies_flat", "motion", "mode"):
             if (value := getattr(self, key)) != own[key].default:
@@ -417,21 +417,21 @@ class Contact(Touching):
                 raise refuse_at(((key,), value, refuse("omitted if between is given")))
 
     def of_pair(self, body: str, parent: str) -> Contact:
-        """The contact of one pair of the bodies that this one is between."""
+        """The contact of one pair of bodies of a contact `between` bodies."""
         pair = {"body": body, "parent": parent, "between": None, "surface": BodySurface()}
         return self.model_copy(update=pair)
 
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
-        """As of every constraint that touches; of a contact `between` bodies its total alone."""
+        """Names of its points; for a contact `between` bodies only the total."""
         return ("",) if self.between is not None else super().contact_suffixes(place)
 
     @property
     def opens_rigidly(self) -> bool:
-        """True if it can open and its support is rigid: it strikes in impacts."""
+        """True if the contact can open and its support is rigid: it has impacts."""
         return self.mode == "unilateral" and self.compliance is None
 
     def law(self) -> ContactLaw:
-        """Restitution, friction, resistance and compliance, the same at each of its points."""
+        """Constants for impacts and mode changes, the same for each of its points."""
         law, soft = self.friction.law(), self.compliance
         return ContactLaw(
             self.restitution,
@@ -448,7 +448,7 @@ class Contact(Touching):
     def parts(self, place: Place) -> list[Part]:
         """One ContactRow for each point that may touch; none if `between` is given."""
         if self.between is not None:
-            return []  # its pairs are found as they come near, see contact.between
+            return []  # pairs are found as they come close (scene/pairs_of_bodies)
         touching = pairs_of(
             place,
             self.body,

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Guide curves c(s): point and derivatives by the parameter; splines as one table."""
+"""Guide curves c(s): position and its derivatives by the parameter s; splines as one table."""
 
 from __future__ import annotations
 
@@ -26,33 +26,34 @@ from rb_sim.graph.symbols import External, call, stepwise
 from rb_sim.numerics.kernels import Routine, dispatch, inline, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 
-# A spline c(s) as data: its pieces in one table, which functions compiled once read by address.
+# A spline c(s) as data: its pieces in one table, which compiled functions read by address.
 #
-# A traced law asks for the coefficients of the piece at a parameter and evaluates them itself, so
-# the same code serves every spline of a degree, and its derivatives are those of the piece.
+# A traced law calls for the coefficients of the piece at a parameter and evaluates them itself: the
+# same code serves every spline of a degree, and its derivatives are those of the piece.
 
 
-# The table of a spline as compiled functions read it: its pieces, nearest points and breaks.
+# The table of a spline as compiled functions read it: pieces, points along the curve and breaks.
 
 
 HEAD = 4
-"""Numbers of a table before its breaks: pieces m, degree k, period (0 for an open curve), points.
-Then come m + 1 breaks, m + 1 jumps, the coefficients, by piece, axis and power with the highest
-first, and the points from which the nearest is looked for, each s and c(s)."""
+"""Length of the head of a spline table: pieces m, degree k, period (0 for an open curve), number of
+points. m + 1 breaks follow, m + 1 jumps, the coefficients (by piece, axis and power, highest power
+first), and points (s, c(s)) from which the search for the nearest point starts."""
 SHARE = 0.1
-"""Of the tolerance that crossing breaks within a step may cost."""
+"""Fraction of the tolerance that the breaks crossed within one step may cost."""
 SWEEPS = 30
 
 
 @inline
 def breaks_of(table):
-    """The m + 1 parameters at which the pieces of a table begin and the last one ends."""
+    """The m + 1 breaks of a table: parameters at which its pieces begin, and the end of the last
+    one."""
     return table[HEAD : HEAD + int(table[0]) + 1]
 
 
 @inline
 def piece_at(breaks, s):
-    """Number of the piece of s; the first and the last go on beyond the ends."""
+    """Index of the piece that contains s; the first and the last piece extend beyond the ends."""
     low, high = 0, breaks.shape[0] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -65,13 +66,13 @@ def piece_at(breaks, s):
 
 @inline
 def turns_before(period, s):
-    """Whole periods before s; 0 on an open curve."""
+    """Number of whole periods before s; 0 for an open curve."""
     return math.floor(s / period) if period > 0.0 and math.isfinite(s) else 0.0
 
 
 @inline
 def put_piece(table, s, results):
-    """Where the piece of s begins, then its coefficients."""
+    """Write the parameter at which the piece of s begins, then the coefficients of the piece."""
     breaks, turns = breaks_of(table), turns_before(table[2], s)
     i = piece_at(breaks, s - table[2] * turns)
     results[0] = breaks[i] + table[2] * turns
@@ -83,7 +84,7 @@ def put_piece(table, s, results):
 
 @inline
 def along(table, s, x, y, z):
-    """((c - p) . c', c' . c', (c - p) . c'') at s for p = (x, y, z)."""
+    """((c - p) . c', c' . c', (c - p) . c'') at the parameter s for the point p = (x, y, z)."""
     breaks, turns, k = breaks_of(table), turns_before(table[2], s), int(table[1])
     i = piece_at(breaks, s - table[2] * turns)
     u = s - (breaks[i] + table[2] * turns)
@@ -102,9 +103,9 @@ def along(table, s, x, y, z):
 
 @inline
 def nearest_to(table, x, y, z):
-    """The parameter of the point nearest to (x, y, z), for a point close to the curve.
+    """Parameter of the curve point nearest to (x, y, z), for a point close to the curve.
 
-    Nearest of the table's points, then Newton's iteration on (c - p) . c' = 0.
+    Starts at the nearest point of the table; Newton's iteration on (c - p) . c' = 0.
     """
     count = int(table[3])
     first = table.shape[0] - 4 * count
@@ -126,9 +127,10 @@ def nearest_to(table, x, y, z):
 
 @inline
 def break_between(table, a, b, weight, limit):
-    """The first break on the way from a to b that may not be crossed; NaN where all may.
+    """The first break between a and b that a step may not cross; NaN if it may cross all.
 
-    Across a break c'' is off by its jump times u^(k - 2), where u is the way on the shorter side.
+    Each crossed break adds weight times the error of c'', which is its jump times u^(k - 2) with u
+    the parameter distance on the shorter side; their sum may not exceed `limit`.
     """
     breaks, k, period = breaks_of(table), int(table[1]), table[2]
     m = breaks.shape[0] - 1
@@ -163,10 +165,10 @@ def way(x, s, first, second, third):
 
 @inline
 def share_of_step(table, s0, v0, s1, v1, h, tolerance):
-    """Share of a step after which a break comes that it may not cross; 1 where there is none.
+    """Fraction of a step after which it reaches a break that it may not cross; 1 if there is none.
 
-    The step goes from s0 with ds/dt = v0 to s1 with v1 in the time h; in between the cubic through
-    them is looked at piece by piece where it runs one way (it may turn within the step).
+    s changes from s0 with ds/dt = v0 to s1 with v1 in the time h [s]; in between it is the cubic
+    through them, searched on each interval in which it is monotonic (ds/dt may change sign).
     """
     period = table[2]
     if period > 0.0:
@@ -202,20 +204,21 @@ def share_of_step(table, s0, v0, s1, v1, h, tolerance):
 
 @routine
 def piece_routine(arguments, results):
-    """arguments: place and length of the table, s; results: see put_piece."""
+    """arguments: address and length of the table, s; results: see put_piece."""
     put_piece(table_at(arguments[0], int(arguments[1])), arguments[2], results)
 
 
 @routine
 def nearest_routine(arguments, results):
-    """arguments: place and length of the table, a point; results: s."""
+    """arguments: address and length of the table, a point; results: s."""
     table = table_at(arguments[0], int(arguments[1]))
     results[0] = nearest_to(table, arguments[2], arguments[3], arguments[4])
 
 
 @routine
 def share_routine(arguments, results):
-    """arguments: place and length of the table, s0, v0, s1, v1, h, tolerance; results: a share."""
+    """arguments: address and length of the table, s0, v0, s1, v1, h, tolerance; results: a
+    fraction."""
     table = table_at(arguments[0], int(arguments[1]))
     results[0] = share_of_step(
         table,
@@ -229,7 +232,7 @@ def share_routine(arguments, results):
 
 
 LEAST_POINTS = 64
-"""Points from which the nearest is looked for, at least; and as many as there are breaks."""
+"""Least number of points from which the nearest is searched; at least one for each piece."""
 
 
 class Pieces:
@@ -265,7 +268,7 @@ class Pieces:
 
     @cached_property
     def piece(self) -> External:
-        """s -> where its piece begins, and its coefficients."""
+        """s -> parameter at which its piece begins, and the coefficients of the piece."""
         width = 3 * self.coefficients.shape[2]
 
         def plainly(s: float) -> tuple[float, ...]:
@@ -304,7 +307,7 @@ class Pieces:
 
     @cached_property
     def share(self) -> External:
-        """s0, v0, s1, v1, h, tolerance -> share of a step that ends where a piece does."""
+        """s0, v0, s1, v1, h, tolerance -> fraction of the step up to a break it may not cross."""
         return External(
             f"rb_sim_share_{self._digest}",
             1,
@@ -314,7 +317,7 @@ class Pieces:
         )
 
     def _address(self, name: str, does: Routine, arguments: int) -> int:
-        """The address of the routine with this table; made once."""
+        """Address of the routine bound to this table; made once."""
         if name not in self.__dict__:
             numbers = (place_of(self.table), float(len(self.table)))
             self.__dict__[name] = bound(does.address, numbers, arguments)
@@ -322,7 +325,7 @@ class Pieces:
 
 
 def derivatives(coefficients: Sequence[Any], u: Any) -> tuple[Any, Any, Any]:
-    """A polynomial, its first and its second derivative at u; highest power first (Horner)."""
+    """Value, first and second derivative of a polynomial at u; highest power first (Horner)."""
     c0: Any = 0.0
     c1: Any = 0.0
     c2: Any = 0.0
@@ -332,9 +335,9 @@ def derivatives(coefficients: Sequence[Any], u: Any) -> tuple[Any, Any, Any]:
 
 
 def jumps_of(breaks: np.ndarray, coefficients: np.ndarray, period: float) -> np.ndarray:
-    """|c'' after - c'' before| / (|c'| u^(k - 2)) across each break, u beyond it; 0 at ends.
+    """|c'' after - c'' before| / (|c'| u^(k - 2)) at each break, u beyond it; 0 at the ends.
 
-    Only the highest derivative jumps at a break of a spline.
+    Only the highest derivative of a spline jumps at a break.
     """
     m, _, width = coefficients.shape
     k = width - 1
@@ -348,7 +351,8 @@ def jumps_of(breaks: np.ndarray, coefficients: np.ndarray, period: float) -> np.
 
 
 def points_of(breaks: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Rows s, c(s), equally many on each piece, its beginning among them, and the end; (n, 4)."""
+    """Rows (s, c(s)): equally spaced points of each piece from its beginning, and the end; (n,
+    4)."""
     m, _, width = coefficients.shape
     inner = np.arange(-(-LEAST_POINTS // m)) / -(-LEAST_POINTS // m)
     u = np.diff(breaks)[:, None] * inner
@@ -360,7 +364,8 @@ def points_of(breaks: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 
 
 SPLINE_DEGREE = 7
-"""Seventh degree: curvature, and the reaction with it, is sixth-order accurate in the spacing."""
+"""Degree of guide splines: curvature, and with it the reaction, is sixth-order accurate in the
+spacing of the points."""
 
 
 class LineCurve(NamedTuple):
@@ -372,12 +377,12 @@ class LineCurve(NamedTuple):
 
 
 class CircleCurve(NamedTuple):
-    """A circle in a plane."""
+    """A circle c(s) = centre + radius (cos s e1 + sin s e2), s in rad."""
 
     centre: Vec3
     e1: Vec3
     e2: Vec3
-    """unit vectors in the plane; c = centre + radius (cos s e1 + sin s e2), s in rad."""
+    """e1, e2: orthonormal vectors in the plane of the circle."""
     radius: float
 
 
@@ -385,22 +390,22 @@ class SplineCurve(NamedTuple):
     """A spline through points."""
 
     pieces: Pieces
-    """polynomials of the parameter s, about the length [m] along chords."""
+    """polynomials in s, the length along the chords of the points [m]."""
 
 
 def spline_through(points: np.ndarray, closed: bool) -> SplineCurve:
-    """Interpolating spline through points (n, 3) by chord length.
+    """Interpolating spline through points (n, 3), parametrised by chord length [m].
 
-    A closed curve repeats its first point at the end by itself.
+    For a closed curve the first point is appended as the last.
     """
-    from scipy.interpolate import make_interp_spline  # slow to import, and few scenes need it
+    from scipy.interpolate import make_interp_spline  # slow to import, few scenes need it
 
     p = np.asarray(points, dtype=float)
     if closed and not np.array_equal(p[0], p[-1]):
         p = np.vstack([p, p[:1]])
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
     degree = min(SPLINE_DEGREE, len(p) - 1)
-    degree -= 1 - degree % 2  # an odd one, which has its breaks at points
+    degree -= 1 - degree % 2  # an odd degree, whose breaks are at points
     spline = make_interp_spline(chord, p, k=degree, bc_type="periodic" if closed else None)
     breaks = np.unique(spline.t[degree : len(spline.t) - degree])
     powers = [
@@ -417,7 +422,7 @@ def curve_point(curve, s):
 
 @dispatch
 def curve_nearest(curve, p):
-    """Parameter of the point of the curve nearest to p, for p close to the curve."""
+    """Parameter of the curve point nearest to p, for p close to the curve."""
 
 
 @curve_point.register(LineCurve)
@@ -428,7 +433,7 @@ def line_point(curve, s):
 
 @curve_nearest.register(LineCurve)
 def line_nearest(curve, p):
-    """The foot of the perpendicular from p, as the distance from `point` along the line."""
+    """Foot of the perpendicular from p: distance from `point` along the line [m]."""
     return dot(sub(p, curve.point), curve.direction)
 
 
@@ -450,11 +455,11 @@ def circle_nearest(curve, p):
 
 @curve_point.register(SplineCurve)
 def spline_point(curve, s):
-    """The point and derivatives of the piece that holds s."""
+    """(c, c', c'') from the piece that contains s."""
     return curve.pieces.point(s)
 
 
 @curve_nearest.register(SplineCurve)
 def spline_nearest(curve, p):
-    """The parameter found by the routine of the table."""
+    """Parameter of the nearest point, by the routine of the table."""
     return call(curve.pieces.nearest, *p)[0]

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How a contact rubs: the traction while it slips, and the bound while it sticks.
+"""Friction laws: traction in slipping and the limit of the traction in sticking.
 
-`traction` gives the tangential force as  N per_normal + direct  for a slip velocity s (of the body
-relative to the support, in the tangent plane).  A law with a corner at s = 0 is continued straight
+`traction` gives the tangential force as N per_normal + direct for a slip velocity s (of the body
+relative to the support, in the tangent plane). A law with a corner at s = 0 is continued straight
 through it along `ahead`, the direction of slip at the start of the step, so that the equations stay
-smooth until the event "slip vanishes" has been located (Hairer, Norsett, Wanner I, II.6).
+smooth until the event "slip vanishes" is located (Hairer, Norsett, Wanner I, II.6).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rb_sim.numerics.vectors import add, dot, norm, scale, sqrt, sub, where
 
 
 class Smooth(NamedTuple):
-    """No tangential force."""
+    """Frictionless."""
 
     static: float = 0.0
 
@@ -42,7 +42,7 @@ class Viscous(NamedTuple):
     """T = -c s."""
 
     coefficient: float
-    """[N s/m]."""
+    """c [N s/m]."""
     static: float = 0.0
 
 
@@ -50,16 +50,16 @@ class ViscousPerNormal(NamedTuple):
     """T = -c N s."""
 
     coefficient: float
-    """[s/m]."""
+    """c [s/m]."""
     static: float = 0.0
 
 
 class Regularised(NamedTuple):
-    """T = -mu N s / sqrt(s^2 + v^2): Coulomb's law with its corner rounded at the speed v."""
+    """T = -mu N s / sqrt(s^2 + v^2): Coulomb's law, smoothed for slips below the speed v."""
 
     coefficient: float
     speed: float
-    """[m/s]."""
+    """v [m/s]."""
     static: float = 0.0
 
 
@@ -71,14 +71,17 @@ class Rough(NamedTuple):
 
 Friction = Smooth | Coulomb | Viscous | ViscousPerNormal | Regularised | Rough
 BOUNDED = (Smooth, Coulomb, Rough)
-"""Laws whose traction over N is the same at each slip: none, `kinetic`, or what it takes."""
+"""Laws whose |T| / N does not depend on the slip speed: 0, `kinetic`, or as large as sticking
+needs."""
 ZERO3: Vec3 = (0.0, 0.0, 0.0)
 
 
 @branching
 def straight_on(s, ahead, least):
-    """s/|s|, turned round where it points against `ahead`; `ahead` itself where |s| <= least, below
-    which s is but rounding."""
+    """s/|s|, with its sign changed if it points against `ahead`; `ahead` if |s| <= least.
+
+    least: slip below which s is only rounding.
+    """
     size = norm(s)
     if size <= least:
         return ahead
@@ -87,7 +90,7 @@ def straight_on(s, ahead, least):
 
 @branching
 def rounded_at(s, least):
-    """s / (s^8 + least^8)^(1/8): the direction of s, but for a slip about as slow as least."""
+    """s / (s^8 + least^8)^(1/8): s/|s| for |s| >> least, smooth through s = 0."""
     size = norm(s) / least
     if size > 1e3:
         return scale(1.0 / (least * size), s)
@@ -98,7 +101,7 @@ def rounded_at(s, least):
 
 @branching
 def straight_or_rounded(s, ahead, least):
-    """As straight_on; where `ahead` is zero the contact creeps (see system.creep)."""
+    """As straight_on, or as rounded_at if `ahead` is zero: the contact creeps then."""
     if dot(ahead, ahead) == 0.0:
         return rounded_at(s, least)
     return straight_on(s, ahead, least)
@@ -106,28 +109,29 @@ def straight_or_rounded(s, ahead, least):
 
 @dispatch
 def traction(law, s, ahead, least, compliant):
-    """(force per unit of normal force, force), both on the body, world axes.
+    """(T / N, traction that does not depend on N [N]), both on the body, world axes.
 
-    least: slip that is but rounding [m/s]; gives: whether the support gives way.
+    s: slip velocity [m/s]; ahead: its direction at the start of the step; least: slip that is only
+    rounding [m/s]; compliant: whether the support is compliant.
     """
 
 
 @traction.register(Smooth, Rough)
 def no_traction(law, s, ahead, least, compliant):
-    """None: no friction, or a rough contact, which never slips."""
+    """Zero: no friction, or a rough contact, which never slips."""
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 @traction.register(Coulomb)
 def coulomb_traction(law, s, ahead, least, compliant):
-    """-kinetic s/|s| per unit of normal force; see `straight_or_rounded` for compliant contacts."""
+    """-kinetic s/|s| per unit of normal force; smoothed by `straight_or_rounded` if compliant."""
     way = straight_or_rounded(s, ahead, least) if compliant else straight_on(s, ahead, least)
     return scale(-law.kinetic, way), (0.0, 0.0, 0.0)
 
 
 @traction.register(Viscous)
 def viscous_traction(law, s, ahead, least, compliant):
-    """-coefficient s, whatever the normal force."""
+    """-coefficient s, independent of the normal force."""
     return (0.0, 0.0, 0.0), scale(-law.coefficient, s)
 
 
@@ -145,59 +149,59 @@ def regularised_traction(law, s, ahead, least, compliant):
 
 
 def is_whole(law: Any) -> bool:
-    """Whether a law has what each method needs: its bound at rest and its traction."""
+    """Whether a law has all that the methods need: the limit in sticking and a traction."""
     return hasattr(law, "static") and type(law) in traction.kernels
 
 
 SLOW: Vec3 = (2.0**-30, 0.0, 0.0)
-"""[m/s]: a slip that has just begun."""
+"""Slip at the onset of slipping [m/s]."""
 
 
 def at_begin_of_slip(law: Friction) -> float:
-    """|T| over N as a contact that stuck begins to slip; 0 of a law that does not stick."""
+    """|T| / N at the onset of slip of a sticking contact; 0 for a law that does not stick."""
     if not 0.0 < law.static < math.inf:
         return float(law.static)
     return norm(traction(law, SLOW, (1.0, 0.0, 0.0), 0.0, False)[0])
 
 
 def drags(law: Friction) -> bool:
-    """Whether traction remains as N vanishes."""
+    """Whether the traction stays finite as N vanishes."""
     ahead = (1.0, 0.0, 0.0)
     return norm(traction(law, ahead, ahead, 0.0, False)[1]) > 0.0
 
 
 class Resistance(NamedTuple):
-    """Rolling and spinning friction: torques of at most arm N against the relative turning."""
+    """Rolling and spinning resistance: torques of at most arm N against the relative rotation."""
 
     rolling: float
-    """arm against turning about axes in the tangent plane [m]."""
+    """arm of the torque about axes in the tangent plane [m]."""
     spinning: float
-    """arm against turning about the normal [m]."""
+    """arm of the torque about the normal [m]."""
 
 
 class NoResistance(NamedTuple):
-    """The support takes up no torque."""
+    """No rolling or spinning resistance."""
 
 
 @dispatch
 def resisting(law, turn, normal, modes, ahead, spin_sign, least):
-    """Torque on the body per unit of normal force, world axes.
+    """Resisting torque on the body per unit of normal force, world axes [m].
 
     turn: relative angular velocity; modes: (rolling, spinning) as in the table of contacts, 1 for
-    sliding; ahead, spin_sign: directions at the start of the step; least: turning that is but
-    rounding [rad/s].
+    sliding; ahead, spin_sign: directions at the start of the step; least: angular velocity that is
+    only rounding [rad/s].
     """
 
 
 @resisting.register(NoResistance)
 def no_resistance(law, turn, normal, modes, ahead, spin_sign, least):
-    """No torque."""
+    """Zero torque."""
     return (0.0, 0.0, 0.0)
 
 
 @resisting.register(Resistance)
 def resistance_torque(law, turn, normal, modes, ahead, spin_sign, least):
-    """Torque against rolling (across the normal) and spinning (along it) that slide.
+    """Torque against rolling (normal to n) and against spinning (along n), for each that slides.
 
     Its size per unit of normal force is the arm [m] of each.
     """

@@ -7,15 +7,15 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The vocabulary of the catalogue: how a kind describes its parameters, and what its kernels see.
+"""Base of the catalogue: specs of parameters, their field types, and the data that kernels take.
 
-Every kind describes its parameters by a subclass of `Spec`. The field types hold what is the same
-everywhere: numbers are finite, a string is never read as a number nor a truth value as 0 or 1,
-directions and quaternions come out normalised, an inertia tensor is one that some mass distribution
-has. Vectors are tuples, so that a spec is hashable and cannot change.
+Every kind describes its parameters by a subclass of `Spec`. The field types check common rules:
+numbers are finite, a string is never read as a number nor a boolean as 0 or 1, directions and
+quaternions are normalised, an inertia tensor is physically admissible. Vectors are tuples, so that
+a spec is hashable and immutable.
 
-Kernels see the constants of a body, its state, and the dispatched laws of the catalogue. Frames: W
-world, B the body that a kind names, A its parent (the world when there is none).
+Kernels take the constants of a body, its state, and the dispatched laws of the catalogue. Frames: W
+world, B the body that a kind names, A its parent (the world if there is none).
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from rb_sim.base.names import one_of
 from rb_sim.numerics.kernels import dispatch
 
 WHOLE_TURN = 6.2832
-"""[rad], to four digits, beyond which the angle of an orientation is not in radians."""
+"""Largest angle of an orientation [rad], to four digits: a larger one is not in radians."""
 
 UNIT_SLACK = 4.0 * float(np.finfo(float).eps)
-"""A vector this close to length 1 counts as normalised."""
+"""Deviation from length 1 up to which a vector counts as normalised."""
 
 
 def refuse(allowed: str) -> PydanticCustomError:
@@ -57,11 +57,11 @@ def refuse(allowed: str) -> PydanticCustomError:
 
 
 Problem = tuple[tuple[str | int, ...], object, PydanticCustomError]
-"""Path, value, and what is wrong with it."""
+"""(path, value, error) of one invalid value."""
 
 
 def problems_of(error: ValidationError) -> list[Problem]:
-    """What an error says, to be said together with more."""
+    """The problems of a validation error, to be reported together with others."""
     return [
         (of["loc"], of["input"], PydanticCustomError(of["type"], of["msg"], of.get("ctx")))  # type: ignore[arg-type]
         for of in error.errors(include_url=False)
@@ -69,7 +69,7 @@ def problems_of(error: ValidationError) -> list[Problem]:
 
 
 def refuse_at(*problems: Problem) -> ValidationError:
-    """The error for fields below the value being validated."""
+    """The error for fields nested in the value being validated."""
     details = [
         InitErrorDetails(type=error, loc=path, input=value) for path, value, error in problems
     ]
@@ -81,10 +81,10 @@ def _unknown_key(key: object, known: Iterable[str]) -> PydanticCustomError:
 
 
 class Spec(BaseModel):
-    """Base of every model read from a scene: unknown keys refused, values frozen and finite.
+    """Base of every model read from a scene: unknown keys are refused, values frozen and finite.
 
-    Fields are strict (no string or bool as a number). For sequences use the types of this module
-    or add `Strict(False)`, since YAML gives lists where the models hold tuples.
+    Fields are strict (no string or bool as a number). For sequences use the types of this module or
+    add `Strict(False)`, since YAML gives lists and the models hold tuples.
     """
 
     model_config = ConfigDict(
@@ -93,16 +93,16 @@ class Spec(BaseModel):
         strict=True,
         allow_inf_nan=False,
         validate_default=True,
-        # what checks a kind is built when a scene names it: a scene names few of them
+        # validators of a kind are built when a scene names it: scenes name few kinds
         defer_build=True,
     )
 
     @model_validator(mode="wrap")
     @classmethod
     def _unknown_keys(cls, data: Any, validate: Callable[[Any], Any]) -> Any:
-        """Name the keys that exist where one is given that does not, and what else is wrong.
+        """Refuse unknown keys with the keys that exist, together with all other problems.
 
-        A key that is missing is left out there: it is what the unknown one meant.
+        A missing key is not reported then: it is probably the one meant by the unknown key.
         """
         if not isinstance(data, Mapping):
             return validate(data)
@@ -118,28 +118,29 @@ class Spec(BaseModel):
         raise refuse_at(*unknown, *beside)
 
     EQUATION: ClassVar[str] = ""
-    """of a law: what it demands or exerts, in the symbols of docs/method.md; its page shows it."""
+    """equation of a law in the symbols of docs/method.md; its page shows it."""
 
     commandable: ClassVar[bool] = False
-    """of an effect: whether its rows hold a wrench that the outside world sets."""
+    """for effects: whether its rows hold a wrench that is set from outside."""
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which an effect's law is not smooth [s]; no step goes across them."""
+        """Instants at which an effect's law is not smooth [s]; no step crosses them."""
         return ()
 
     def reaction_suffixes(self, place: Any) -> tuple[str, ...]:
-        """The reactions that a constraint reports: "" is its total NAME, "A" stands for NAME/A."""
+        """Suffixes of the reactions that a constraint reports: "" is the total NAME, "A" is
+        NAME/A."""
         return ("",)
 
     def contact_suffixes(self, place: Any) -> tuple[str, ...]:
-        """The points of contact of a constraint, named as its reactions are; none in a joint."""
+        """Suffixes of the contact points of a constraint, as its reactions; none for a joint."""
         return ()
 
 
 def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """(path, name) of each body that the fields `body`, `parent`, `bodies` and `between` name.
 
-    entry: checked, or as it stands in the file.
+    entry: validated, or as in the file.
     """
     value_of = entry.get if isinstance(entry, Mapping) else partial(getattr, entry)
     for field in ("body", "parent", "bodies", "between"):
@@ -151,7 +152,7 @@ def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str
 
 
 def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
-    """The spec that the mapping `value` describes: its `type` names the class in `registry`."""
+    """The spec described by the mapping `value`: its `type` names a class of `registry`."""
     if not isinstance(value, Mapping):
         if isinstance(value, tuple(registry.values())):
             return value
@@ -163,9 +164,9 @@ def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
 
 
 def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
-    """Return vector / |vector| without overflow or underflow; refuses the zero vector.
+    """vector / |vector| without overflow or underflow; refuses the zero vector.
 
-    What already has length 1 to round-off is kept bit for bit.
+    A vector of length 1 up to rounding is returned unchanged, bit for bit.
     """
     largest = max(abs(component) for component in vector)
     if largest == 0.0:
@@ -178,7 +179,7 @@ def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:
 
 
 def _listed(allowed: str, length: int | None = None) -> Callable[[Any], Any]:
-    """Check of a non-empty list (of that length) that says `allowed` where it fails."""
+    """Validator of a non-empty list (of this length) whose error says "must be `allowed`"."""
 
     def check(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -192,7 +193,7 @@ def _listed(allowed: str, length: int | None = None) -> Callable[[Any], Any]:
 
 def _text(name: Any) -> Any:
     if not isinstance(name, str):
-        raise refuse("the name of a body")  # keys are text already
+        raise refuse("the name of a body")  # keys are already text
     return name
 
 
@@ -204,8 +205,8 @@ def _unit_quaternion(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     return _normalised(quaternion, "a quaternion [x, y, z, w], not all zero")
 
 
-# Constraints of their own instead of a shared Field(): pydantic 2.7 writes the default of one field
-# into the Field that it shares with all others.
+# An own constraint for each type instead of a shared Field(): pydantic 2.7 writes the default of
+# one field into the Field that it shares with all others.
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 """Any finite number."""
 Positive = Annotated[Finite, Gt(0.0)]
@@ -221,26 +222,26 @@ Name = Annotated[
     ),
     BeforeValidator(_text),
 ]
-"""Name of a body, constraint or effect, as CAD programs give them; rb_sim.base.names has what is
-made of it where less is allowed."""
+"""Name of a body, constraint or effect, as CAD programs give them; rb_sim.base.names derives
+stricter names (topics, files) from it."""
 Identifier = Annotated[
     str, StringConstraints(strict=True, pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)
 ]
-"""Name that stands in expressions: a letter, then letters, digits, underscores."""
+"""Name that can be used in expressions: a letter, then letters, digits, underscores."""
 Vector3 = Annotated[
     tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """Three finite numbers."""
 STRONGEST = 1e100
-"""[N], [N m], [m/s^2], and of places and velocities [m], [m/s], [rad/s]. The square of what is far
-beyond overflows: contacts went on as if nothing pushed."""
+"""Largest force [N], torque [N m], acceleration [m/s^2], position [m] and velocity [m/s], [rad/s]:
+squares of much larger values overflow."""
 _Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
 Strength3 = Annotated[
     tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
 ]
 """A force, torque or acceleration: three numbers, none beyond STRONGEST."""
 State3 = Strength3
-"""A place or a velocity of a body, to which the same holds."""
+"""A position or a velocity of a body, with the same limit."""
 Strengths = Annotated[
     tuple[Strength3, ...], Strict(False), BeforeValidator(_listed("a list of points [x, y, z]"))
 ]
@@ -252,7 +253,7 @@ Positive3 = Annotated[
 ]
 """Three numbers > 0."""
 UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
-"""A direction; any length but zero is accepted and brought to 1."""
+"""A direction; any length but zero is accepted and normalised."""
 Numbers = Annotated[
     tuple[Finite, ...], Strict(False), BeforeValidator(_listed("a list of numbers"))
 ]
@@ -276,7 +277,7 @@ _WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(deg|rad)\s*")
 
 
 def _with_unit(angle: Any) -> Any:
-    """The radians of a text like "5 deg" or "0.1 rad"; any other value as it is."""
+    """Radians of a text like "5 deg" or "0.1 rad"; other values unchanged."""
     if not isinstance(angle, str):
         return angle
     match = _WITH_UNIT.fullmatch(angle)
@@ -294,7 +295,7 @@ Angle = Annotated[Finite, BeforeValidator(_with_unit)]
 
 
 class AxisAngle(Spec):
-    """A rotation by `angle` [rad] about `axis` (brought to length 1); also read from "5 deg"."""
+    """A rotation by `angle` [rad] about `axis` (normalised); the angle also as "5 deg"."""
 
     axis: UnitVector3
     angle: Annotated[Angle, AfterValidator(_radians)]
@@ -331,7 +332,7 @@ UnitQuaternion = Annotated[
     AfterValidator(_unit_quaternion),
     BeforeValidator(_from_axis_angle),
 ]
-"""Rotation [x, y, z, w], brought to length 1; also read from {axis: [x, y, z], angle: rad}."""
+"""Rotation [x, y, z, w], normalised; also read from {axis: [x, y, z], angle: rad}."""
 
 
 Vec3 = tuple[float, float, float]
@@ -340,14 +341,14 @@ Symmetric = tuple[float, float, float, float, float, float]
 
 
 class Inertial(NamedTuple):
-    """Constants of one rigid body."""
+    """Mass, inertia and centre of mass of one rigid body."""
 
     mass: float
-    """[kg]."""
+    """mass [kg]."""
     inertia: Symmetric
-    """about the centre of mass C, body axes (xx, yy, zz, xy, xz, yz) [kg m^2]."""
+    """inertia about the centre of mass C, body axes (xx, yy, zz, xy, xz, yz) [kg m^2]."""
     r_OC: Vec3
-    """from the body origin O to C, body axes [m]."""
+    """vector from the body origin O to C, body axes [m]."""
 
 
 class BodyState(NamedTuple):
@@ -364,26 +365,26 @@ class BodyState(NamedTuple):
 
 
 WORLD = BodyState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-"""The parent of what has none."""
+"""State of the world, the parent of a body without one."""
 
 
 class Part(NamedTuple):
-    """One row of a constraint and the reactions in which its wrench counts."""
+    """One row of a constraint and the reactions that include its wrench."""
 
     row: NamedTuple
     outputs: tuple[str, ...] = ("",)
-    """"" is the constraint's total; "A" and "B" are its bearings."""
+    """suffixes of these reactions: "" is the constraint's total, "A" and "B" its bearings."""
 
 
 class Place(Protocol):
-    """What a spec may ask while it is compiled into rows."""
+    """Data of the scene that a spec uses to compile its rows."""
 
     def body_names(self) -> tuple[str, ...]:
         """All bodies of the scene."""
         ...
 
     def inertial(self, body: str) -> Inertial:
-        """Constants of a body."""
+        """Mass, inertia and centre of mass of a body."""
         ...
 
     def state(self, body: str | None) -> BodyState:
@@ -395,43 +396,44 @@ class Place(Protocol):
         ...
 
     def from_com(self, body: str | None, point: Vec3) -> Vec3:
-        """A point given in body coordinates (from O), taken from C; unchanged for the world."""
+        """Vector from C to a point given in body coordinates (from O); unchanged for the world."""
         ...
 
     def partner_point(
         self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
-        """The parent's point, from its C; where the body's point_B starts if `point` is None."""
+        """The parent's point, from its C; if `point` is None, the initial position of the body's
+        point_B."""
         ...
 
     def partner_axis(
         self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
     ) -> Vec3:
-        """The parent's direction; along the body's axis_B at the start if `axis` is None."""
+        """The parent's direction; if `axis` is None, the initial direction of the body's axis_B."""
         ...
 
 
 class ConstraintKind(Protocol):
-    """What every constraint of the catalogue tells (its base is catalogue.spec.Spec)."""
+    """Interface of every constraint of the catalogue (its base is catalogue.spec.Spec)."""
 
     type: Any
     body: Any
 
     def parts(self, place: Place) -> list[Part]:
-        """Its rows, and the reactions in which they count."""
+        """Its rows, each with the reactions that include its wrench."""
         ...
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
-        """The reactions that it reports: "" is its total NAME, "A" stands for NAME/A."""
+        """Suffixes of its reactions: "" is the total NAME, "A" is NAME/A."""
         ...
 
     def contact_suffixes(self, place: Place) -> tuple[str, ...]:
-        """Its points of contact, named as its reactions are; none in a joint."""
+        """Suffixes of its contact points, as its reactions; none for a joint."""
         ...
 
 
 class EffectKind(Protocol):
-    """What every effect of the catalogue tells (its base is catalogue.spec.Spec)."""
+    """Interface of every effect of the catalogue (its base is catalogue.spec.Spec)."""
 
     type: Any
     commandable: ClassVar[bool]
@@ -441,25 +443,25 @@ class EffectKind(Protocol):
         ...
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which its law is not smooth [s]; no step goes across them."""
+        """Instants at which its law is not smooth [s]; no step crosses them."""
         ...
 
 
 class Changing(NamedTuple):
-    """How a row, or a system, shows what changes between steps to a traced law: as its inputs."""
+    """Quantities of a row, or a system, that change between steps, as inputs of a traced law."""
 
     count: int
     values: Callable[[Any, float, bool], tuple[float, ...]]
-    """(row, t, whether for the steps from t on or for the instant alone) -> the inputs."""
+    """(row, t, True for steps from t on or False for the instant t alone) -> the inputs."""
     symbolic: Callable[[Any, tuple], Any]
     """(row, its inputs as symbols) -> the row that is traced in its place."""
     next: Callable[[Any, BodyState, BodyState], tuple] | None = None
-    """(row, the body and its parent where a step ends) -> the inputs of the next step, of a row
-    that keeps something from step to step; None: they change from outside only."""
+    """(row, states of the body and its parent at the end of a step) -> the inputs of the next step,
+    for a row with memory; None: they change from outside only."""
 
 
 CHANGING: dict[type, Changing] = {}
-"""For the classes of which something changes; a law has everything else as constants."""
+"""Changing inputs by row or system class; all other numbers are constants of a law."""
 
 
 class Placed(NamedTuple):
@@ -471,7 +473,7 @@ class Placed(NamedTuple):
 
 
 CENTRAL: set[type] = set()
-"""Row classes whose force acts at C and does not depend on how the body is turned or spins."""
+"""Row classes whose force acts at C and does not depend on the orientation or angular velocity."""
 
 
 @dispatch

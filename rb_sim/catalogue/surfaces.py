@@ -7,15 +7,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What of a body touches a support, and the supports that there are.
+"""Contact points of each body shape, and the kinds of supports.
 
 A sphere touches at one point; an ellipsoid or a disk at the point of its surface nearest to the
-support; a cylinder at the nearest points of its two rims, and a rim that may lie flat on a plane at
-five more; a box at its 8 corners, and a rod at its
-two ends; or the scene lists the points.  But outside a sphere all of them touch at the one nearest
-point of their whole surface, or of the convex hull of the points.  The support is a plane, a sphere
-or a cylinder (outside or inside), fixed in the world or in the parent body, or the parent's own
-sphere, box or cylinder.
+support; a cylinder at the nearest points of its two rims, and at five more for a rim that may lie
+flat on a plane; a box at its 8 corners, a rod at its two ends; or the scene lists the points. On
+the outside of a sphere each shape touches at the one nearest point of its whole surface, or of the
+convex hull of the points. The support is a plane, a sphere or a cylinder (outside or inside), fixed
+in the world or in the parent body, or the parent's own sphere, box or cylinder.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from rb_sim.numerics.vectors import ZERO, add, scale, sub
 
 
 class PlaneSurface(Spec):
-    """The half space below the plane through `point` with `normal` (towards the body)."""
+    """Half space below the plane through `point` with `normal` (towards the body)."""
 
     type: Literal["plane"] = "plane"
     point: Vector3 = ZERO
@@ -44,7 +43,7 @@ class PlaneSurface(Spec):
 
 
 class SphereSurface(Spec):
-    """A sphere that the body touches from outside, or from inside a bowl."""
+    """Sphere that the body touches from outside or, as a bowl, from inside."""
 
     type: Literal["sphere"] = "sphere"
     center: Vector3 = ZERO
@@ -52,11 +51,11 @@ class SphereSurface(Spec):
     radius: Positive
     """radius of the sphere [m]."""
     side: Literal["outside", "inside"] = "outside"
-    """side from which the body touches it."""
+    """side of the surface on which the body is."""
 
 
 class CylinderSurface(Spec):
-    """An endless circular cylinder that the body touches from inside, or from outside."""
+    """Infinite circular cylinder that the body touches from inside or from outside."""
 
     type: Literal["cylinder"] = "cylinder"
     point: Vector3 = ZERO
@@ -66,7 +65,7 @@ class CylinderSurface(Spec):
     radius: Positive
     """radius of the cylinder [m]."""
     side: Literal["outside", "inside"] = "inside"
-    """side from which the body touches it."""
+    """side of the surface on which the body is."""
 
 
 class BodySurface(Spec):
@@ -81,11 +80,13 @@ SURFACES: dict[str, type[Spec]] = {
     "cylinder": CylinderSurface,
     "shape": BodySurface,
 }
-"""By name. A surface with a method `pairs(place, body, parent, points)` makes its own pairs."""
+"""Surfaces by the name of their type. One with a method `pairs(place, body, parent, points)` makes
+its own pairs."""
 
 
 RIM_POINTS = 6
-"""That hold a rim which lies flat: between them they reach to 0.87 of its radius."""
+"""Number of points that support a rim lying flat: the inscribed circle of their polygon has 0.87 of
+its radius."""
 
 
 class Flat(NamedTuple):
@@ -96,7 +97,7 @@ class Flat(NamedTuple):
 
 
 class Round(NamedTuple):
-    """A sphere, or with an axis an endless cylinder; side +1 is outside, -1 inside."""
+    """A sphere, or with an axis an infinite cylinder; side +1 is outside, -1 inside."""
 
     r_A: Vec3
     axis_A: Vec3 | None
@@ -142,11 +143,11 @@ def pairs_of(
     opens_rigidly: bool = True,
     bilateral: bool = False,
 ) -> list[NamedTuple]:
-    """The compiled pair of each point of contact; refuses a shape that cannot touch the surface.
+    """The compiled pair of each contact point; refuses a shape that cannot touch the surface.
 
-    lies_flat: a rim touches a plane at RIM_POINTS points; None: where it belongs to a cylinder
-        whose contact `opens_rigidly`.
-    bilateral: of the two points that a rim may have on a cylinder it keeps to one.
+    lies_flat: a rim touches a plane at RIM_POINTS points; None: only for a cylinder whose contact
+    `opens_rigidly`.
+    bilateral: a rim on a cylinder uses the first of its two points only.
     """
     if hasattr(surface, "pairs"):
         return surface.pairs(place, body, parent, points)
@@ -182,7 +183,7 @@ def pairs_of(
 
 
 def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
-    """The pair of a ball (a point, with radius 0) with the support."""
+    """The pair of a ball (or a point, with radius 0) and the support."""
     if isinstance(support, Flat):
         if radius > 0.0:
             return pairs.SurfaceOnPlane(BallSurface(centre, radius), support.r_A, support.n_A)
@@ -199,7 +200,7 @@ def ball_on(support: Support, centre: Vec3, radius: float) -> NamedTuple:
 
 
 def smooth_on(support: Support, surface: NamedTuple) -> NamedTuple | None:
-    """The pair of a smooth convex surface with the support, if there is one."""
+    """The pair of a smooth convex surface and the support; None if there is none."""
     if isinstance(support, Flat):
         return pairs.SurfaceOnPlane(surface, support.r_A, support.n_A)
     if isinstance(support, Solid):
@@ -211,7 +212,7 @@ def smooth_on(support: Support, surface: NamedTuple) -> NamedTuple | None:
 
 
 def on_outer_sphere(support: Support) -> Round | None:
-    """The support, where it is a sphere with the body outside."""
+    """The support if it is a sphere touched from outside, else None."""
     outer = isinstance(support, Round) and support.axis_A is None and support.side > 0.0
     return support if outer else None  # type: ignore[return-value]
 
@@ -223,7 +224,7 @@ def box_solid(centre: Vec3, shape: Any) -> NamedTuple:
 
 
 def cylinder_solid(centre: Vec3, shape: Any) -> NamedTuple:
-    """Of a cylinder, or of a disk, which has no length."""
+    """The solid of a cylinder, or of a disk (length 0)."""
     half = 0.5 * getattr(shape, "length", 0.0)
     return solids.Cylinder(centre, shape.radius, half, shape.axis_B)
 
@@ -244,7 +245,7 @@ SOLIDS = {
 
 
 def all_or_none(found: list[NamedTuple | None]) -> list[NamedTuple] | None:
-    """The pairs of all points, or None if one of them cannot touch the support."""
+    """The pairs of all points; None if one of them cannot touch the support."""
     kept = [pair for pair in found if pair is not None]
     return kept if len(kept) == len(found) else None
 
@@ -255,7 +256,8 @@ def sphere_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple]
 
 
 def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    """Refused where it may be flatter than what it is in, and touch it with two points at once."""
+    """The contact pair of an ellipsoid; refused if two of its points could touch the inside of a
+    round support at once."""
     flattest = max(shape.semi_axes) ** 2 / min(shape.semi_axes)
     if isinstance(support, Round) and support.side < 0.0 and flattest >= support.radius:
         raise refuse(
@@ -267,12 +269,12 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
 
 
 def disk_rims(centre: Vec3, shape: Any) -> list[Vec3]:
-    """Centre of its rim."""
+    """Centre of the rim of a disk."""
     return [centre]
 
 
 def cylinder_rims(centre: Vec3, shape: Any) -> list[Vec3]:
-    """Centres of its two rims."""
+    """Centres of the two rims of a cylinder."""
     half = scale(0.5 * shape.length, shape.axis_B)
     return [add(centre, half), sub(centre, half)]
 
@@ -281,7 +283,7 @@ RIMS = {"disk": disk_rims, "cylinder": cylinder_rims}
 
 
 def rim_points(centre: Vec3, shape: Any, support: Flat, count: int) -> list[NamedTuple]:
-    """The low point of a rim, and more at equal angles from it."""
+    """The lowest point of a rim and further points at equal angles from it."""
     turns = [2.0 * math.pi * i / count for i in range(count)]
     alone = 1.0 if count == 1 else 0.0
     sizes = centre, shape.radius, shape.axis_B
@@ -294,7 +296,8 @@ def rim_points(centre: Vec3, shape: Any, support: Flat, count: int) -> list[Name
 
 
 def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | None:
-    """Its rims, on what is round; outside a cylinder a cylinder would touch with its side."""
+    """The pairs of rims on a round support; None outside a cylinder for a cylinder, which would
+    touch with its side."""
     if shape.type == "cylinder" and isinstance(support, Round) and support.side > 0.0:
         return None
     centres = RIMS[shape.type](centre, shape)
@@ -331,4 +334,5 @@ MAKERS = {
     "box": box_pairs,
     "rod": rod_pairs,
 }
-"""The points of contact of each shape elsewhere, or None where it cannot touch the support."""
+"""Functions that make the contact pairs of each shape on other supports; None if it cannot
+touch."""

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The command `rb_sim`: one verb per module, each imported when it is called."""
+"""The command `rb_sim`: one module per verb, imported when the verb is called."""

@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The command line: reads arguments, calls a verb, turns errors into one line and an exit code."""
+"""Entry point of the command line: parses arguments, calls a verb, and turns errors into one line
+and an exit code."""
 
 from __future__ import annotations
 
@@ -29,9 +30,9 @@ from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
 from rb_sim.cli import options as opt
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
 
-# Errors of usage in one line, as all other errors: what was wrong, and whose --help to read.
+# Usage errors are printed in one line, as all other errors: the problem, and which --help to read.
 #
-# Help shows a flag as one: newer versions of typer write a type after it, as if it took a value.
+# Help shows a flag without a type: newer versions of typer print one, as if the flag took a value.
 
 
 INTERRUPTED = 130
@@ -42,19 +43,19 @@ class PlainFlags(TyperCommand):
     """A verb whose help shows no type behind a flag."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """The arguments and options, --help included."""
+        """The arguments and options, including --help."""
         return _without_types(super().get_params(ctx))
 
 
 class OneLineErrors(TyperGroup):
-    """The verbs of the program; a wrong option or argument gets one line, not a box."""
+    """Group of all verbs; a usage error is printed in one line instead of a box."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """The options of the program itself, --help included."""
+        """The options of the program itself, including --help."""
         return _without_types(super().get_params(ctx))
 
     def main(self, *arguments: Any, standalone_mode: bool = True, **keywords: Any) -> Any:
-        """Parse, call the verb and leave through sys.exit, as the base class does."""
+        """Parse the arguments, call the verb and leave through sys.exit, as the base class does."""
         if not standalone_mode:
             return super().main(*arguments, standalone_mode=False, **keywords)
         try:
@@ -63,8 +64,8 @@ class OneLineErrors(TyperGroup):
             if isinstance(error.__cause__, KeyboardInterrupt):  # older versions of typer
                 print("interrupted", file=sys.stderr, flush=True)
                 sys.exit(INTERRUPTED)
-            # known by what it has, not by class: older versions of typer raise click's own classes,
-            # newer ones a copy of them
+            # recognised by attributes, not by class: older versions of typer raise click's own
+            # classes, newer ones a copy of them
             if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
                 raise
             code = _complain(error)
@@ -72,7 +73,7 @@ class OneLineErrors(TyperGroup):
 
 
 def _without_types(params: list[Any]) -> list[Any]:
-    """The same options; flags have an empty name for the value that they do not take."""
+    """The same options, with an empty metavar for flags."""
     for param in params:
         if getattr(param, "is_flag", False):
             param.metavar = ""
@@ -82,13 +83,13 @@ def _without_types(params: list[Any]) -> list[Any]:
 NEAREST = re.compile(
     r"(?:\.| \(Possible options:| Did you mean) *(?:Did you mean)? *'?([\w-]+)'?[?)]$"
 )
-"""The nearest name at the end of a message of click's, in the forms of its versions."""
+"""The suggested name at the end of a message of click, in the forms of its versions."""
 
 NO_COMMAND = re.compile(r"No such command '(.*)'")
 
 
 def _complain(error: Any) -> int:
-    """Print the error; its exit code."""
+    """Print the error; returns its exit code."""
     context = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":  # `rb_sim` alone: its message is the help
         error.show()
@@ -96,9 +97,7 @@ def _complain(error: Any) -> int:
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     message = NEAREST.sub(r" (did you mean \1?)", message)
     verb = NO_COMMAND.fullmatch(message)
-    if (
-        verb is not None and context is not None
-    ):  # older versions of typer do not look for the nearest
+    if verb is not None and context is not None:  # older versions of typer suggest none
         near = get_close_matches(verb[1], context.command.list_commands(context), n=1)
         message += f" (did you mean {near[0]}?)" if near else ""
     program = "rb_sim" if context is None else context.command_path
@@ -107,14 +106,15 @@ def _complain(error: Any) -> int:
 
 
 KINDS = {"float": "a number", "int": "a whole number", "integer": "a whole number"}
-"""By click's name of the type, or the first word of pydantic's for what was wrong (int_parsing)."""
+"""Allowed values by click's name of the type, or by the first word of pydantic's error type
+(int_parsing)."""
 
 CLICKS_WORDS = re.compile(r"'(?P<value>.*)' is not a valid (?P<kind>float|integer)", re.DOTALL)
-"""Of click, with which older versions of typer read numbers; newer ones take pydantic."""
+"""Message of click, with which older versions of typer parse numbers; newer ones use pydantic."""
 
 
 def _bad_value(error: Any) -> str:
-    """Option, value and what is allowed, where a number cannot be read as one; else ""."""
+    """Option, value and allowed values if a number cannot be parsed; else ""."""
     names = getattr(getattr(error, "param", None), "opts", None)
     if not names:
         return ""
@@ -146,7 +146,8 @@ app = typer.Typer(
 
 
 def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[..., None]]:
-    """Register a function as a verb: RbSimError becomes one line, its result the exit code."""
+    """Decorator that registers a function as a verb: it returns the exit code; RbSimError becomes
+    one line."""
 
     def register(function: Callable[..., int | None]) -> Callable[..., None]:
         @functools.wraps(function)
@@ -188,14 +189,15 @@ _FORMAT = warnings.formatwarning
 
 
 def _one_line(message: Any, category: Any, *where: Any, **more: Any) -> str:
-    """A warning of a scene without the place in our sources, which tells a user nothing."""
+    """A SceneWarning without file and line of rb_sim's sources; other warnings in Python's
+    format."""
     if issubclass(category, SceneWarning):
         return f"warning: {message}\n"
     return _FORMAT(message, category, *where, **more)
 
 
 def _still_compiles() -> bool:
-    """Whether LLVM is at work in a thread that could not be broken off."""
+    """Whether LLVM still runs in a thread that could not be stopped."""
     program = sys.modules.get("rb_sim.compiler.program")
     return program is not None and program.left_alone()
 
@@ -425,7 +427,7 @@ def linearize(
     return tell(find_scene(scene), at, axes, turning, out, json)
 
 
-# Verbs that run a scene, or many, more than once.
+# Verbs that run one or many scenes more than once.
 
 
 @verb()

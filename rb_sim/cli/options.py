@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Arguments and options of the verbs, each described once."""
+"""Arguments and options that several verbs share."""
 
 from __future__ import annotations
 

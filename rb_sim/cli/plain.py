@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Tables and lines as they are written."""
+"""Console for tables and lines without markup."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 WIDTH = 160
-"""Characters of a line in a file or a pipe, where names are searched for and not to be folded."""
+"""Width of a line in a file or a pipe [characters]: long names are not folded there."""
 
 
 def width() -> int | None:
-    """Of a line of standard output; None: that of the screen."""
+    """Width of a line of standard output [characters]; None: that of the terminal."""
     return None if sys.stdout.isatty() else WIDTH
 
 
 def plain_console(**options: Any) -> Console:
-    """A console that takes no text for markup: units, topics and paths have brackets and colons,
-    and `[ms]` would vanish, `[/]` end the program."""
+    """A console without markup: brackets of units, topics and paths would be taken for it (`[ms]`
+    would vanish, `[/]` raise an error)."""
     from rich.console import Console
 
     given: dict[str, Any] = {"width": width(), **options}

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The verbs of the command line as functions of the package: they return what the verbs print."""
+"""The verbs of the command line as functions that return their results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rb_sim.statics.statics_tables import StaticsResult
 
 Source = str | PathLike[str] | Mapping[str, Any]
-"""Of a scene: a file, the name of a shipped one, or a mapping."""
+"""Source of a scene: a file, the name of a shipped scene, or a mapping."""
 
 
 @named_if_lacking()

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a run showed: as numbers for summary.json and the logs, and as a table."""
+"""Summary of a run, as numbers for summary.json and the logs, and as a table."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ if TYPE_CHECKING:
     from rb_sim.simulation.simulation import Simulation
 
 SPELL = 0.02
-"""Wall time of one measurement of the cost of a step, about [s]."""
+"""Approximate wall-clock time of one measurement of the cost of a step [s]."""
 
 REPEATS = 5
-"""Measurements; the least counts, the others were disturbed."""
+"""Number of measurements; the smallest one counts, as others include disturbances."""
 
 SHOWN_RANGES = 6
-"""Undetermined reactions in the table; summary.json has all."""
+"""Most redundant reactions in the table; summary.json has all."""
 
 SHOWN_EVENTS = 5
-"""Events of contacts in the table; summary.json has some more."""
+"""Most contact events in the table; summary.json has some more."""
 
 
 class Clocks(NamedTuple):
-    """Where the time of a run went [s]."""
+    """Times that a run took [s]."""
 
     integrating: float
-    """processor time of stepping and sampling; gives the real-time factor."""
+    """CPU time of stepping and sampling, from which the real-time factor follows."""
     wall: float
-    """from the first step to the last, logging included."""
+    """wall-clock time from the first to the last step, including logging."""
 
 
 def summarize(
@@ -61,10 +61,10 @@ def summarize(
     *,
     timed: bool = True,
 ) -> dict[str, Any]:
-    """The summary of a run: plain numbers, text, lists and dicts.
+    """The summary of a run: numbers, text, lists and dicts.
 
-    outcome: "finished", "interrupted by ..." or what went wrong. error: by the second run.
-    timed: measure the time of a step, which takes some more of them. Sets the simulation back.
+    outcome: "finished", "interrupted by ..." or the error. error: global error from the second run.
+    timed: measure the CPU time of a step, which takes further steps. Resets the simulation.
     """
     scene, compiled, ledger = simulation.scene, simulation.compiled, check_list.ledger
     options = scene.simulation
@@ -110,13 +110,13 @@ def summarize(
 
 
 MOST_RANGED = 8
-"""Points of contact up to which a summary has ranges: each is a dozen optimisations."""
+"""Most contact points for which a summary has ranges: each takes a dozen optimisations."""
 
 
 def _ranges_at_start(simulation: Simulation) -> dict[str, dict[str, list[float]]]:
-    """[min, max] of each component that is not determined, by reaction; infinite: unbounded.
+    """[min, max] of each component that is not unique, by reaction; infinite: unbounded.
 
-    Empty where there are many contacts, or none are known to hold. Sets the simulation back.
+    Empty for many contacts, or if no contact state is known. Resets the simulation.
     """
     from rb_sim.simulation.reaction_ranges import reaction_ranges
 
@@ -131,16 +131,16 @@ def _ranges_at_start(simulation: Simulation) -> dict[str, dict[str, list[float]]
 
 
 def _law_of_impacts(options: SimulationOptions) -> dict[str, str]:
-    """What is asked of contacts that strike at once; time stepping knows no instants."""
+    """The law of simultaneous impacts; empty for time stepping, which has no impact times."""
     return {} if options.method == "time_stepping" else {"impacts_at_once": options.impacts}
 
 
 def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float) -> float | None:
-    """Processor time of one step, attempts that were rejected included; no sampling.
+    """CPU time of one step [ns], rejected attempts included, sampling excluded; None without steps.
 
-    Measured on the beginning of the run once more; span: how far it went [s]; integrating: what
-    that took [s]. None if it took no step. With contacts, whose events may crowd at the beginning,
-    that of the whole run, events and samples included.
+    Measured by repeating the beginning of the run. span: simulated time of the run [s];
+    integrating: its CPU time [s]. With contacts, whose events may be frequent at the beginning, the
+    mean of the whole run, events and samples included.
     """
     if not span > 0.0:
         return None
@@ -160,7 +160,7 @@ def nanoseconds_per_step(simulation: Simulation, span: float, integrating: float
 
 
 def _cost_of_advance(simulation: Simulation, duration: float) -> int:
-    """Processor time [ns] of one call."""
+    """CPU time of one call of `advance` [ns]."""
     began = time.thread_time_ns()
     simulation.advance(duration)
     return time.thread_time_ns() - began
@@ -172,7 +172,7 @@ def write_json(summary: dict[str, Any], path: Path) -> None:
 
 
 def finite(value: Any) -> Any:
-    """Plain data with None for each number that is not finite."""
+    """Plain data with each number that is not finite replaced by None."""
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -181,7 +181,7 @@ def finite(value: Any) -> Any:
 
 
 def print_summary(summary: dict[str, Any], console: Console) -> None:
-    """The table in the terminal."""
+    """Print the summary as a table."""
     from rich.table import Table
     from rich.text import Text
 
@@ -194,7 +194,7 @@ def print_summary(summary: dict[str, Any], console: Console) -> None:
 
 
 def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of each line of the table. Warnings are printed after it, on stderr."""
+    """(label, text) of each row of the table. Warnings are printed after it, on stderr."""
     energy, momentum = summary["energy"], summary["momentum"]
     rows = [("scene", _joined(summary["scene"], summary["description"], ": "))]
     rows += [
@@ -228,7 +228,7 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _errors(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The global error of the run, where it came to its end."""
+    """Row of the global error, if it was measured."""
     error = summary["global_error"]
     return [] if error is None else [("global error", error["text"])]
 
@@ -241,7 +241,7 @@ def _why_no_momentum(summary: dict[str, Any]) -> str:
 
 
 def _contacts(contacts: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """Lines about work, impulse and events of contacts, if there are any."""
+    """Rows of work, impulses and events of contacts, if there are any."""
     if contacts is None:
         return []
     rows = [("work of contacts", f"{contacts['work']:.6g} J")]
@@ -307,7 +307,7 @@ def _balance(balance: dict[str, Any], unit: str) -> str:
 
 
 def _indeterminate(names: list[str], ranges: dict[str, dict[str, list[float]]]) -> str:
-    """Reactions with their components that are not determined, and by how much if bounded."""
+    """Redundant reactions, each with its components that are not unique and their bounds."""
     shown = [f"{name} ({_spans(ranges[name])})" if name in ranges else name for name in names]
     more = f" and {len(shown) - SHOWN_RANGES} more" if len(shown) > SHOWN_RANGES else ""
     return f"{', '.join(shown[:SHOWN_RANGES])}{more}: minimum-norm reactions reported"

@@ -7,8 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Numbers in compiled functions: conversions, operators, comparisons; what Python does on floats,
-but that nothing is raised: a quotient by zero is infinite or NaN, as IEEE 754 has it."""
+"""Numbers in compiled functions: conversions, operators, comparisons.
+
+Semantics are those of Python's floats, but nothing is raised: a quotient by zero is infinite or
+NaN, as in IEEE 754.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ from rb_sim.compiler.builder import (
 
 
 def constant(value: Any) -> Value:
-    """A number of Python's, or a tuple of them."""
+    """The value of a Python number, or of a tuple of numbers; of any other object a known value."""
     if isinstance(value, bool):
         return Value(BOOLEAN, ("true" if value else "false",), value)
     if isinstance(value, int):
@@ -54,7 +57,7 @@ def constant(value: Any) -> Value:
 
 
 def converted(f: Builder, value: Value, kind: Kind) -> Value:
-    """The value as one of the kind, of which it can be taken."""
+    """The value converted to a kind. Raises KindError if there is no conversion."""
     if value.kind == kind:
         return value
     if isinstance(kind, Tuple) and isinstance(value.kind, Tuple):
@@ -99,7 +102,7 @@ def integer(f: Builder, value: Value) -> Value:
 
 
 def truth(f: Builder, value: Value) -> Value:
-    """Whether a condition holds."""
+    """The value as a condition."""
     if value.kind == BOOLEAN:
         return value
     if value.kind == INTEGER:
@@ -115,7 +118,7 @@ def truth(f: Builder, value: Value) -> Value:
 
 
 def negated(f: Builder, value: Value) -> Value:
-    """not value."""
+    """`not value`."""
     holds = truth(f, value)
     if holds.number is not None:
         return constant(not holds.number)
@@ -130,7 +133,7 @@ _INTEGER: dict[type, str] = {
 
 
 def binary(f: Builder, operator: ast.operator, a: Value, b: Value) -> Value:
-    """The value of an operator between two numbers."""
+    """The value of a binary operator. Raises KindError for kinds without it."""
     kind = type(operator)
     if isinstance(a.kind, Tuple) and isinstance(b.kind, Tuple) and kind is ast.Add:
         return tuple_of([*entries(a), *entries(b)])
@@ -156,7 +159,7 @@ def binary(f: Builder, operator: ast.operator, a: Value, b: Value) -> Value:
 
 
 def _folded(operator: ast.operator, a: Any, b: Any) -> Any:
-    """The value for constants, as Python has it."""
+    """The value of an operator on constants, by Python."""
     code = compile(
         ast.fix_missing_locations(
             ast.Expression(ast.BinOp(ast.Constant(a), operator, ast.Constant(b)))
@@ -168,7 +171,7 @@ def _folded(operator: ast.operator, a: Any, b: Any) -> Any:
 
 
 def _floored(f: Builder, kind: type, x: str, y: str) -> Value:
-    """x // y or x % y of reals, as Python rounds them."""
+    """x // y or x % y of reals, rounded as in Python."""
     rest = f.get(f"frem double {x}, {y}")
     zero = real_text(0.0)
     apart = f.get(f"fmul double {rest}, {y}")
@@ -198,7 +201,7 @@ def _whole(f: Builder, kind: type, x: str, y: str) -> Value:
 
 
 def power(f: Builder, a: Value, b: Value) -> Value:
-    """a ** b; by squaring where b is a whole constant."""
+    """a ** b; by repeated squaring if b is a whole constant."""
     if isinstance(b.number, int) and b.number >= 0:
         left, square, result = b.number, a, None
         while left:
@@ -209,13 +212,13 @@ def power(f: Builder, a: Value, b: Value) -> Value:
                 square = binary(f, ast.Mult(), square, square)
         return constant(1) if result is None else result
     x, y = real(f, a).leaf, real(f, b).leaf
-    if b.number == 0.5:  # of what is not negative, or NaN
+    if b.number == 0.5:  # x is not negative, or NaN
         return Value(REAL, (f.get(f"call double @llvm.sqrt.f64(double {x})"),))
     return Value(REAL, (f.get(f"call double @llvm.pow.f64(double {x}, double {y})"),))
 
 
 def _complex(f: Builder, kind: type, p: Value, q: Value) -> Value:
-    """Sum, difference, product or quotient of complex numbers; the quotient as Smith has it."""
+    """Sum, difference, product or quotient of complex numbers; the quotient by Smith's method."""
     (a, b), (c, d) = p.leaves, q.leaves
 
     def do(word: str, x: str, y: str) -> str:
@@ -232,7 +235,7 @@ def _complex(f: Builder, kind: type, p: Value, q: Value) -> Value:
     def either(x: str, y: str) -> str:
         return f.get(f"select i1 {large}, double {x}, double {y}")
 
-    # |c| >= |d|: r = d/c, den = c + d r, ((a + b r) + i (b - a r)) / den; else the same turned
+    # |c| >= |d|: r = d/c, den = c + d r, ((a + b r) + i (b - a r)) / den; else with roles exchanged
     most, least = either(c, d), either(d, c)
     ratio = do("fdiv", least, most)
     below = do("fadd", most, do("fmul", least, ratio))
@@ -250,7 +253,7 @@ _ORDERED = {
 
 
 def compared(f: Builder, operator: ast.cmpop, a: Value, b: Value) -> Value:
-    """Whether a comparison holds."""
+    """The value of a comparison. Raises KindError for kinds without one."""
     kind = type(operator)
     if kind in (ast.Is, ast.IsNot, ast.Eq, ast.NotEq) and (
         isinstance(a.kind, Object) or isinstance(b.kind, Object)
@@ -290,7 +293,7 @@ def absolute(f: Builder, value: Value) -> Value:
 
 
 def extreme(f: Builder, operator: ast.cmpop, values: list[Value]) -> Value:
-    """min or max of numbers, as Python goes through them: a later one counts if it is beyond."""
+    """min or max of numbers as in Python: a later one counts only if it is strictly beyond."""
     kind = values[0].kind
     for value in values[1:]:
         kind = common(kind, value.kind)
@@ -305,7 +308,7 @@ def extreme(f: Builder, operator: ast.cmpop, values: list[Value]) -> Value:
 
 
 def selected(f: Builder, condition: str, a: Value, b: Value) -> Value:
-    """a where the condition holds, else b; both of one kind."""
+    """a if the condition holds, else b; both of one kind."""
     leaves = [
         x if x == y else f.get(f"select i1 {condition}, {kind} {x}, {kind} {y}")
         for kind, x, y in zip(a.kind.leaves, a.leaves, b.leaves, strict=True)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Arrays in compiled functions: entries, parts of them, new ones."""
+"""Arrays in compiled functions: elements, parts, new arrays."""
 
 from __future__ import annotations
 
@@ -35,19 +35,20 @@ from rb_sim.compiler.builder import (
 )
 
 FIELDS: dict[str, tuple[Any, int]] = {}
-"""Kind and first slot of each field of a packed layout, by name."""
+"""(kind, first slot) of each field of a packed layout, by name."""
 
 Index = Value | tuple[Value | None, Value | None]
-"""A number, or both ends of a slice, None where they are left out."""
+"""A number, or both ends of a slice (None for an omitted end)."""
 
 
 def checked() -> bool:
-    """True where every index is to be looked at, and the process to end at one beyond its array."""
+    """True if indices are checked, and one out of bounds aborts the process
+    (RB_SIM_CHECK_BOUNDS)."""
     return os.environ.get("RB_SIM_CHECK_BOUNDS", "0") not in ("", "0")
 
 
 def lengths(value: Value) -> tuple[str, ...]:
-    """How many entries an array has along each axis."""
+    """Length of an array along each axis."""
     assert isinstance(value.kind, Array)
     return value.leaves[1 : 1 + value.kind.ndim]
 
@@ -61,7 +62,7 @@ def product(f: Builder, factors: Sequence[str]) -> str:
 
 
 def whole(f: Builder, value: Value, length: str | None) -> str:
-    """An index; a negative constant counts from the end."""
+    """An index as an LLVM value; a negative constant counts from the end."""
     if value.kind != INTEGER:
         raise KindError("an index is an integer")
     if isinstance(value.number, int) and value.number < 0:
@@ -80,7 +81,7 @@ def whole(f: Builder, value: Value, length: str | None) -> str:
 
 
 def loaded(f: Builder, element: str, place: str) -> Value:
-    """The number of an array at a place."""
+    """The element of an array at an address."""
     leaf = f.load(ELEMENTS[element], place)
     if element == "real":
         return Value(REAL, (leaf,))
@@ -92,7 +93,7 @@ def loaded(f: Builder, element: str, place: str) -> Value:
 
 
 def stored(f: Builder, element: str, place: str, value: Value) -> None:
-    """The number goes to the place, as what the array holds."""
+    """Store the value at an address, converted to the array's element type."""
     if element == "real":
         leaf = real(f, value).leaf
     elif element == "flag":
@@ -105,9 +106,9 @@ def stored(f: Builder, element: str, place: str, value: Value) -> None:
 
 
 def part_of(f: Builder, array: Value, indices: Sequence[Index]) -> tuple[str, Array | None, Value]:
-    """What indices choose: (where it begins, its kind or None of a single number, it as a value).
+    """(address, kind or None for a single number, value) of the part of an array chosen by indices.
 
-    One slice is taken, in the last or the only axis with a number before it, or in the first.
+    One slice is allowed: in the last or only axis after numbers, or in the first axis.
     """
     kind = array.kind
     assert isinstance(kind, Array)
@@ -142,7 +143,7 @@ def part_of(f: Builder, array: Value, indices: Sequence[Index]) -> tuple[str, Ar
 def _rest(
     kind: Array, strides: list[str], left: list[tuple[int, str, bool]], place: str
 ) -> tuple[Array, Value]:
-    """The axes that are left of an array, whose part begins at the place."""
+    """(kind, value) of the remaining axes of an array, whose part begins at this address."""
     axes = [axis for axis, _, _ in left]
     counts = tuple(length for _, length, _ in left)
     if len(axes) == 1 and (axes[0] < kind.ndim - 1 or kind.strided):
@@ -151,14 +152,14 @@ def _rest(
     whole_after_first = all(not cut for _, _, cut in left[1:])
     together = axes == list(range(axes[0], kind.ndim))
     if not together or not whole_after_first or kind.strided:
-        # rows that do not follow each other: only their reading would be right
+        # rows with gaps: only reading them would be right
         raise KindError("a part of an array that does not lie in one piece")
     found = Array(kind.element, len(axes), origins=kind.origins)
     return found, Value(found, (place, *counts))
 
 
 def entry(f: Builder, array: Value, indices: Sequence[Index]) -> Value:
-    """What indices choose of an array, or of what a pointer leads to."""
+    """The element or part chosen by indices, of an array or behind a pointer."""
     if isinstance(array.kind, Pointer):
         return loaded(f, array.kind.element, _at_pointer(f, array, indices))
     place, _, rest = part_of(f, array, indices)
@@ -169,7 +170,7 @@ def entry(f: Builder, array: Value, indices: Sequence[Index]) -> Value:
 
 
 def put(f: Builder, array: Value, indices: Sequence[Index], value: Value) -> None:
-    """The number becomes the entry that the indices choose."""
+    """Store a number in the element chosen by indices."""
     if isinstance(array.kind, Pointer):
         return stored(f, array.kind.element, _at_pointer(f, array, indices), value)
     if not isinstance(array.kind, Array):
@@ -181,7 +182,7 @@ def put(f: Builder, array: Value, indices: Sequence[Index], value: Value) -> Non
 
 
 def _at_pointer(f: Builder, array: Value, indices: Sequence[Index]) -> str:
-    """Where an entry is behind a pointer."""
+    """Address of an element behind a pointer."""
     assert isinstance(array.kind, Pointer)
     (index,) = indices
     if isinstance(index, tuple):
@@ -190,7 +191,7 @@ def _at_pointer(f: Builder, array: Value, indices: Sequence[Index]) -> str:
 
 
 def first_of(f: Builder, array: Value) -> Value:
-    """Where the numbers of an array are."""
+    """Pointer to the first element of a contiguous array."""
     if isinstance(array.kind, Pointer):
         return array
     if not isinstance(array.kind, Array) or array.kind.strided:
@@ -201,20 +202,20 @@ def first_of(f: Builder, array: Value) -> Value:
 def shaped(
     pointer: str, element: str, counts: Sequence[Value], origins: frozenset[int] = frozenset()
 ) -> Value:
-    """The array of these lengths whose numbers begin at the pointer."""
+    """The array with these lengths whose elements begin at the pointer."""
     kind = Array(element, len(counts), origins=origins)
     return Value(kind, (pointer, *(count.leaf for count in counts)))
 
 
 def made(f: Any, element: str, counts: Sequence[Value]) -> Value:
-    """A new array with nothing in it, on the list of what the function frees when it ends."""
+    """A new uninitialised array, on the list of arrays that the function frees when it ends."""
     size = product(f, [*(count.leaf for count in counts), str(SIZES[element])])
     pointer = f.get(f"call ptr @obtain(i64 {size}, ptr {f.owner()})")
     return shaped(pointer, element, counts, frozenset({HERE}))
 
 
 def filled(f: Builder, array: Value, value: Value) -> Value:
-    """The array, with this number everywhere."""
+    """The array, with every element set to this number."""
     assert isinstance(array.kind, Array)
     element, kind = array.kind.element, ELEMENTS[array.kind.element]
     count = product(f, lengths(array))
@@ -235,7 +236,7 @@ def filled(f: Builder, array: Value, value: Value) -> Value:
 
 
 def copied(f: Builder, to: Value, of: Value) -> Value:
-    """`to`, with the numbers of `of`, which has the same lengths."""
+    """`to`, with the elements of `of` copied into it; both have the same lengths."""
     assert isinstance(to.kind, Array) and isinstance(of.kind, Array)
     if of.kind.strided:
 
@@ -254,7 +255,7 @@ def copied(f: Builder, to: Value, of: Value) -> Value:
 
 
 def counted(f: Builder, count: str, does: object) -> None:
-    """does(i) for i from 0 to count - 1."""
+    """Loop that calls does(i) for i from 0 to count - 1."""
     slot = f.slot("i64")
     f.store("i64", "0", slot)
     look, inside, after = f.label("look"), f.label("each"), f.label("after")
@@ -270,7 +271,7 @@ def counted(f: Builder, count: str, does: object) -> None:
 
 
 def field_of(f: Builder, system: Value, name: str) -> Value:
-    """A field of a system by the address of its packed layout."""
+    """A field of a system, read from its packed layout."""
     assert isinstance(system.kind, PackedSystem)
     kind, at = FIELDS[name]
 
@@ -285,12 +286,12 @@ def field_of(f: Builder, system: Value, name: str) -> Value:
 
 
 def as_kind(f: Builder, value: Value, kind: Kind) -> Value:
-    """An address as a pointer of the kind, or a pointer of one kind as another."""
+    """An address, or a pointer of another kind, as a pointer of this kind."""
     if value.kind in (VECTOR, INTEGERS) or isinstance(value.kind, PackedSystem):
         return Value(kind, value.leaves)
     return Value(kind, (f.get(f"inttoptr i64 {converted(f, value, INTEGER).leaf} to ptr"),))
 
 
 def length_of(value: Value) -> Value:
-    """len(value) of an array."""
+    """len(value) for an array."""
     return Value(INTEGER, (lengths(value)[0],))

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Blocks and instructions of a function as the text of LLVM IR, and the kinds of its values."""
+"""Blocks and instructions of a function as LLVM IR text, and the kinds of its values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 ELEMENTS = {"real": "double", "integer": "i64", "short": "i32", "flag": "i8"}
-"""LLVM types of what an array holds."""
+"""LLVM types of array elements."""
 
 DTYPES = {
     np.dtype(np.float64): "real",
@@ -32,24 +32,24 @@ SIZES = {"real": 8, "integer": 8, "short": 4, "flag": 1}
 
 @dataclass(frozen=True)
 class Kind:
-    """The type of a value; `leaves` are the LLVM types of which it consists, in turn."""
+    """The type of a value in compiled functions; `leaves` are the LLVM types that represent it."""
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """None, unless the kind says otherwise."""
+        """Empty by default."""
         return ()
 
 
 @dataclass(frozen=True)
 class Number(Kind):
-    """A real number, an integer of 64 bits or a truth value."""
+    """A real number, a 64-bit integer or a boolean."""
 
     name: str
     type: str
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """One: the type itself."""
+        """One leaf: the LLVM type itself."""
         return (self.type,)
 
 
@@ -63,7 +63,7 @@ class Complex(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """Two: real and imaginary part."""
+        """Two leaves: real and imaginary part."""
         return "double", "double"
 
 
@@ -72,13 +72,13 @@ COMPLEX = Complex()
 
 @dataclass(frozen=True)
 class Pointer(Kind):
-    """Where numbers are; how many, nobody knows."""
+    """Address of numbers, without a length."""
 
     element: str
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """One: the address."""
+        """One leaf: the address."""
         return ("ptr",)
 
 
@@ -89,11 +89,11 @@ VECTOR, INTEGERS = Pointer("real"), Pointer("integer")
 
 @dataclass(frozen=True)
 class Array(Kind):
-    """An array, by where its numbers are and its lengths; C-contiguous but for its last axis where
-    that is `strided`: then the distance of its entries comes last.
+    """An array, represented by its address and its lengths; C-contiguous unless `strided`.
 
-    origins: where it may come from: HERE if it is made in the function, which ends with it, and the
-    places of arguments with which it may have come.
+    For a strided array the last leaf is the distance of the elements along its last axis. origins:
+    possible sources of the array: HERE if it is made in the function, and the indices of arguments
+    from which it may come.
     """
 
     element: str
@@ -103,7 +103,7 @@ class Array(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """The address, the length of each axis, and the distance of entries if strided."""
+        """Address, length of each axis, and the distance of elements if strided."""
         return ("ptr",) + ("i64",) * (self.ndim + self.strided)
 
 
@@ -115,25 +115,25 @@ class PackedSystem(Kind):
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """One: the address of the layout."""
+        """One leaf: the address of the layout."""
         return ("ptr",)
 
 
 @dataclass(frozen=True)
 class Tuple(Kind):
-    """A tuple, or a NamedTuple of the class."""
+    """A tuple, or an instance of a NamedTuple class."""
 
     kinds: tuple[Kind, ...]
     of: type | None = None
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """Those of its entries in turn."""
+        """The leaves of its entries in order."""
         return tuple(leaf for kind in self.kinds for leaf in kind.leaves)
 
 
 class Object(Kind):
-    """A value that is known while compiling: a function, a class, a module, a word; None."""
+    """A value known at compile time: a function, class, module, string, or None."""
 
     def __init__(self, value: Any) -> None:
         object.__setattr__(self, "value", value)
@@ -153,11 +153,12 @@ NOTHING = Object(None)
 
 
 class KindError(TypeError):
-    """Two kinds that no value can have at once."""
+    """Raised for a value whose kind is not allowed, or for kinds without a common one."""
 
 
 def common(a: Kind, b: Kind) -> Kind:
-    """The kind of which values of both kinds can be taken."""
+    """The kind to which values of both kinds can be converted. Raises KindError if there is
+    none."""
     if a == b:
         return a
     if isinstance(a, Number) and isinstance(b, Number):
@@ -185,14 +186,14 @@ def kind_text(kind: Kind) -> str:
 
 
 def origins_of(kind: Kind) -> frozenset[int]:
-    """Where the arrays in it may come from."""
+    """Possible sources of all arrays in a value of this kind."""
     if isinstance(kind, Tuple):
         return frozenset().union(*(origins_of(k) for k in kind.kinds))
     return kind.origins if isinstance(kind, Array) else frozenset()
 
 
 def from_places(kind: Kind, places: Callable[[frozenset[int]], frozenset[int]]) -> Kind:
-    """The same, its arrays from where `places` says."""
+    """The kind with the origins of its arrays replaced by `places(origins)`."""
     if isinstance(kind, Tuple):
         return Tuple(tuple(from_places(k, places) for k in kind.kinds), kind.of)
     if isinstance(kind, Array):
@@ -201,15 +202,15 @@ def from_places(kind: Kind, places: Callable[[frozenset[int]], frozenset[int]]) 
 
 
 def from_nowhere(kind: Kind) -> Kind:
-    """The same, whatever its arrays come from."""
+    """The kind without the origins of its arrays."""
     return from_places(kind, lambda origins: frozenset())
 
 
 @dataclass(frozen=True)
 class Value:
-    """A value of a kind, by its LLVM values.
+    """A value in a compiled function: its kind and its LLVM values.
 
-    number: a constant of Python's, where it is one.
+    number: the Python constant, if it is one.
     """
 
     kind: Kind
@@ -235,25 +236,25 @@ def entries(value: Value) -> list[Value]:
 
 
 def tuple_of(values: Sequence[Value], of: type | None = None) -> Value:
-    """The tuple of the values."""
+    """The tuple of these values; of: its NamedTuple class."""
     leaves = tuple(leaf for value in values for leaf in value.leaves)
     return Value(Tuple(tuple(value.kind for value in values), of), leaves)
 
 
 def known(value: Any) -> Value:
-    """An object that is known while compiling."""
+    """The value of an object known at compile time."""
     return Value(Object(value), ())
 
 
 def real_text(x: float) -> str:
-    """A double to the bit."""
+    """The exact LLVM constant of a double."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
 class Block:
-    """Instructions that run one after another; the last of them goes elsewhere.
+    """A basic block: instructions in sequence, the last of which leaves it.
 
-    ended: nothing more comes in it; reached: another block goes to it.
+    ended: it is complete; reached: another block jumps to it.
     """
 
     def __init__(self, label: str) -> None:
@@ -262,66 +263,66 @@ class Block:
 
 
 class Builder:
-    """A function that is being written."""
+    """Writer of one function."""
 
     def __init__(self) -> None:
         self._count = 0
         self.slots: list[str] = []
-        """What stands at the very begin."""
+        """Instructions at the beginning of the function (stack slots)."""
         self.blocks: list[Block] = []
         first = self.label("begin")
         first.reached = True
         self.block = self.begin(first)
 
     def label(self, word: str) -> Block:
-        """A block that begins later."""
+        """A new block that begins later."""
         self._count += 1
         return Block(f"{word}{self._count}")
 
     def begin(self, block: Block) -> Block:
-        """Write into the block from now on; nothing is written where no other block goes to it."""
+        """Write into the block from now on; an unreachable block stays empty."""
         self.blocks.append(block)
         self.block = block
         block.ended = not block.reached
         return block
 
     def name(self) -> str:
-        """A new name of a value."""
+        """A new name for an LLVM value."""
         self._count += 1
         return f"%v{self._count}"
 
     def do(self, text: str) -> None:
-        """An instruction without a result; what cannot be reached is left out."""
+        """Write an instruction without a result; nothing in unreachable code."""
         if not self.block.ended:
             self.block.lines.append(text)
             self.block.ended = text.startswith("ret ")
 
     def get(self, text: str) -> str:
-        """The result of an instruction."""
+        """Write an instruction; returns the name of its result."""
         name = self.name()
         self.do(f"{name} = {text}")
         return name
 
     def go(self, block: Block) -> None:
-        """Jump to the block."""
+        """End the block with a jump."""
         if not self.block.ended:
             self.do(f"br label %{block.label}")
             self.block.ended = block.reached = True
 
     def part(self, condition: str, yes: Block, no: Block) -> None:
-        """Jump to one block or the other."""
+        """End the block with a conditional jump."""
         if not self.block.ended:
             self.do(f"br i1 {condition}, label %{yes.label}, label %{no.label}")
             self.block.ended = yes.reached = no.reached = True
 
     def slot(self, kind: str) -> str:
-        """A place for a value of the LLVM type, as long as the function runs."""
+        """A stack slot for a value of an LLVM type, for the duration of the function."""
         name = self.name()
         self.slots.append(f"{name} = alloca {kind}, align 8")
         return name
 
     def place(self, kind: str, pointer: str, index: str) -> str:
-        """Where the entry at the index is."""
+        """Address of the element at an index."""
         return self.get(f"getelementptr {kind}, ptr {pointer}, i64 {index}")
 
     def load(self, kind: str, pointer: str) -> str:
@@ -333,7 +334,7 @@ class Builder:
         self.do(f"store {kind} {value}, ptr {pointer}, align {size_of(kind)}")
 
     def text(self) -> str:
-        """The body of the function."""
+        """LLVM IR of the body of the function."""
         lines = []
         for i, block in enumerate(self.blocks):
             if block.reached:
@@ -346,5 +347,5 @@ class Builder:
 
 
 def size_of(kind: str) -> int:
-    """Bytes of an LLVM type, which are its alignment too."""
+    """Size of an LLVM type [bytes], which is also its alignment."""
     return {"i32": 4, "i8": 1, "i1": 1}.get(kind, 8)

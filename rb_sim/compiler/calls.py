@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What calls mean that are not calls of functions compiled with their callers.
+"""Compiled meaning of calls of library functions, types and array methods.
 
-`@means(function)` over a handler(f, *values) registers one; f writes the instructions.
+`@means(function)` registers a handler(f, *values) for calls of a function; f writes instructions.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _MEANINGS: dict[Any, Handler] = {}
 
 
 def means(*functions: Any) -> Callable[[Handler], Handler]:
-    """Let the handler say what compiled calls of the functions do."""
+    """Decorator that registers a handler for compiled calls of the functions."""
 
     def register(handler: Handler) -> Handler:
         for function in functions:
@@ -62,17 +62,17 @@ def meaning_of(function: Any) -> Handler | None:
     """The handler of calls of the object, or None."""
     try:
         return _MEANINGS.get(function)
-    except TypeError:  # cannot be hashed
+    except TypeError:  # not hashable
         return None
 
 
 def declared(f: Any, name: str, result: str, arguments: tuple[str, ...]) -> None:
-    """Tell of a function of the C library."""
+    """Declare a function of the C library."""
     f.unit.declarations.add(f"declare {result} @{name}({', '.join(arguments)})")
 
 
 def of_library(function: Any, name: str, count: int = 1) -> None:
-    """A function of reals in the C library."""
+    """Register a function of `count` reals of the C library."""
 
     @means(function)
     def call(f: Any, *values: Value) -> Value:
@@ -179,13 +179,13 @@ def _tuple(f: Builder, x: Value) -> Value:
 
 
 def _counts(f: Builder, shape: Value) -> list[Value]:
-    """Lengths along the axes."""
+    """Lengths along the axes, as integers."""
     sizes = entries(shape) if isinstance(shape.kind, Tuple) else [shape]
     return [numbers.converted(f, size, INTEGER) for size in sizes]
 
 
 def _element(dtype: Value | None) -> str:
-    """What arrays of the dtype hold."""
+    """Element type of arrays of the dtype."""
     if dtype is None:
         return "real"
     assert isinstance(dtype.kind, Object)
@@ -230,7 +230,7 @@ def copy_of(f: Any, array: Value) -> Value:
 
 
 def reshaped(f: Builder, array: Value, *shape: Value) -> Value:
-    """array.reshape(shape), -1 for all in one axis."""
+    """array.reshape(shape); a single -1 gives one axis."""
     assert isinstance(array.kind, Array)
     counts = _counts(f, shape[0]) if len(shape) == 1 else [*shape]
     if len(counts) == 1 and counts[0].number == -1:
@@ -240,7 +240,7 @@ def reshaped(f: Builder, array: Value, *shape: Value) -> Value:
 
 
 def viewed(f: Builder, array: Value, dtype: Value) -> Value:
-    """array.view(dtype) of one axis."""
+    """array.view(dtype) of a one-dimensional array."""
     assert isinstance(array.kind, Array)
     element, (length,) = _element(dtype), arrays.lengths(array)
     factor = arrays.SIZES[array.kind.element] // arrays.SIZES[element]
@@ -249,7 +249,7 @@ def viewed(f: Builder, array: Value, dtype: Value) -> Value:
 
 
 def as_type(f: Any, array: Value, dtype: Value) -> Value:
-    """array.astype(dtype) of one axis."""
+    """array.astype(dtype) of a one-dimensional array."""
     (length,) = arrays.lengths(array)
     made = arrays.made(f, _element(dtype), [Value(INTEGER, (length,))])
 
@@ -266,4 +266,4 @@ def as_type(f: Any, array: Value, dtype: Value) -> Value:
 METHODS: dict[str, Handler] = {
     "copy": copy_of, "reshape": reshaped, "view": viewed, "astype": as_type,
 }  # fmt: skip
-"""What methods of arrays do."""
+"""Handlers of array methods by name."""

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Functions that C or Python calls, compiled when they are first needed and kept on disk.
+"""Functions that C or Python calls, compiled on first use and kept on disk.
 
-Any number of threads and processes may compile at once: what one has written, the others take, and
-what two make at the same time is the same.
+Several threads and processes may compile at once: each uses what another one has written, and
+results made at the same time are equal.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ if TYPE_CHECKING:
     from rb_sim.compiler.unit import Unit
 
 
-# Arguments of Python's for compiled functions, and back: numbers and addresses in slots.
+# Conversion of Python arguments and results of compiled functions to numbers and addresses in
+# slots.
 
 
 _NUMBERS = {"real": REAL, "integer": INTEGER, "boolean": BOOLEAN, "complex": COMPLEX}
@@ -65,19 +66,22 @@ _SLOTS = {"double": "d", "i64": "q", "i1": "q", "ptr": "q"}
 _place_of = ctypes.addressof
 _first_byte: Any = ctypes.c_char.from_buffer
 _KNOWN: dict[int, tuple[np.ndarray, int]] = {}
-"""Arrays that have been asked for lately, and where they are; what is held keeps its id."""
+"""Recently used arrays with their addresses, by id; an array that is kept alive keeps its id."""
 MOST_KNOWN, MOST_HELD = 128, 1 << 20
-"""How many arrays are held, and bytes of one above which it is not."""
+"""Most arrays in this cache, and largest size of one [bytes]."""
 
 
 def address_of(array: np.ndarray) -> int:
-    """Where the numbers of a C-contiguous array are; numpy takes ten times as long to tell."""
+    """Address of the elements of a C-contiguous array; cached, as numpy takes ten times as long.
+
+    Raises TypeError for an array that is not C-contiguous.
+    """
     known = _KNOWN.get(id(array))
     if known is not None:
         return known[1]
     try:
         place = _place_of(_first_byte(array))
-    except (TypeError, ValueError):  # empty, not to be written to, or not in one piece
+    except (TypeError, ValueError):  # empty, read-only or not contiguous
         if not array.flags.c_contiguous:
             raise TypeError("an array of a compiled function is C-contiguous") from None
         place = array.ctypes.data
@@ -89,13 +93,13 @@ def address_of(array: np.ndarray) -> int:
 
 
 Arrays = dict[tuple[int, tuple[int, ...]], np.ndarray]
-"""Arrays by where they are and by their lengths: a view may begin where its array does."""
+"""Arrays by address and shape: a view may begin at the address of its array."""
 Flattened = tuple[tuple[Any, ...], list[Any], Arrays]
 
 
 def flattened(arguments: Sequence[Any]) -> Flattened:
-    """(what tells arguments of other kinds apart, the numbers of the arguments in turn, the arrays
-    among them by where they are)."""
+    """(tokens of the argument kinds, numbers of the arguments in order, arrays by address and
+    shape)."""
     tokens: list[Any] = []
     numbers: list[Any] = []
     arrays: Arrays = {}
@@ -105,7 +109,7 @@ def flattened(arguments: Sequence[Any]) -> Flattened:
 
 
 def _tell(argument: Any, tokens: list[Any], numbers: list[Any], arrays: Arrays) -> None:
-    """Append the tokens and numbers of one argument."""
+    """Append the tokens and numbers of one argument. Raises TypeError for an unsupported type."""
     kind = argument.__class__
     if kind is np.ndarray:
         tokens.append((argument.dtype.char, argument.ndim))
@@ -132,7 +136,7 @@ def _tell(argument: Any, tokens: list[Any], numbers: list[Any], arrays: Arrays) 
 
 
 def kind_of(argument: Any) -> Kind:
-    """The kind of an argument."""
+    """The kind of a Python argument."""
     if isinstance(argument, np.ndarray):
         return Array(DTYPES[argument.dtype], argument.ndim)
     if isinstance(argument, tuple):
@@ -148,10 +152,10 @@ _CALL = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
 class Program:
-    """A compiled function for arguments of its kinds."""
+    """A compiled function for one combination of argument kinds."""
 
     def __init__(self, law: Any, kinds: Sequence[Kind], result: Kind, new: bool) -> None:
-        """new: there may be arrays in the result that the function has made."""
+        """new: whether the result may contain arrays made by the function."""
         self._law, self._result, self._new = law, result, new
         self._call = _CALL(law.address)
         given = [leaf for kind in kinds for leaf in kind.leaves]
@@ -159,10 +163,10 @@ class Program:
         self._out = struct.Struct("=" + "".join(_SLOTS[leaf] for leaf in result.leaves))
         self._at = self._into.size
         self._buffers: list[Any] = []
-        """Slots that nobody uses at the moment."""
+        """Argument buffers that are not in use."""
 
     def __call__(self, numbers: list[Any], arrays: Arrays) -> Any:
-        """Call the code with the numbers; arrays in its result are those given or new copies."""
+        """Call the code; arrays in the result are arguments or copies of new arrays."""
         try:
             buffer = self._buffers.pop()
         except IndexError:
@@ -174,14 +178,14 @@ class Program:
             leaves = self._out.unpack_from(buffer, self._at)
             single = self._result in (REAL, INTEGER)
             result = leaves[0] if single else _back(self._result, iter(leaves), arrays)
-        if self._new and _FIRST.unpack_from(buffer)[0]:  # made, and copied by now: free them
+        if self._new and _FIRST.unpack_from(buffer)[0]:  # new arrays, copied by now
             self._call(buffer)
         self._buffers.append(buffer)
         return result
 
 
 def _back(kind: Kind, leaves: Iterator[Any], arrays: Arrays) -> Any:
-    """A value of Python's from its leaves."""
+    """A Python value from its leaves."""
     if isinstance(kind, Number):
         return bool(next(leaves)) if kind is BOOLEAN else next(leaves)
     if isinstance(kind, Tuple):
@@ -196,7 +200,7 @@ def _back(kind: Kind, leaves: Iterator[Any], arrays: Arrays) -> Any:
 
 
 def _copied(kind: Array, place: int, shape: Sequence[int]) -> np.ndarray:
-    """A copy of the array at the place."""
+    """A copy of the array at this address."""
     dtype = next(dtype for dtype, element in DTYPES.items() if element == kind.element)
     count = math.prod(shape)
     data = (ctypes.c_char * (count * dtype.itemsize)).from_address(place)
@@ -204,7 +208,7 @@ def _copied(kind: Array, place: int, shape: Sequence[int]) -> np.ndarray:
 
 
 def words_of(kind: Kind) -> Any:
-    """The kind as words that can be written down."""
+    """The kind as JSON data."""
     if isinstance(kind, Tuple):
         of = None if kind.of is None else [kind.of.__module__, kind.of.__qualname__]
         return ["tuple", of, *(words_of(k) for k in kind.kinds)]
@@ -216,7 +220,7 @@ def words_of(kind: Kind) -> Any:
 
 
 def kind_from(words: Any) -> Kind:
-    """The kind of which these are the words."""
+    """The kind from its JSON data; inverse of `words_of`."""
     if words == "nothing":
         return NOTHING
     if isinstance(words, str):
@@ -230,17 +234,17 @@ def kind_from(words: Any) -> Kind:
 FORMAT = "3"
 
 _LOCK = threading.RLock()
-"""One function is made at a time: it is mostly Python, and nobody makes what another one makes."""
+"""Only one function is compiled at a time: translation is mostly Python, and none is compiled
+twice."""
 Hook = Callable[[], None]
 _hooks: list[tuple[Hook, Hook]] = []
 
 
 @contextmanager
 def on_compilation(announce: Hook, done: Hook = lambda: None) -> Iterator[None]:
-    """Inside the block, call `announce` whenever a function begins to be compiled, `done` when that
-    ends.
+    """Context in which `announce` is called when a compilation begins, and `done` when it ends.
 
-    What comes from the disk is not compiled.
+    Code that is read from disk is not compiled.
     """
     hooks = announce, done
     _hooks.append(hooks)
@@ -252,10 +256,10 @@ def on_compilation(announce: Hook, done: Hook = lambda: None) -> Iterator[None]:
 
 @cache
 def folder(root: str) -> pathlib.Path | None:
-    """The folder of what is known of functions of exactly these sources, on this processor; None
-    if it cannot be written. Machines of a cluster may share it.
+    """Cache folder of functions of exactly these sources, on this processor; None if it is not
+    writable.
 
-    root: of the cache; tests change it.
+    Machines of a cluster may share it. root: of the cache, only a key; tests change it.
     """
     del root
     version = (FORMAT, llvmlite.__version__, *target_data(), shipped.digest())
@@ -263,17 +267,16 @@ def folder(root: str) -> pathlib.Path | None:
 
 
 def made(name: str, translate: Callable[[Unit], Any]) -> tuple[Law, Any]:
-    """The function of this name and what `translate` knows of it: shipped, from disk, or
-    translated.
+    """(machine code, JSON data) of the function of this name: shipped, from disk, or compiled.
 
-    translate: writes the function ENTRY into a unit, and returns what is to be known of it.
+    translate: writes the function ENTRY into a unit, and returns the JSON data.
     """
     code, known = shipped.kept(name) or _kept(name) or _translated(name, translate)
     return load([code], {}), json.loads(known)
 
 
 def _kept(name: str) -> tuple[bytes, str] | None:
-    """(object code, what is to be known of it) as an earlier start has left it on disk."""
+    """(object code, JSON data) from an earlier process, if they are on disk."""
     found = store.read(folder(str(store.cache_root())), name)
     parts = None if found is None else store.unpack(found)
     if parts is None:
@@ -284,7 +287,7 @@ def _kept(name: str) -> tuple[bytes, str] | None:
 
 
 def _code_of(key: str) -> bytes | None:
-    """The object code of this key, shipped or on disk."""
+    """The object code with this key, shipped or on disk; else None."""
     code = shipped.loops().code(key)
     if code is None:
         found = store.read(laws_folder(str(store.cache_root())), f"loop-{_aim()}-{key}")
@@ -294,15 +297,15 @@ def _code_of(key: str) -> bytes | None:
 
 
 def _aim() -> str:
-    """For which processors code of loops is made."""
+    """Name of the processor for which loops are compiled."""
     aim = shipped.target()
     return "native" if aim is None else aim.processor
 
 
 def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str]:
-    """(object code, what is to be known of it) of a function: translated, which is quick; compiled
-    only where no source has ever been translated to the same."""
-    from rb_sim.compiler.unit import Unit, object_code  # what is kept needs no compiler
+    """(object code, JSON data) of a function: it is translated, which is fast, and compiled only if
+    no object code of the same IR exists."""
+    from rb_sim.compiler.unit import Unit, object_code  # a cached function needs no compiler
 
     unit = Unit()
     words = translate(unit)
@@ -318,12 +321,12 @@ def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str
 
 
 def key_of(text: str) -> str:
-    """The name of the object code of a module of IR."""
+    """Key of the object code of a module of IR."""
     return hashlib.sha256(f"{FORMAT} {text}".encode()).hexdigest()[:40]
 
 
 def _compiled(work: Callable[[], bytes]) -> bytes:
-    """What LLVM makes; listeners hear of begin and end."""
+    """Result of a compilation; listeners are called at its begin and end."""
     for announce, _ in list(_hooks):
         announce()
     try:
@@ -334,19 +337,18 @@ def _compiled(work: Callable[[], bytes]) -> bytes:
 
 
 _left: list[threading.Event] = []
-"""The ends of compilations of which a signal has called the caller away."""
+"""End events of compilations whose caller was interrupted by a signal."""
 
 
 def left_alone() -> bool:
-    """Whether LLVM is still at work for nobody: Python may not take itself apart meanwhile."""
+    """Whether an abandoned compilation still runs in LLVM: the interpreter must not exit yet."""
     return not all(done.is_set() for done in _left)
 
 
 def aside(work: Callable[[], bytes]) -> bytes:
-    """Do the work and return its result.
+    """Do the work, in another thread if called from the main one; returns its result.
 
-    Called in the main thread, another one does it: no signal is answered within a call of LLVM,
-    which may take seconds.
+    Signals are not handled within a call of LLVM, which may take seconds.
     """
     if threading.current_thread() is not threading.main_thread():
         return work()
@@ -376,26 +378,26 @@ def aside(work: Callable[[], bytes]) -> bytes:
 
 
 def name_of(function: FunctionType, tokens: str) -> str:
-    """The name under which a function is kept, for arguments that the tokens tell."""
+    """Name under which a function is stored, for argument kinds given by the tokens."""
     digest = hashlib.sha256(tokens.encode()).hexdigest()[:12]
     return f"{function.__module__}.{function.__qualname__}.{digest}"
 
 
 class Translated(NamedTuple):
-    """What `made` takes: the name of a function, and what writes it into a unit."""
+    """Arguments of `made`: the name of a function, and the function that writes it into a unit."""
 
     name: str
     translate: Callable[[Unit], Any]
 
 
 PROGRAMS: WeakSet[Any] = WeakSet()
-"""All functions that C or Python calls, of the modules that are imported."""
+"""All entries of the imported modules that C or Python calls."""
 
 
 class ForC:
-    """A function for calls by its address.
+    """A function to be called by its address.
 
-    kinds: of its arguments; result: kind of the number that it returns, None of nothing.
+    kinds: of its arguments; result: kind of the returned number, None without one.
     """
 
     def __init__(self, function: Any, kinds: Sequence[Kind], result: Kind | None) -> None:
@@ -405,17 +407,17 @@ class ForC:
 
     @property
     def address(self) -> Any:
-        """Compiles it where it is not yet; the function itself where nothing is compiled."""
+        """Address of the code, compiled on first use; the Python function itself if interpreted."""
         if interpreted():
             return self.function
         if self._code is None:
-            with _LOCK:  # what another thread has made by now may be running
+            with _LOCK:  # another thread may have compiled it meanwhile
                 if self._code is None:
                     self._code, _ = made(*self.translated())
         return self._code.address
 
     def translated(self) -> Translated:
-        """The function as C calls it."""
+        """Name and translation of the function as C calls it."""
         tokens = f"{[words_of(kind) for kind in self.kinds]} {self.result}"
 
         def translate(unit: Unit) -> str:
@@ -426,11 +428,11 @@ class ForC:
 
 
 class Entry:
-    """A function that Python calls with numbers, arrays and tuples of them, compiled for each
-    combination of their kinds.
+    """A function that Python calls with numbers, arrays and tuples, compiled for each combination
+    of their kinds.
 
-    Arrays in what it returns are those that it was given.  Python's lock is kept meanwhile: nobody
-    else changes what the function works on.
+    Arrays that it returns are arguments or copies. The GIL is held meanwhile, so that no other
+    thread changes the data.
     """
 
     def __init__(self, function: Any) -> None:
@@ -439,12 +441,12 @@ class Entry:
         self.__qualname__, self.__module__ = function.__qualname__, function.__module__
         self._programs: dict[tuple[Any, ...], Any] = {}
         self.called_with: list[list[Kind]] = []
-        """Kinds of arguments with which it has been called; `ship` keeps a list of them."""
+        """Kinds of arguments of all calls so far; `tools.loops` lists them for `ship`."""
         self._plain = interpreted()
         PROGRAMS.add(self)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function; compile it first for kinds of arguments that are new."""
+        """Call the function; it is compiled first for new kinds of arguments."""
         if self._plain:
             return self.function(*arguments)
         tokens, numbers, arrays = flattened(arguments)
@@ -457,14 +459,14 @@ class Entry:
         return program(numbers, arrays)
 
     def _program(self, arguments: Sequence[Any]) -> Any:
-        """The function for arguments like these."""
+        """The compiled function for arguments of these kinds."""
         kinds = [kind_of(argument) for argument in arguments]
         law, (words, new) = made(*self.translated(kinds))
         self.called_with.append(kinds)
         return Program(law, kinds, kind_from(words), new)
 
     def translated(self, kinds: Sequence[Kind]) -> Translated:
-        """The function for arguments of these kinds, as Python calls it."""
+        """Name and translation of the function as Python calls it with these kinds."""
 
         def translate(unit: Unit) -> list[Any]:
             result, new = unit.for_python(self.function, kinds, ENTRY)

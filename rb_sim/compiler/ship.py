@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Compile all loops ahead, for the machines that `shipped` knows: setup.py runs it.
+"""Compile all loops in advance for the machines in `shipped`; setup.py runs it.
 
-    python -m rb_sim.compiler.ship [MACHINE ...]    machines by the names of `uname -m`; else all
+    python -m rb_sim.compiler.ship [MACHINE ...]    names as of `uname -m`; default: all
 
-The loops are those of loops.json beside this file, which `python -m tools.loops` writes.
+The loops are those of loops.json in this folder, which `python -m tools.loops` writes.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ LIST = shipped.HERE / "loops.json"
 
 
 def listed() -> list[tuple[str, str, list[Any] | None]]:
-    """(module, function, kinds of its arguments or None where C calls it) of all loops."""
+    """(module, function, kinds of its arguments or None if C calls it) of all loops."""
     return [tuple(loop) for loop in json.loads(LIST.read_text(encoding="utf-8"))]
 
 
 def functions() -> Iterator[program.Translated]:
-    """All loops of the list; a name that nothing has any more is an error."""
+    """All loops of the list. Raises KeyError for a loop that no longer exists."""
     loops = listed()
     for module, _, _ in loops:
         importlib.import_module(module)
@@ -51,7 +51,7 @@ def functions() -> Iterator[program.Translated]:
 
 
 def made(machines: list[str]) -> dict[str, bytes]:
-    """The file of loops for each of the machines."""
+    """Content of the file of loops for each machine."""
     texts = {}
     for name, translate in functions():
         unit = Unit()
@@ -60,7 +60,7 @@ def made(machines: list[str]) -> dict[str, bytes]:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     files = {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # LLVM holds no lock of Python's
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # LLVM releases the GIL
         for machine in machines:
             target = shipped.TARGETS[machine]
             codes = pool.map(lambda text, to=target: object_code(text[0], to), texts.values())
@@ -73,7 +73,7 @@ def made(machines: list[str]) -> dict[str, bytes]:
 
 
 def main(machines: list[str]) -> None:
-    """Write the files of loops; one that is of these sources stays as it is."""
+    """Write the files of loops; a file of the current sources is kept."""
     stale = [
         machine
         for machine in machines or list(shipped.TARGETS)

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Machine code of loops that comes with the package: made when it is built, see `ship`.
+"""Machine code of loops that comes with the package, compiled when it is built (see `ship`).
 
-One file for each kind of machine holds one object for each loop. A loop of exactly these sources is
-found by its name; where a source has changed, by the IR that it is translated to. What is damaged,
-or is for another processor, is not there.
+One file per kind of machine holds one object per loop. A loop of unchanged sources is found by its
+name; after a change of sources by the IR that it is translated to. Damaged code, or code for
+another processor, is ignored.
 """
 
 from __future__ import annotations
@@ -33,26 +33,29 @@ from rb_sim.graph.machine import target_data
 
 HERE = pathlib.Path(__file__).resolve().parent
 PACKAGE = HERE.parents[len(__name__.split(".")) - 3]
-"""Folder of the whole package."""
+"""Root folder of the package."""
 
 
 class Target(NamedTuple):
-    """A processor, and with it all that have its instructions."""
+    """A processor for which loops are compiled; the code runs on all with its instructions."""
 
     triple: str
     processor: str
     needs: tuple[str, ...]
-    """Names by which LLVM knows what a processor must be able to do."""
+    """LLVM's names of the required processor features."""
 
     @property
     def name(self) -> str:
-        """Triple and processor, as the names of kept code have them."""
+        """Triple and processor, as in the names of stored code."""
         return f"{self.triple}-{self.processor}"
 
     def machine(self, level: int) -> Any:
-        """LLVM for this target, optimising at the level: code that may lie anywhere in memory, and
-        its constants as far from it as they like. The small code model takes them to be within
-        2 GB, which in a process that maps as much between both they are not: it ends there."""
+        """LLVM target machine, with an optimisation level, for code and constants anywhere in
+        memory.
+
+        The small code model expects constants within 2 GB of the code; a process with large
+        mappings in between would crash.
+        """
         return llvm.Target.from_triple(self.triple).create_target_machine(
             cpu=self.processor, features="", opt=level, reloc="static", codemodel="large"
         )
@@ -66,19 +69,19 @@ TARGETS = {
     ),
     "aarch64": Target("aarch64-unknown-linux-gnu", "generic", ("neon",)),
 }
-"""Kinds of machines for which loops are shipped, by the name that `uname -m` gives."""
+"""Kinds of machines for which loops are shipped, by the name that `uname -m` prints."""
 
 
 def compiled_here() -> bool:
-    """Whether no shipped loop is to be used: each is compiled on first use, for exactly this
-    processor (RB_SIM_COMPILE)."""
+    """Whether shipped loops are ignored, and each is compiled on first use for this processor
+    (RB_SIM_COMPILE)."""
     return os.environ.get("RB_SIM_COMPILE", "0") not in ("", "0")
 
 
 @cache
 def target() -> Target | None:
-    """The target of loops on this machine; None where it is the machine's own processor."""
-    target_data()  # makes LLVM ready
+    """Target of the loops on this machine; None for its own processor."""
+    target_data()  # initialises LLVM
     found = TARGETS.get(platform.machine()) if platform.system() == "Linux" else None
     able: Mapping[str, bool] = llvm.get_host_cpu_features()
     fits = found is not None and all(able.get(need) for need in found.needs)
@@ -87,7 +90,7 @@ def target() -> Target | None:
 
 @cache
 def digest() -> str:
-    """Of all sources of the package, and of whether bounds are checked."""
+    """Hash of all sources of the package, and of whether bounds are checked."""
     found = hashlib.sha256(f"{checked():d}".encode())
     for source in sources():
         found.update(os.path.relpath(source, PACKAGE).encode())
@@ -97,7 +100,7 @@ def digest() -> str:
 
 
 def sources() -> list[str]:
-    """All sources of the package."""
+    """Paths of all sources of the package."""
     walk = os.walk(PACKAGE)
     return sorted(
         os.path.join(folder, name)
@@ -108,14 +111,14 @@ def sources() -> list[str]:
 
 
 def path_for(machine: str) -> pathlib.Path:
-    """The file of loops for a kind of machine."""
+    """Path of the file of loops for a kind of machine."""
     return HERE / f"loops-{machine}-linux.bin"
 
 
 class Shipped(NamedTuple):
-    """A file of loops.
+    """Content of a file of loops.
 
-    named: (key of its code, what is to be known of it) of each loop by its name.
+    sources: hash of the sources. named: (key of its code, JSON data) of each loop by its name.
     places: (first byte, length, SHA-256) of code by its key.
     """
 
@@ -125,7 +128,7 @@ class Shipped(NamedTuple):
     body: memoryview
 
     def code(self, key: str) -> bytes | None:
-        """The object code of this key; None where there is none or it is damaged."""
+        """The object code with this key; None if it is absent or damaged."""
         if key not in self.places:
             return None
         first, length, total = self.places[key]
@@ -135,11 +138,11 @@ class Shipped(NamedTuple):
 
 NOTHING = Shipped("", {}, {}, memoryview(b""))
 _HEAD = struct.Struct("<Q32s")
-"""Length and SHA-256 of what comes next: all but the code, as JSON."""
+"""Length and SHA-256 of the index that follows (JSON: everything but code)."""
 
 
 def packed(sources: str, loops: Mapping[str, tuple[str, str, bytes]]) -> bytes:
-    """The file of loops, each by its name: (key, what is to be known of it, code)."""
+    """Content of the file of loops; each loop by its name: (key, JSON data, code)."""
     places, body = dict[str, Any](), b""
     for key, _, code in loops.values():
         if key not in places:
@@ -151,7 +154,7 @@ def packed(sources: str, loops: Mapping[str, tuple[str, str, bytes]]) -> bytes:
 
 
 def read(path: pathlib.Path) -> Shipped:
-    """The file of loops; NOTHING where it is absent or damaged."""
+    """A file of loops; NOTHING if it is absent or damaged."""
     try:
         data = path.read_bytes()
         length, total = _HEAD.unpack_from(data)
@@ -171,8 +174,7 @@ def loops() -> Shipped:
 
 
 def kept(name: str) -> tuple[bytes, str] | None:
-    """(object code, what is to be known of it) of the loop of exactly these sources; None where it
-    has to be made."""
+    """(object code, JSON data) of a loop of unchanged sources; None if it must be compiled."""
     shipped = loops()
     if name not in shipped.named or shipped.sources != digest():
         return None

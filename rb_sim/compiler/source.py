@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The source of a function to compile: syntax tree, names, arguments and results."""
+"""Source of a function to compile: syntax tree, names, arguments and results."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from typing import Any
 from rb_sim.compiler import arithmetic as numbers
 from rb_sim.compiler.builder import Builder, Kind, KindError, Value
 
-# The syntax tree of a function, and what the names in it mean.
+# The syntax tree of a function, and the objects behind its names.
 
 
 @cache
 def _functions_in(path: str) -> dict[tuple[int, str], ast.FunctionDef]:
-    """The functions of a file by their first line (a decorator's, where there is one) and name."""
+    """The functions of a file by first line (of a decorator, if there is one) and name."""
     with open(path, encoding="utf-8") as file:
         tree = ast.parse(file.read(), path)
     found = {}
@@ -38,7 +38,7 @@ def _functions_in(path: str) -> dict[tuple[int, str], ast.FunctionDef]:
 
 
 def tree_of(function: FunctionType) -> ast.FunctionDef:
-    """The syntax tree of a function."""
+    """The syntax tree of a function. Raises TypeError if it has no source."""
     code: CodeType = function.__code__
     try:
         return _functions_in(code.co_filename)[code.co_firstlineno, code.co_name]
@@ -53,7 +53,7 @@ def parameters_of(function: Any) -> tuple[tuple[str, Any], ...]:
 
 
 def names_of(function: FunctionType) -> dict[str, Any]:
-    """The meaning of names that the function does not assign: closure, module, builtins."""
+    """Objects behind names that the function does not assign: closure, module, builtins."""
     space = {**vars(builtins), **function.__globals__}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         space[name] = cell.cell_contents
@@ -61,7 +61,7 @@ def names_of(function: FunctionType) -> dict[str, Any]:
 
 
 def plain_function(value: Any) -> FunctionType | None:
-    """The Python function that a call of the value runs: itself, or what it wraps; None of none."""
+    """The Python function that a call of the value runs: itself, or the one it wraps; else None."""
     while not isinstance(value, FunctionType):
         inner = getattr(value, "function", None)
         if inner is None or isinstance(value, (type, ModuleType)):
@@ -71,11 +71,12 @@ def plain_function(value: Any) -> FunctionType | None:
     return value if wrapped is None else wrapped
 
 
-# What compiled functions take and return: arguments in their order, results as a whole.
+# Arguments in the order of the parameters, and results.
 
 
 def in_order(function: Any, arguments: list[Value], words: dict[str, Value]) -> list[Value]:
-    """The arguments as the function has its parameters, defaults filled in."""
+    """The arguments in the order of the parameters, with defaults. Raises KindError if some are
+    missing."""
     found = list(arguments)
     for name, default in parameters_of(function)[len(arguments) :]:
         found.append(words[name] if name in words else numbers.constant(default))
@@ -85,7 +86,7 @@ def in_order(function: Any, arguments: list[Value], words: dict[str, Value]) -> 
 
 
 def result_type(kind: Kind) -> str:
-    """LLVM's type of what a function returns."""
+    """LLVM return type of a function with a result of this kind."""
     leaves = kind.leaves
     if not leaves:
         return "void"
@@ -93,7 +94,7 @@ def result_type(kind: Kind) -> str:
 
 
 def taken_apart(f: Builder, whole: str, kind: Kind) -> Value:
-    """The value that a function has returned as a whole."""
+    """The value of a result, from the name of the returned LLVM aggregate."""
     if len(kind.leaves) == 1:
         return Value(kind, (whole,))
     type_ = result_type(kind)

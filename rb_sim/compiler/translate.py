@@ -56,34 +56,34 @@ from rb_sim.compiler.source import (
     tree_of,
 )
 
-# The variables of a function that is being translated: each has one kind all through it.
+# The variables of a function being translated: each has one kind throughout.
 
 
 class CompileError(TypeError):
-    """Tells what is wrong with a function, and in which line."""
+    """Raised for a function that cannot be compiled; the text has file, line and reason."""
 
 
 class AgainError(Exception):
-    """A variable has another kind than was thought."""
+    """Raised if a variable needs another kind than assumed: the translation is repeated."""
 
 
 class Variable:
-    """A variable of the function: its kind, and where each of its leaves is kept."""
+    """A variable of the function: its kind, and a stack slot for each leaf."""
 
     def __init__(self, f: Builder, kind: Kind) -> None:
         self.kind, self.slots = kind, [f.slot(leaf) for leaf in kind.leaves]
 
 
 RESULT = "return"
-"""The name under which what is returned is a variable like others."""
+"""Name of the variable that holds the returned value."""
 HANDED = "new arrays"
-"""Among the kinds that are known: the function returns arrays that it has made."""
+"""Key among the known kinds: the function returns arrays that it has made."""
 
 
 class Variables(Builder):
-    """A function with its variables; `unit` makes the functions that it calls.
+    """Writer of a function with variables; `unit` translates the functions that it calls.
 
-    kinds: of variables that are known from an earlier try.
+    kinds: of variables, known from earlier attempts.
     """
 
     def __init__(self, unit: Any, function: FunctionType, kinds: dict[str, Kind]) -> None:
@@ -92,14 +92,14 @@ class Variables(Builder):
         self.names = names_of(function)
         self.variables: dict[str, Variable] = {}
         self.loops: list[tuple[Block, Block]] = []
-        """(where `continue` goes, where `break` goes) of the loops around."""
+        """(target of `continue`, target of `break`) of the enclosing loops."""
         self.hands_over = HANDED in kinds
-        """Whether it returns an array that it has made: its caller frees what it makes."""
+        """whether it returns an array that it has made: then its caller frees its arrays."""
         self.list = ""
         self.after = self.label("end")
 
     def error(self, node: ast.AST, reason: Exception) -> CompileError:
-        """The reason with its place."""
+        """The reason as a CompileError with file and line."""
         if isinstance(reason, CompileError):
             return reason
         line = getattr(node, "lineno", 0)
@@ -107,7 +107,7 @@ class Variables(Builder):
         return CompileError(f"{path}:{line}: {self.function.__qualname__}: {reason}")
 
     def assign(self, name: str, value: Value) -> None:
-        """The variable gets the value."""
+        """Assign a value to a variable. Raises AgainError if its kind changes."""
         variable = self.variables.get(name)
         if variable is None:
             kind = self.kinds.get(name, value.kind)
@@ -133,7 +133,7 @@ class Variables(Builder):
         return Value(variable.kind, leaves)
 
     def owner(self) -> str:
-        """Where the list of the arrays is that are freed when the function ends, or its caller."""
+        """Address of the list of arrays that are freed when the function, or its caller, ends."""
         if self.hands_over:
             return "%owner"
         if not self.list:
@@ -150,7 +150,7 @@ class Variables(Builder):
 
 
 class Expressions(Variables):
-    """Translates the expressions of a function."""
+    """Writer of the expressions of a function."""
 
     def value(self, node: ast.expr) -> Value:
         """The value of an expression."""
@@ -172,7 +172,7 @@ class Expressions(Variables):
         return self.outside(self.names[node.id])
 
     def outside(self, value: Any) -> Value:
-        """An object of the module: numbers and arrays are constants."""
+        """The value of an object from outside the function; numbers and arrays are constants."""
         if isinstance(value, np.ndarray):
             kind = Array(DTYPES[value.dtype], value.ndim)
             return Value(kind, (self.unit.table(value), *map(str, value.shape)))
@@ -185,7 +185,7 @@ class Expressions(Variables):
         return tuple_of(self.several(node.elts))
 
     def several(self, nodes: list[ast.expr]) -> list[Value]:
-        """Values in turn; a tuple after a star is its entries."""
+        """Values of the nodes in order; a starred tuple gives its entries."""
         found = []
         for node in nodes:
             if isinstance(node, ast.Starred):
@@ -208,7 +208,7 @@ class Expressions(Variables):
         return value if isinstance(node.op, ast.UAdd) else self.refuse(node.op)
 
     def of_Compare(self, node: ast.Compare) -> Value:  # noqa: N802
-        """Comparisons, of which all must hold; unlike in Python each operand is evaluated."""
+        """A chain of comparisons that must all hold; unlike in Python each operand is evaluated."""
         left, found = self.value(node.left), []
         for operator, right in zip(node.ops, node.comparators, strict=True):
             other = self.value(right)
@@ -220,7 +220,7 @@ class Expressions(Variables):
         return result
 
     def of_BoolOp(self, node: ast.BoolOp) -> Value:  # noqa: N802
-        """`and`, `or`: the second operand is evaluated only if it matters."""
+        """`and`, `or`: the second operand is evaluated only if necessary."""
         yes, no, after = self.label("yes"), self.label("no"), self.label("both")
         holds = self.test(node, yes, no)
         if holds is not None:
@@ -236,7 +236,7 @@ class Expressions(Variables):
         return Value(BOOLEAN, (self.get(f"phi i1 {', '.join(ways)}"),))
 
     def test(self, node: ast.expr, yes: Block, no: Block) -> bool | None:
-        """Jump to one block or the other; returns whether it holds, where that is known."""
+        """Jump by a condition; returns its value if that is known at compile time, else None."""
         if isinstance(node, ast.BoolOp):
             return self.test_several(node, yes, no)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
@@ -250,7 +250,7 @@ class Expressions(Variables):
         return None
 
     def test_several(self, node: ast.BoolOp, yes: Block, no: Block) -> bool | None:
-        """As `test`, of operands that are looked at in turn as far as need be."""
+        """As `test`, for `and` and `or`: operands are evaluated in order as far as necessary."""
         every, known_all = isinstance(node.op, ast.And), True
         for operand in node.values[:-1]:
             more = self.label("and" if every else "or")
@@ -306,7 +306,7 @@ class Expressions(Variables):
         raise KindError(f"{kind_text(kind)} has no {node.attr}")
 
     def of_Subscript(self, node: ast.Subscript) -> Value:  # noqa: N802
-        """An entry of a tuple, of an array or at an address.
+        """An entry of a tuple, of an array or behind a pointer.
 
         Raises KindError for any other kind.
         """
@@ -318,7 +318,7 @@ class Expressions(Variables):
         return arrays.entry(self, value, self.indices(node.slice))
 
     def of_tuple(self, value: Value, index: ast.expr) -> Value:
-        """An entry or a part of a tuple."""
+        """An entry or a slice of a tuple."""
         parts = entries(value)
         if isinstance(index, ast.Slice):
             ends = [None if e is None else self.value(e).number for e in (index.lower, index.upper)]
@@ -333,7 +333,7 @@ class Expressions(Variables):
         return found
 
     def indices(self, node: ast.expr) -> list[arrays.Index]:
-        """The indices that stand in brackets."""
+        """The indices in brackets."""
         nodes = node.elts if isinstance(node, ast.Tuple) else [node]
         found: list[arrays.Index] = []
         for one in nodes:
@@ -347,7 +347,7 @@ class Expressions(Variables):
         return found
 
     def of_Call(self, node: ast.Call) -> Value:  # noqa: N802
-        """A call of a method of an array, of `_replace`, or of a function that is known.
+        """A call of an array method, of `_replace`, or of a function known at compile time.
 
         Raises KindError for any other.
         """
@@ -365,20 +365,21 @@ class Expressions(Variables):
         return self.call(called.value, arguments, words)
 
     def replaced(self, value: Value, words: dict[str, Value]) -> Value:
-        """The NamedTuple with other entries."""
+        """The NamedTuple with some entries replaced."""
         assert isinstance(value.kind, Tuple) and value.kind.of is not None
         names = value.kind.of._fields  # type: ignore[attr-defined]
         parts = [words.get(n, e) for n, e in zip(names, entries(value), strict=True)]
         return tuple_of(parts, value.kind.of)
 
     def call(self, called: Any, arguments: list[Value], words: dict[str, Value]) -> Value:
-        """Translate a call of the object; returns its value."""
+        """Translate a call of the object; returns its value. Raises KindError if it cannot be
+        compiled."""
         handler = meaning_of(called)
         if handler is not None:
             return handler(self, *arguments, **words)
         if isinstance(called, type) and hasattr(called, "_fields"):
             return tuple_of(in_order(called, arguments, words), called)
-        chosen = getattr(called, "chosen", None)  # by the kinds of its arguments
+        chosen = getattr(called, "chosen", None)  # a variant by argument kinds
         if chosen is not None:
             called = chosen([value.kind for value in arguments])
         function = plain_function(called)
@@ -387,7 +388,7 @@ class Expressions(Variables):
         return self.call_function(function, in_order(function, arguments, words))
 
     def call_function(self, function: FunctionType, arguments: list[Value]) -> Value:
-        """A call of another compiled function."""
+        """Translate a call of another compiled function; returns its value."""
         name, result = self.unit.instance(function, tuple(from_nowhere(v.kind) for v in arguments))
 
         def here(places: frozenset[int]) -> frozenset[int]:
@@ -413,17 +414,17 @@ class Expressions(Variables):
         return taken_apart(self, self.get(call), from_places(result, here))
 
 
-# Statements of a function, for arguments of given kinds, as LLVM IR.
+# Statements of a function, for arguments of given kinds.
 #
-# A variable has one kind all through a function; where it turns out that an integer becomes a real
-# number later, the function is translated anew with what is known then.
+# A variable has one kind throughout a function; if an integer turns out to become a real number
+# later, the translation is repeated with that knowledge.
 
 
 class Translation(Expressions):
-    """One function for arguments of some kinds."""
+    """Translation of one function for arguments of given kinds."""
 
     def function_text(self, name: str, arguments: dict[str, Value]) -> tuple[str, Kind]:
-        """The definition of the function, and the kind of what it returns."""
+        """(definition of the function, kind of its result)."""
         tree = tree_of(self.function)
         for place, (word, value) in enumerate(arguments.items()):
             kind = from_places(value.kind, lambda _, place=place: frozenset({place}))
@@ -449,13 +450,13 @@ class Translation(Expressions):
         return f"{head} nounwind {{\n{self.text()}\n}}\n", kind
 
     def finish(self, value: Value) -> None:
-        """Return the value."""
+        """Write a return of the value."""
         if value.kind.leaves or RESULT in self.variables:
             self.assign(RESULT, value)
         self.go(self.after)
 
     def body(self, statements: list[ast.stmt]) -> None:
-        """One after another, up to one that goes elsewhere."""
+        """Translate statements in sequence, up to one that leaves the block."""
         for statement in statements:
             if self.block.ended:
                 return
@@ -465,10 +466,10 @@ class Translation(Expressions):
                 raise self.error(statement, reason) from reason
 
     def do_Pass(self, node: ast.Pass) -> None:  # noqa: N802
-        """Nothing."""
+        """Write nothing."""
 
     def do_Expr(self, node: ast.Expr) -> None:  # noqa: N802
-        """An expression that is a statement; docstrings are passed over."""
+        """Translate an expression statement; docstrings are skipped."""
         if not isinstance(node.value, ast.Constant):
             self.value(node.value)
 
@@ -477,26 +478,26 @@ class Translation(Expressions):
         self.finish(known(None) if node.value is None else self.value(node.value))
 
     def do_Break(self, node: ast.Break) -> None:  # noqa: N802
-        """Go behind the innermost loop."""
+        """Jump out of the innermost loop."""
         self.go(self.loops[-1][1])
 
     def do_Continue(self, node: ast.Continue) -> None:  # noqa: N802
-        """Go to the next round of the innermost loop."""
+        """Jump to the next iteration of the innermost loop."""
         self.go(self.loops[-1][0])
 
     def do_Assign(self, node: ast.Assign) -> None:  # noqa: N802
-        """Give a value to one or several targets."""
+        """Assign a value to one or several targets."""
         value = self.value(node.value)
         for target in node.targets:
             self.give(target, value)
 
     def do_AnnAssign(self, node: ast.AnnAssign) -> None:  # noqa: N802
-        """Give a value to an annotated target; without a value nothing is done."""
+        """Assign a value to an annotated target, if there is one."""
         if node.value is not None:
             self.give(node.target, self.value(node.value))
 
     def do_AugAssign(self, node: ast.AugAssign) -> None:  # noqa: N802
-        """Change a variable, or an entry of an array, whose indices are evaluated once."""
+        """Update a variable, or an array element, whose indices are evaluated once."""
         if isinstance(node.target, ast.Name):
             before = self.value(node.target)
             self.give(node.target, numbers.binary(self, node.op, before, self.value(node.value)))
@@ -508,7 +509,7 @@ class Translation(Expressions):
         arrays.put(self, array, indices, after)
 
     def give(self, target: ast.expr, value: Value) -> None:
-        """The target of an assignment gets the value."""
+        """Assign the value to a target."""
         if isinstance(target, ast.Name):
             if target.id != "_":
                 self.assign(target.id, value)
@@ -521,7 +522,7 @@ class Translation(Expressions):
             self.refuse(target)
 
     def do_If(self, node: ast.If) -> None:  # noqa: N802
-        """Do one of two lists of statements."""
+        """Translate both branches of an `if`."""
         yes, no, after = self.label("yes"), self.label("no"), self.label("then")
         self.test(node.test, yes, no)
         for block, statements in ((yes, node.body), (no, node.orelse)):
@@ -531,7 +532,7 @@ class Translation(Expressions):
         self.begin(after)
 
     def do_While(self, node: ast.While) -> None:  # noqa: N802
-        """A loop as long as a condition holds."""
+        """Translate a `while` loop."""
         look, inside, after = self.label("while"), self.label("do"), self.label("done")
         self.go(look)
         self.begin(look)
@@ -542,15 +543,15 @@ class Translation(Expressions):
         self.begin(after)
 
     def around(self, statements: list[ast.stmt], again: Block, after: Block) -> None:
-        """The statements of a loop."""
+        """Translate the body of a loop; again, after: targets of `continue` and `break`."""
         self.loops.append((again, after))
         self.body(statements)
         self.loops.pop()
 
     def do_For(self, node: ast.For) -> None:  # noqa: N802
-        """A loop over a range, whose step is a constant; over a tuple it is unrolled, see `each`.
+        """Translate a loop over a range with a constant step; over a tuple, see `each`.
 
-        Raises KindError for a step that is no constant.
+        Raises KindError for a step that is not a constant.
         """
         call = node.iter
         if not (isinstance(call, ast.Call) and self.value(call.func).kind == Object(range)):
@@ -581,7 +582,7 @@ class Translation(Expressions):
         return None
 
     def each(self, node: ast.For) -> None:
-        """A loop over a tuple, written out."""
+        """Translate an unrolled loop over a tuple."""
         values, after = entries(self.value(node.iter)), self.label("done")
         for value in values:
             more = self.label("more")

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A module of machine code: a function and all that it calls, optimised together."""
+"""A module of machine code: a function and all functions that it calls, optimised together."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from rb_sim.compiler.source import parameters_of, result_type, taken_apart
 from rb_sim.compiler.translate import AgainError, CompileError, Translation
 from rb_sim.graph.machine import new_module, target_machine
 
-# LLVM IR for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04), whose pointers have kinds.
+# LLVM IR with typed pointers for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04).
 #
-# Every pointer is one to bytes, and is taken for another kind where something is read or written.
+# Every pointer becomes one to bytes, and is cast where something is read or written.
 
 
 _TABLE = re.compile(
@@ -52,7 +52,7 @@ _CALL = re.compile(r"( *(?:%\S+ = )?)call (void|double) (%\S+)\((.*)\)$")
 
 
 def with_kinds(text: str) -> str:
-    """The module in the words of LLVM 14."""
+    """The module in the syntax of LLVM 14."""
     tables = dict(_TABLE.findall(text))
     lines = [out for n, line in enumerate(text.split("\n")) for out in _line(line, f"%k{n}")]
     result = re.sub(r"\bptr\b", "i8*", "\n".join(lines))
@@ -64,7 +64,7 @@ def with_kinds(text: str) -> str:
 
 
 def _line(line: str, spare: str) -> Iterator[str]:
-    """One line, and the changes of kind that it takes; spare: a name that nothing has."""
+    """The line with the casts that it needs; spare: an unused name."""
     if found := _PLACE.match(line):
         indent, name, kind, place, index = found.groups()
         yield f"{indent}{spare} = bitcast ptr {place} to {kind}*"
@@ -92,17 +92,17 @@ def _line(line: str, spare: str) -> Iterator[str]:
 
 
 LEVEL = 2
-"""How hard LLVM tries."""
+"""Optimisation level of LLVM."""
 
 KNOWN = {
     *("atan", "atan2", "asin", "acos", "cos", "exp", "expm1", "fmod", "hypot", "log", "log1p"),
     *("pow", "sin", "sincos", "sqrt", "tan", "tanh", "memcpy", "memmove", "memset"),
     *("malloc", "calloc", "free", "abort"),
 }
-"""Functions that every process has."""
+"""Library functions that exist in every process."""
 
 MOST_TRIES = 40
-"""Translations of one function, each of which knows more kinds than the one before."""
+"""Most translations of one function; each knows more kinds than the previous one."""
 
 _INTRINSICS = """
 declare double @llvm.sqrt.f64(double)
@@ -151,11 +151,11 @@ done:
   ret void
 }
 """
-"""New arrays lie behind each other in a list that belongs to a function, which frees them."""
+"""Functions for new arrays, which form a linked list that a function frees when it ends."""
 
 
 class Unit:
-    """Functions that are translated into one module."""
+    """The functions that are translated into one module."""
 
     def __init__(self) -> None:
         self.declarations: set[str] = set()
@@ -181,7 +181,7 @@ class Unit:
     def _translated(
         self, function: FunctionType, kinds: tuple[Kind, ...], name: str
     ) -> tuple[str, Kind]:
-        """The definition of a function for arguments of these kinds, and what it returns."""
+        """(definition, kind of the result) of a function for arguments of these kinds."""
         known_kinds: dict[str, Kind] = {}
         words = [word for word, _ in parameters_of(function)]
         for _ in range(MOST_TRIES):
@@ -196,7 +196,7 @@ class Unit:
         raise CompileError(f"{function.__qualname__}: kinds of variables that never agree")
 
     def table(self, array: np.ndarray) -> str:
-        """Where the numbers of a constant array are."""
+        """Name of the table of a constant array."""
         element = DTYPES[array.dtype]
         data = np.ascontiguousarray(array)
         key = element, data.tobytes()
@@ -215,7 +215,8 @@ class Unit:
     def for_c(
         self, function: FunctionType, kinds: Sequence[Kind], result: Kind | None, name: str
     ) -> None:
-        """The function as one that C calls: its arguments in turn; returns a number or nothing."""
+        """Add the function with a C signature: its arguments in order; returns a number or
+        nothing."""
         callee, made = self.instance(function, tuple(kinds))
         if HERE in origins_of(made):
             raise CompileError(f"{function.__qualname__} returns an array that it has made")
@@ -235,13 +236,11 @@ class Unit:
     def for_python(
         self, function: FunctionType, kinds: Sequence[Kind], name: str
     ) -> tuple[Kind, bool]:
-        """The function as void f(slots): its arguments stand in slots of eight bytes, and what it
-        returns goes to the slots after them.
+        """Add the function as void f(slots): arguments in slots of eight bytes, followed by the
+        results.
 
-        Returns the kind of that, and whether arrays may be in it that the function has made.
-
-        In the first slot it leaves the list of arrays that it has made, or 0; called with it there,
-        it frees them and does nothing else.
+        Returns (kind of the result, whether it may contain arrays made by the function). Slot 0
+        gets the list of these arrays, or 0; a call with a nonzero slot 0 only frees them.
         """
         callee, made = self.instance(function, tuple(kinds))
         f, given, at = Builder(), [], 1
@@ -275,7 +274,7 @@ class Unit:
 
 
 def _from_slot(f: Builder, kind: str, at: int) -> str:
-    """What stands in the slot."""
+    """The value in a slot."""
     place = f.place("i64", "%slots", str(at))
     if kind == "i1":
         return f.get(f"trunc i64 {f.load('i64', place)} to i1")
@@ -283,7 +282,7 @@ def _from_slot(f: Builder, kind: str, at: int) -> str:
 
 
 def _into_slot(f: Builder, leaf: str, kind: str, at: int) -> None:
-    """The value goes to the slot."""
+    """Store a value in a slot."""
     place = f.place("i64", "%slots", str(at))
     if kind == "i1":
         leaf, kind = f.get(f"zext i1 {leaf} to i64"), "i64"
@@ -291,7 +290,10 @@ def _into_slot(f: Builder, leaf: str, kind: str, at: int) -> None:
 
 
 def object_code(text: str, target: Target | None = None) -> bytes:
-    """The module, optimised as a whole, for the target or this machine's own processor."""
+    """Object code of the module, optimised for the target or for this machine's processor.
+
+    Raises CompileError for a call of a function that is not in KNOWN.
+    """
     machine = target_machine(LEVEL) if target is None else target.machine(LEVEL)
     module = new_module(text if llvm.llvm_version_info[0] > 14 else with_kinds(text))
     if target is not None:
@@ -305,7 +307,7 @@ def object_code(text: str, target: Target | None = None) -> bytes:
 
 
 def _optimise(module: Any, machine: Any) -> None:
-    """LLVM's passes over the module."""
+    """Run LLVM's optimisation passes on the module."""
     if hasattr(llvm, "create_new_module_pass_manager"):
         options = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
         passes = llvm.create_pass_builder(machine, options)

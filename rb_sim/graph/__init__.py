@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Laws as graphs: a function on floats is run once on symbols and becomes straight-line code.
+"""Laws as graphs: a function of floats is run once on symbols and becomes straight-line code.
 
-The package knows no physics.  `symbols` records operations, `functions` holds what a law may call
-besides arithmetic, `emit` writes a graph as LLVM IR or as Python, `machine` makes code of it and
-`store` keeps that on disk.
+The package contains no physics. `symbols` records operations and has the functions that a law may
+call, `emit` writes a graph as LLVM IR, Python or C, `machine` compiles it, and `store` keeps the
+code on disk.
 """

@@ -7,10 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Exact derivatives of a graph, as graphs again: only entries that can differ from zero.
+"""Exact derivatives of a graph, again as graphs, without entries that are always zero.
 
-Forward over the operations, each with its derivatives by the arguments on which it depends; the
-chain rule of each operation is one line of `RULES`.
+Forward mode over the operations; the chain rule of each operation is one entry of `RULES`.
 """
 
 from __future__ import annotations
@@ -40,20 +39,20 @@ from rb_sim.graph.vector_code import LANES, VECTOR, Vectors, splat
 
 
 class Sparse(NamedTuple):
-    """A matrix of graphs by its entries that can differ from zero, row by row."""
+    """A sparse matrix of graphs, row by row, without entries that are always zero."""
 
     shape: tuple[int, int]
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     values: tuple[Any, ...]
-    """symbols or numbers."""
+    """entries, as symbols or numbers."""
 
 
 def jacobian(outputs: Sequence[Any], inputs: Sequence[Symbol]) -> Sparse:
     """d outputs[i] / d inputs[j] as graphs; inputs: arguments such as `graph.vector("y", n)`.
 
-    A selection is differentiated on the side that holds, a step (floor) has the derivative zero.
-    Raises TypeError for functions called by address that do not tell their slopes.
+    A selection is differentiated on the selected side; a step (floor) has derivative zero. Raises
+    TypeError for functions called by address without known slopes.
     """
     smooth = _smooth(outputs)
     changes = [_changes(smooth, {x.number: 1.0}) for x in inputs]
@@ -68,9 +67,10 @@ def jacobian(outputs: Sequence[Any], inputs: Sequence[Symbol]) -> Sparse:
 
 
 def slopes_of(x: Symbol) -> Sequence[Any]:
-    """d x / d arguments, for x a result of a function called by address; () where x is stepwise.
+    """d x / d arguments, for a result x of a function called by address; () if x is stepwise
+    constant.
 
-    Raises TypeError where they are not known.
+    Raises TypeError if the slopes are not known.
     """
     call, result = x.operands
     function, *arguments = call.operands
@@ -81,18 +81,20 @@ def slopes_of(x: Symbol) -> Sequence[Any]:
 
 
 def _quotient(x: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
-    """(a / b)' = (a' - (a / b) b') / b."""
+    """Derivative of a quotient: (a / b)' = (a' - (a / b) b') / b."""
     return (da - x * db) / b
 
 
 def _root(x: Any, a: Any, da: Any) -> Any:
-    """(sqrt a)' = a' / (2 sqrt a), and 0 where a' is 0 as well: a length |v| has no slope at v = 0,
-    but |v| v has one there, which is 0."""
+    """(sqrt a)' = a' / (2 sqrt a), and 0 if a' is 0 as well.
+
+    A length |v| has no derivative at v = 0, but |v| v has one there, which is 0.
+    """
     return 0.5 * da / maximum(x, sys.float_info.min)
 
 
 def _angle(x: Any, y: Any, z: Any, dy: Any, dz: Any) -> Any:
-    """atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
+    """Derivative of an angle: atan2(y, z)' = (y' z - y z') / (y^2 + z^2)."""
     return (dy * z - y * dz) / (y * y + z * z)
 
 
@@ -112,25 +114,26 @@ RULES: dict[str, Callable[..., Any]] = {
 }
 
 
-# The derivative of a graph along a direction: one number more for every operation.
-#
-# Where `derivative.jacobian` gives all entries of a matrix, this gives the matrix times a vector,
-# and costs about as much as the graph itself whatever the size of the matrix.
+# Directional derivative of a graph: one more number for every operation. `derivative.jacobian`
+# gives all entries of a matrix; this gives the matrix times a vector, at about the cost of the
+# graph itself for any size of the matrix.
 
 
 def tangent(outputs: Sequence[Any], direction: Mapping[Symbol, Any]) -> list[Any]:
-    """d outputs along a direction, given by the change of each argument (absent: none).
+    """d outputs along a direction, given by the change of each argument (0 if absent).
 
-    Selections and steps as in `derivative.jacobian`.
-    Raises TypeError for functions called by address that do not tell their slopes.
+    Selections and steps as in `derivative.jacobian`. Raises TypeError for functions called by
+    address without known slopes.
     """
     known = _changes(_smooth(outputs), {x.number: change for x, change in direction.items()})
     return [known.get(x.number, 0.0) if isinstance(x, Symbol) else 0.0 for x in outputs]
 
 
 def _smooth(outputs: Sequence[Any]) -> list[tuple[Symbol, list[int]]]:
-    """The operations that may change with their operands, and the numbers of these; those of the
-    result of a function called by address are its arguments."""
+    """The operations with a derivative, each with the numbers of the operands on which it depends.
+
+    For the result of a function called by address these are the function's arguments.
+    """
     return [
         (x, [o.number for o in _operands(x) if isinstance(o, Symbol)])
         for x in in_order(outputs)
@@ -145,7 +148,7 @@ def _operands(x: Symbol) -> Sequence[Any]:
 def _changes(
     smooth: Sequence[tuple[Symbol, list[int]]], given: Mapping[int, Any]
 ) -> dict[int, Any]:
-    """The changes of arguments and operations, by their numbers, exact zeros left out."""
+    """Changes of arguments and operations by their numbers, without exact zeros."""
     known = {number: change for number, change in given.items() if not _is_zero(change)}
     for x, numbers in smooth:
         if known.keys().isdisjoint(numbers):
@@ -158,7 +161,7 @@ def _changes(
 
 
 def _change_of(x: Symbol, changes: list[Any]) -> Any:
-    """The change of one operation; changes: of its operands."""
+    """Change of one operation from the changes of its operands."""
     if x.op != "item":
         rule = RULES.get(x.op)
         if rule is None:
@@ -176,21 +179,21 @@ def _is_zero(x: Any) -> bool:
     return not isinstance(x, Symbol) and x == 0.0
 
 
-# The Jacobian of a graph column by column: code that grows as the graph, not as the matrix.
+# The Jacobian of a graph column by column: the code grows with the graph, not with the matrix.
 #
-# What the derivatives need of the graph itself is computed once.  Then LANES directions at a time,
-# a vector of the machine, go through the tangents (`tangent`), which are about as many operations
-# as the graph has; the matrix of n columns takes n / LANES such passes.
+# Quantities of the graph itself are computed once. Then the tangents (`tangent`), about as many
+# operations as the graph has, are evaluated for LANES directions at a time, one per vector lane; a
+# matrix of n columns takes n / LANES such passes.
 
 
 PIECE = 500
-"""Operations on vectors per function; LLVM splits each into as many as the machine needs."""
+"""Vector operations per function; LLVM splits each into as many as the processor needs."""
 
 
 def compile_columns(outputs: Sequence[Any], n: int) -> Law | PlainColumns:
-    """The law that writes d outputs / d y, row by row; n: of coordinates.
+    """The law that writes d outputs / d y, row by row; n: number of coordinates.
 
-    Raises TypeError for functions called by address that do not tell their slopes.
+    Raises TypeError for functions called by address without known slopes.
     """
     tangents = Tangents(outputs, n)
     if interpreted():
@@ -199,12 +202,13 @@ def compile_columns(outputs: Sequence[Any], n: int) -> Law | PlainColumns:
     once = Pieces(tangents.once)
     name, first = named_law("once", once, 2 if len(once.parts) == 1 else 0)
     parts = [_Part(tangents, k, pointer).text() for k in range(len(tangents.pieces.parts))]
-    # once in a step of which the matrix is factorised: not worth more of LLVM's time
+    # called once per step with a factorisation: not worth more of LLVM's time
     return linked([*parts, _driver(tangents, name, pointer)], level=0, others={name: first})
 
 
 class Tangents:
-    """The tangents of a graph, divided into what is computed once and parts that see directions."""
+    """Tangents of a graph, divided into operations computed once and parts that depend on
+    directions."""
 
     def __init__(self, outputs: Sequence[Any], n: int) -> None:
         graph = graph_of(outputs) or Graph()
@@ -224,7 +228,7 @@ class Tangents:
 
 
 class PlainColumns:
-    """The same in Python, a direction at a time."""
+    """The Jacobian law in Python, one direction at a time."""
 
     def __init__(self, tangents: Tangents) -> None:
         self._n, self._law = tangents.n, PlainLaw(tangents.outputs)
@@ -241,7 +245,8 @@ class PlainColumns:
 
 
 class _Part(Vectors):
-    """Writes one part: %y are the directions, %p what was computed once, %frame what passes."""
+    """Writer of one part: %y holds the directions, %p the numbers computed once, %frame
+    intermediates."""
 
     def __init__(self, tangents: Tangents, number: int, pointer: str) -> None:
         super().__init__(pointer, 0)
@@ -268,7 +273,7 @@ class _Part(Vectors):
         return everywhere
 
     def text(self) -> str:
-        """The function as a module."""
+        """LLVM IR of the function as a module."""
         tangents, p = self.tangents, self.pointer
         for x in tangents.pieces.parts[self.number]:
             self.add(x)
@@ -334,14 +339,14 @@ done:
   ret void
 }
 """
-"""The law: what is computed once, then all columns, LANES at a time, each put into its place.
+"""Template of the law: numbers computed once, then all columns, LANES at a time, stored by row.
 
-The workspace is calloc's, since the stack of a thread may be small where bodies are many.
+The workspace comes from calloc: the stack of a thread may be too small for many bodies.
 """
 
 
 def _driver(tangents: Tangents, once: str, pointer: str) -> str:
-    """DRIVER for these tangents; once: the name of the law of what is computed once."""
+    """DRIVER filled in for these tangents; once: name of the law of the numbers computed once."""
     p, n, rows, typed = pointer, tangents.n, len(tangents.outputs), pointer != "ptr"
     given, places, at = "%given" if typed else "%workspace", [], 0
     for name, count in (
@@ -374,7 +379,7 @@ def _driver(tangents: Tangents, once: str, pointer: str) -> str:
 
 
 def _unit_directions(pointer: str, name: str, value: str) -> list[str]:
-    """Lines that write the value to coordinate j + l in lane l, for every lane."""
+    """Instructions that write the value to coordinate j + l in lane l, for every lane l."""
     lines = [f"%{name} = mul i64 %j, {LANES}"]
     for lane in range(LANES):
         lines += [

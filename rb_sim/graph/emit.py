@@ -18,7 +18,7 @@ from typing import Any
 from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
 
 PIECE = 4000
-"""Operations per function."""
+"""Most operations of one function."""
 
 _DOUBLE = struct.Struct(">d")
 RARELY = '!0 = !{!"branch_weights", i32 1, i32 1000000}'
@@ -27,14 +27,15 @@ _COMPARE = {"lt": "olt", "le": "ole"}
 
 
 def constant(x: float) -> str:
-    """The number as LLVM reads it without rounding."""
+    """The number as an LLVM constant, exactly."""
     return f"0x{_DOUBLE.pack(x).hex().upper()}"
 
 
 class Pieces:
-    """The graph of the outputs, cut; `frame` counts the numbers that pass between pieces.
+    """The operations of the outputs, cut into pieces; `frame` counts the numbers passed between
+    pieces.
 
-    operations: those to be cut, in order, where others are computed elsewhere; None: all.
+    operations: those to be cut, in order, if others are computed elsewhere; None: all.
     """
 
     def __init__(
@@ -63,18 +64,18 @@ class Pieces:
             self.frame += count
 
     def part_of_output(self, x: Any) -> int:
-        """The piece that writes an output; arguments and numbers go with the first."""
+        """Index of the piece that writes an output; arguments and numbers belong to the first."""
         return self.part_of.get(x.number, 0) if isinstance(x, Symbol) else 0
 
     @property
     def externals(self) -> list[External]:
-        """Functions that the graph calls, each once."""
+        """External functions that the graph calls, each once."""
         calls = (x.operands[0] for part in self.parts for x in part if x.op == "call")
         return list(dict.fromkeys(calls))
 
 
 def modules(pieces: Pieces, pointer: str) -> list[str]:
-    """LLVM IR of the law, one text a module; pointer: LLVM's word for a pointer to double."""
+    """LLVM IR of the law, one text per module; pointer: LLVM's type of a pointer to double."""
     if len(pieces.parts) == 1:
         return [Piece(pieces, 0, pointer).module(whole=True)]
     texts = [Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
@@ -89,7 +90,7 @@ def modules(pieces: Pieces, pointer: str) -> list[str]:
 
 
 def _frame(count: int, pointer: str) -> list[str]:
-    """%frame, an array of so many numbers."""
+    """Instructions for %frame, an array of `count` numbers on the stack."""
     array = f"[{max(1, count)} x double]"
     kind = f"{array}*" if pointer != "ptr" else "ptr"
     return [
@@ -103,28 +104,28 @@ def _types(pointer: str) -> str:
 
 
 class Operations:
-    """Writes operations on values of one type of LLVM: numbers, or vectors of them."""
+    """Writer of operations on values of one LLVM type: numbers, or vectors of them."""
 
     kind, truth, true, suffix = "double", "i1", "true", "f64"
-    """LLVM's words for a value, for a condition and for a condition that holds, and the end of the
-    names of its intrinsic functions."""
+    """LLVM's types of a value and of a condition, its constant true, and the suffix of intrinsic
+    functions."""
     intrinsic: tuple[str, ...] = ("sqrt", "sin", "cos", "fabs", "floor")
 
     def __init__(self, pointer: str) -> None:
         self.pointer = pointer
         self.lines: list[str] = []
         self.names: dict[int, str] = {}
-        """of the results, by the numbers of symbols."""
+        """names of the results by the numbers of their symbols."""
         self.declared: set[str] = set()
 
     def line(self, text: str) -> str:
-        """Write one instruction and return the name of its result."""
+        """Write one instruction; returns the name of its result."""
         name = f"%v{len(self.lines)}"
         self.lines.append(f"  {name} = {text}")
         return name
 
     def operation_on(self, x: Symbol, a: list[str]) -> str:
-        """Write an operation on the operands of these names; the name of its result."""
+        """Write an operation on operands with these names; returns the name of its result."""
         if x.op in _BINARY:
             return self.line(f"{_BINARY[x.op]} {self.kind} {a[0]}, {a[1]}")
         if x.op == "neg":
@@ -144,30 +145,30 @@ class Operations:
         return self.by_library(x.op, a)
 
     def selected(self, x: Symbol, condition: str, one: str, other: str) -> str:
-        """The one value where the condition holds, else the other."""
+        """Write a selection: `one` if the condition holds, else `other`."""
         odds = ", !prof !0" if x.op == "rarely" and self.truth == "i1" else ""
         values = f"{self.kind} {one}, {self.kind} {other}"
         return self.line(f"select {self.truth} {condition}, {values}{odds}")
 
     def called(self, name: str, a: list[str]) -> str:
-        """The result of a function of values."""
+        """Write a call of a function of values; returns the name of its result."""
         return self.line(f"call {self.kind} @{name}({', '.join(f'{self.kind} {v}' for v in a)})")
 
     def by_library(self, name: str, a: list[str]) -> str:
-        """The result of a function of the C library."""
+        """Write a call of a function of the C library; returns the name of its result."""
         self.declared.add(f"declare double @{name}({', '.join(['double'] * len(a))})")
         return self.called(name, a)
 
 
 class Piece(Operations):
-    """Writes one function."""
+    """Writer of one piece as a function."""
 
     def __init__(self, pieces: Pieces, number: int, pointer: str) -> None:
         super().__init__(pointer)
         self.pieces, self.number = pieces, number
 
     def module(self, whole: bool = False) -> str:
-        """The function alone; `whole`: it is the law."""
+        """LLVM IR of the function as a module; `whole`: it is the entire law."""
         names, slots = self.names, self.pieces.slots
         for x in self.pieces.parts[self.number]:
             names[x.number] = self.operation(x)
@@ -188,11 +189,11 @@ class Piece(Operations):
         return "\n".join(lines)
 
     def belongs(self, x: Any) -> bool:
-        """True for an output that this piece writes."""
+        """Whether this piece writes the output."""
         return self.pieces.part_of_output(x) == self.number
 
     def place(self, base: str, index: int) -> str:
-        """The address of the number at an index."""
+        """Name of the address of the number at an index."""
         return self.line(f"getelementptr double, {self.pointer} {base}, i64 {index}")
 
     def load(self, base: str, index: int) -> str:
@@ -205,12 +206,12 @@ class Piece(Operations):
         self.lines.append(f"  store double {value}, {self.pointer} {at}, align 8")
 
     def as_double(self, x: Symbol) -> str:
-        """A value as a number; of a condition 1.0 or 0.0."""
+        """Name of a value as a number; a condition becomes 1.0 or 0.0."""
         value = self.names[x.number]
         return self.line(f"uitofp i1 {value} to double") if isinstance(x, Condition) else value
 
     def value(self, x: Any) -> str:
-        """The name of an operand in this function; loaded where it comes from outside."""
+        """Name of an operand in this function, loaded if it is an input or from another piece."""
         if not isinstance(x, Symbol):
             return constant(x)
         name = self.names.get(x.number)
@@ -230,7 +231,7 @@ class Piece(Operations):
         return loaded
 
     def operation(self, x: Symbol) -> str:
-        """Write one operation and return the name of its result."""
+        """Write one operation; returns the name of its result."""
         if x.op == "call":
             return self.call(x)
         if x.op == "item":
@@ -239,7 +240,7 @@ class Piece(Operations):
         return self.operation_on(x, [self.value(o) for o in x.operands])
 
     def call(self, x: Symbol) -> str:
-        """A function by address: arguments in an array of this function, results in the frame."""
+        """Write a call by address: arguments in a local array, results in the frame."""
         function, *arguments = x.operands
         array_type = f"[{max(1, len(arguments))} x double]"
         array = self.line(f"alloca {array_type}, align 16")
@@ -255,7 +256,8 @@ class Piece(Operations):
 
 
 def python_source(outputs: Sequence[Any]) -> str:
-    """The law as Python: `def law(t, y, p, out)`; uses the names of `functions` and `external`."""
+    """The law as Python source, `def law(t, y, p, out)`; it uses functions of `symbols` and
+    `external`."""
     names: dict[int, str] = {}
     lines = ["def law(t, y, p, out):"]
 
@@ -307,11 +309,11 @@ def _python_operation(x: Symbol, name: Any) -> str:
     return f"{x.op}({', '.join(operands)})"
 
 
-# A graph as a function in C, to be used outside: `python -m tools.c_law SCENE` prints one.
+# A graph as a C function for use outside rb_sim: `python -m tools.c_law SCENE` prints one.
 #
-# The operations stand in the order of the graph, one a line; a compiler that joins none of them (no
-# fused multiply-add) gives the numbers of the machine code of `emit`, except that sines and the
-# like are those of its own library.
+# The operations are in the order of the graph, one per line; a compiler without fused multiply-add
+# gives the numbers of the machine code of `emit`, except for sines and similar functions of its own
+# library.
 
 
 _OPERATION = {
@@ -331,9 +333,9 @@ _OPERATION = {
 
 
 def c_function(name: str, outputs: Sequence[Any]) -> str | None:
-    """void name(double t, const double *y, const double *p, double *out), with its headers.
+    """C function void name(double t, const double *y, const double *p, double *out), with headers.
 
-    outputs: symbols of one graph and numbers. None where the graph calls functions by address.
+    outputs: symbols of one graph and numbers. None if the graph calls functions by address.
     """
     order = in_order(outputs)
     if any(x.op == "call" for x in order):
@@ -364,7 +366,7 @@ def _operand(x: Any) -> str:
 
 
 def _number(x: float) -> str:
-    """The number without rounding, in parentheses where it is not finite or below zero."""
+    """The exact number in C, in parentheses if it is negative or not finite."""
     if x != x:
         return "(0.0 / 0.0)"
     if x - x != 0.0:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Machine code of a graph by llvmlite, kept on disk by a hash of the graph; Python without it."""
+"""Machine code of a graph by llvmlite, kept on disk by a hash of the graph; or Python functions."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from rb_sim.graph.emit import Pieces, constant, modules, python_source
 from rb_sim.graph.symbols import External
 
 FORMAT = "2"
-"""Of the files on disk and of the signature of a law."""
+"""Version of the files on disk and of the signature of a law."""
 
 ENTRY = "law"
-"""Name of the function in the machine code that is kept."""
+"""Name of the entry function in stored machine code."""
 
 _LOADED: WeakValueDictionary[str, Law] = WeakValueDictionary()
 _LOCK = threading.Lock()
 
 
 def interpreted() -> bool:
-    """True if nothing is to be compiled (RB_SIM_INTERPRETED)."""
+    """True if nothing shall be compiled (RB_SIM_INTERPRETED)."""
     return os.environ.get("RB_SIM_INTERPRETED", "0") not in ("", "0")
 
 
 def draft() -> bool:
-    """True if machine code is to be made quickly rather than to be quick (RB_SIM_DRAFT).
+    """True if compilation shall be fast rather than the code (RB_SIM_DRAFT).
 
     LLVM then takes a fifth of its time, and a law twice its own; the numbers are the same to the
     last bit.
@@ -53,7 +53,7 @@ def draft() -> bool:
 
 
 class Law:
-    """void law(double t, const double *y, const double *p, double *out) in memory.
+    """Compiled law void law(double t, const double *y, const double *p, double *out) in memory.
 
     The code lives as long as the object.
     """
@@ -64,7 +64,7 @@ class Law:
 
 
 class PlainLaw:
-    """The same as a Python function of arrays: law(t, y, p, out)."""
+    """A law as a Python function of arrays: law(t, y, p, out)."""
 
     def __init__(self, outputs: Sequence[Any]) -> None:
         self.call = plain_function(python_source(outputs), Pieces(outputs))
@@ -75,7 +75,7 @@ class PlainLaw:
 
 
 def plain_function(source: str, pieces: Pieces) -> Callable[..., None]:
-    """The function of `emit.python_source`."""
+    """The function defined by `emit.python_source`."""
     names = ("sqrt", "sin", "cos", "floor", "atan2", "divide")
     space: dict[str, Any] = {name: getattr(symbols, name) for name in names}
     space["external"] = {f.name: f.plain for f in pieces.externals}
@@ -85,7 +85,7 @@ def plain_function(source: str, pieces: Pieces) -> Callable[..., None]:
 
 @cache
 def target_data() -> tuple[str, str, str]:
-    """(triple, processor, features); makes LLVM ready, once."""
+    """(triple, processor, features) of this machine; initialises LLVM once."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features().flatten()
@@ -93,33 +93,31 @@ def target_data() -> tuple[str, str, str]:
 
 
 def target_machine(level: int = 2) -> Any:
-    """LLVM for this machine, optimising at the level."""
+    """LLVM target machine of this computer, with an optimisation level."""
     triple, processor, features = target_data()
     target = llvm.Target.from_triple(triple)
     return target.create_target_machine(cpu=processor, features=features, opt=level, jit=True)
 
 
 def pointer_type() -> str:
-    """LLVM's word for a pointer to double; it was `double*` up to LLVM 15."""
+    """LLVM's type of a pointer to double; `double*` up to LLVM 15."""
     return "ptr" if llvm.llvm_version_info[0] > 15 else "double*"
 
 
 @cache
 def folder(root: str) -> Any:
-    """The folder of laws below the cache root for this machine, version of LLVM and format."""
-    del root  # the key: tests change it
+    """Folder of laws below the cache root for this machine, version of LLVM and format."""
+    del root  # only the cache key: tests change it
     version = "\n".join((FORMAT, llvmlite.__version__, *target_data()))
     return store.version_folder("laws", version)
 
 
 def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw:
-    """The law that writes the outputs, symbols of one graph and numbers, in turn into `out`.
+    """The law that writes the outputs, symbols of one graph and numbers, in order into `out`.
 
-    often: False for a law that is rarely called: where it is long it is compiled three times as
-    fast, and takes twice the time.
-
-    Machine code comes from this process, else from disk, else from LLVM.  Any number of threads
-    and processes may compile at once; a signal waits for one piece at most.
+    often: False for a rarely called law: a long one is compiled three times as fast, and takes
+    twice the time. Machine code comes from this process, else from disk, else from LLVM. Several
+    threads and processes may compile at once; a signal waits for at most one piece.
     """
     if interpreted():
         return PlainLaw(outputs)
@@ -129,7 +127,8 @@ def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw
 
 
 def named_law(role: str, pieces: Pieces, level: int) -> tuple[str, Law]:
-    """A law by whose name others call it (see `linked`); the name changes with what it computes."""
+    """(name, law) of a law that others call by name (see `linked`); the name depends on its
+    content."""
     texts = modules(pieces, pointer_type())
     name = f"rb_sim_{role}_{_hash_of(texts)[:40]}"
     return name, linked(texts, pieces.externals, level)
@@ -145,9 +144,9 @@ def linked(
     level: int = 2,
     others: Mapping[str, Law] = MappingProxyType({}),
 ) -> Law:
-    """The law that the modules of LLVM IR define; from this process, else from disk, else made.
+    """The law defined by modules of LLVM IR; from this process, else from disk, else compiled.
 
-    others: laws that it calls, by the names under which it does.
+    others: laws that it calls, by their names.
     """
     level = _level(level)
     key = key_of(texts, level)
@@ -163,12 +162,12 @@ def linked(
 
 
 def key_of(texts: Sequence[str], level: int = 2) -> str:
-    """The name under which the law of these modules is kept."""
+    """Name under which the law of these modules is stored."""
     return f"{_hash_of(texts)}-{_level(level)}"
 
 
 def _level(wanted: int) -> int:
-    """The level at which code is optimised, in whose name it is."""
+    """Effective optimisation level; part of the name of stored code."""
     return 0 if draft() else wanted
 
 
@@ -176,7 +175,8 @@ _MODULES: dict[str, Law] = {}
 
 
 def loaded_module(name: str, text: str) -> Law:
-    """The function `law` of a module, kept for good: other code calls it by its address."""
+    """The function `law` of a module, kept until the process ends: other code calls it by
+    address."""
     level = _level(2)
     name = f"{name}-{level}"
     with _LOCK:
@@ -189,8 +189,10 @@ def loaded_module(name: str, text: str) -> Law:
 
 
 def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
-    """void f(const double *arguments, double *results), the function at this address with the
-    numbers before its arguments; for this process only, so not kept on disk.
+    """void f(const double *arguments, double *results): the function at this address with fixed
+    first arguments `numbers`.
+
+    Valid in this process only, so it is not stored on disk.
     """
     p, count = pointer_type(), len(numbers) + arguments
     array_type, kind = f"[{count} x double]", f"void ({p}, {p})"
@@ -225,7 +227,7 @@ _CALL = ctypes.CFUNCTYPE(None, ctypes.c_double, _POINTER, _POINTER, _POINTER)
 
 
 def evaluate(law: Law | Callable[..., None], t: float, y: Any, p: Any, out: Any) -> None:
-    """Call the law from Python; y, p, out: arrays of float, contiguous."""
+    """Call the law from Python; y, p, out: contiguous arrays of float."""
     if isinstance(law, Law):
         _CALL(law.address)(t, *(a.ctypes.data_as(_POINTER) for a in (y, p, out)))
     else:
@@ -233,11 +235,11 @@ def evaluate(law: Law | Callable[..., None], t: float, y: Any, p: Any, out: Any)
 
 
 _CALL_ROWS = ctypes.PYFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
-"""Python's lock is kept: to give and take it for each row costs more than most laws."""
+"""Type of a law called with the GIL held: releasing it for each row costs more than most laws."""
 
 
 def evaluate_rows(law: Law | PlainLaw, t: Any, y: Any, p: Any, out: Any) -> None:
-    """Call the law at every t (n,) with the rows of y, into the rows of out; contiguous arrays."""
+    """Call the law for every t (n,) with the rows of y, into the rows of out; contiguous arrays."""
     if not isinstance(law, Law):
         for at in zip(t, y, out, strict=True):
             law(float(at[0]), at[1], p, at[2])
@@ -249,7 +251,7 @@ def evaluate_rows(law: Law | PlainLaw, t: Any, y: Any, p: Any, out: Any) -> None
 
 
 def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
-    """Object code of the modules."""
+    """Object code of the modules, from disk or compiled."""
     place = folder(str(store.cache_root()))
     kept = store.read(place, key)
     objects = None if kept is None else store.unpack(kept)
@@ -262,13 +264,13 @@ def _objects(key: str, texts: Sequence[str], level: int) -> list[bytes]:
 def _compile(text: str, level: int = 2) -> bytes:
     """Object code of one module.
 
-    No passes over the IR: the graph has shared and folded already what they would find.
+    No passes over the IR: the graph has already shared and folded what they would find.
     """
     return assembled(new_module(text), level)
 
 
 def new_module(text: str) -> Any:
-    """The module of LLVM IR for this machine, checked."""
+    """The verified LLVM module of this IR for this machine."""
     module = llvm.parse_assembly(text, llvm.create_context())
     module.triple = target_data()[0]
     module.verify()
@@ -282,10 +284,10 @@ def assembled(module: Any, level: int) -> bytes:
 
 @cache
 def _context() -> Any:
-    """The one context of all engines, which is never disposed of.
+    """The one LLVM context of all engines, never disposed of.
 
-    A context must outlive the modules in it; where the garbage collector finds an engine and a
-    context of its own in one cycle, it may dispose of the context first.
+    A context must outlive its modules; for an engine and its own context in one reference cycle the
+    garbage collector may dispose of the context first.
     """
     return llvm.create_context()
 
@@ -295,7 +297,7 @@ def load(
     symbols: Mapping[str, int] = MappingProxyType({}),
     owners: Sequence[Any] = (),
 ) -> Law:
-    """Link object code into this process; symbols: addresses of what it calls."""
+    """Link object code into this process; symbols: addresses of the functions that it calls."""
     for name, address in symbols.items():
         llvm.add_symbol(name, address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", _context()), target_machine())

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Where machine code is kept between runs: folders of one version each, the oldest removed."""
+"""Storage of machine code between runs: one folder per version, the oldest ones removed."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ import tempfile
 from collections.abc import Sequence
 
 VERSIONS_KEPT = 3
-"""Folders of one kind, the one in use included; the others were used longest ago."""
+"""Number of folders of one kind that are kept, the current one included; the least recently used
+are removed."""
 
 MOST_FILES = 4000
-"""Laws kept in a folder; beyond, the half used longest ago is removed."""
+"""Most laws in a folder; beyond that the least recently used half is removed."""
 
 
 def cache_root() -> pathlib.Path:
@@ -37,9 +38,9 @@ def cache_root() -> pathlib.Path:
 
 
 def version_folder(kind: str, version: str) -> pathlib.Path | None:
-    """The folder KIND-HASH of this version, made and marked as used; None if it cannot be.
+    """The folder KIND-HASH of this version, created and marked as used; None if that fails.
 
-    Folders of versions that were used before the VERSIONS_KEPT latest are removed.
+    All but the VERSIONS_KEPT most recently used folders are removed.
     """
     digest = hashlib.sha256(version.encode()).hexdigest()[:16]
     folder = cache_root() / f"{kind}-{digest}"
@@ -55,17 +56,17 @@ def version_folder(kind: str, version: str) -> pathlib.Path | None:
 
 
 def remove_old_versions(root: pathlib.Path, kind: str) -> None:
-    """Remove the folders KIND-* of `root` beyond the VERSIONS_KEPT that were used last."""
+    """Remove all folders KIND-* of `root` but the VERSIONS_KEPT most recently used."""
     dated = []
     for folder in root.glob(f"{kind}-*"):
-        with contextlib.suppress(OSError):  # another process removes them as well
+        with contextlib.suppress(OSError):  # another process may remove it, too
             dated.append((folder.stat().st_mtime, folder))
     for _, folder in sorted(dated, reverse=True)[VERSIONS_KEPT:]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def read(folder: pathlib.Path | None, name: str) -> bytes | None:
-    """The file, marked as used; None where there is none."""
+    """Content of the file, which is marked as used; None if it does not exist."""
     if folder is None:
         return None
     path = folder / name
@@ -78,7 +79,7 @@ def read(folder: pathlib.Path | None, name: str) -> bytes | None:
 
 
 def write(folder: pathlib.Path | None, name: str, data: bytes) -> None:
-    """Write the file as a whole or not at all, whoever else writes it; a full disk is no error."""
+    """Write the file atomically; a failure, as of a full disk, is ignored."""
     if folder is None:
         return
     try:
@@ -96,7 +97,7 @@ def write(folder: pathlib.Path | None, name: str, data: bytes) -> None:
 
 
 def _bound(folder: pathlib.Path) -> None:
-    """Remove the half of the files that were used longest ago once there are MOST_FILES."""
+    """Remove the least recently used half of the files once there are more than MOST_FILES."""
     with os.scandir(folder) as entries:
         files = [entry for entry in entries if entry.is_file()]
     if len(files) <= MOST_FILES:
@@ -111,13 +112,13 @@ def _bound(folder: pathlib.Path) -> None:
 
 
 def pack(objects: Sequence[bytes]) -> bytes:
-    """Objects as one file: digest of the rest, then each with its length before it."""
+    """Objects as one file: digest of the rest, then each object with its length before it."""
     body = b"".join(struct.pack("<Q", len(code)) + code for code in objects)
     return hashlib.sha256(body).digest() + body
 
 
 def unpack(data: bytes) -> list[bytes] | None:
-    """The objects of a file; None if it is damaged."""
+    """The objects in a file; None if it is damaged."""
     digest, body = data[:32], data[32:]
     if hashlib.sha256(body).digest() != digest:
         return None

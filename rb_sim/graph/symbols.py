@@ -7,14 +7,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Symbols and the graph of their operations; what a law may call besides arithmetic.
+"""Symbols and the graph of their operations; functions that a law may call besides arithmetic.
 
-Symbols stand for floats while a law runs once; what it did with them is its graph. The functions
-give the plain value on floats and an operation of the graph on symbols.
+Symbols replace floats while a law runs once; the recorded operations are its graph. The functions
+return a value for floats and an operation of the graph for symbols.
 
-Equal parts are one node, constants fold, exact zeros vanish. Nothing is reordered: the graph gives
-bit for bit what plain Python gives on floats, except that x * 0 is 0 and x - x is 0 even where x is
-not finite. A graph belongs to one trace and to one thread; different threads trace different
+Equal parts are one node, constants are folded, exact zeros removed. Nothing is reordered: the graph
+gives bit for bit the result of Python on floats, except that x * 0 and x - x are 0 also for x that
+is not finite. A graph belongs to one trace and one thread; several threads may trace different
 graphs at the same time.
 """
 
@@ -27,19 +27,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# The conditions on which a function branches while it runs on symbols.
+# Conditions on which a function branches while it runs on symbols.
 
 
 class Path:
-    """One way through a function that branches on symbols: what its conditions were taken to be."""
+    """One path through a function that branches on symbols: the assumed values of its
+    conditions."""
 
     def __init__(self, given: list[tuple[Condition, bool]]) -> None:
         self.decisions = list(given)
-        """in the order in which they were asked, each condition once."""
+        """(condition, assumed value), in the order of first evaluation."""
         self._known = {condition.number: value for condition, value in given}
 
     def taken(self, condition: Condition) -> bool:
-        """Whether the condition holds on this way; True where it has not been asked yet."""
+        """Assumed value of the condition on this path; True at its first evaluation."""
         if condition.number not in self._known:
             self._known[condition.number] = True
             self.decisions.append((condition, True))
@@ -47,31 +48,31 @@ class Path:
 
 
 INPUTS = ("t", "y", "p")
-"""Nodes that are arguments: the time, a coordinate, an input that may change between steps."""
+"""Kinds of argument nodes: time, coordinate, input that may change between steps."""
 
 
 class External(NamedTuple):
-    """A function compiled once that traced code calls by its address.
+    """An external function, compiled once, that traced code calls by its address.
 
-    For what iterates or decides by pivots: void f(const double *arguments, double *results).
+    For iterations and pivoting by value: void f(const double *arguments, double *results).
     """
 
     name: str
-    """its symbol in machine code; changes when its meaning does."""
+    """its symbol in machine code; it changes when its meaning does."""
     results: int
     plain: Callable[..., Any]
-    """the same as plain Python: floats to a tuple of floats."""
+    """the function in Python: floats to a tuple of floats."""
     address: Callable[[], int]
-    """compiles it where it is not yet, and gives its address."""
+    """returns its address, compiling it if necessary."""
     slopes: Callable[..., Sequence[Sequence[Any]]] | None = None
-    """traced: the arguments to d results / d arguments, row by row; None: not known."""
+    """traced: arguments -> d results / d arguments, row by row; None: not known."""
     along: Callable[..., Sequence[Any]] | None = None
-    """traced: the arguments, then their changes, to the changes of the results; where slopes would
-    be too many to be written one by one. None: by slopes."""
+    """traced: arguments and their changes -> changes of the results, if slopes would be too many to
+    be written one by one; None: by slopes."""
 
 
 def stepwise(*arguments: Any) -> tuple[()]:
-    """The slopes of what is constant but for jumps: none."""
+    """Slopes of a stepwise constant function: empty."""
     return ()
 
 
@@ -179,7 +180,7 @@ class Symbol:
 
 
 class Condition(Symbol):
-    """A comparison of symbols; `where` selects by it."""
+    """A comparison of symbols, or a combination of conditions; argument of `where`."""
 
     __slots__ = ()
 
@@ -207,7 +208,7 @@ class Condition(Symbol):
 
 
 def _is(x: Any, value: float) -> bool:
-    """True if x is a number equal to the value."""
+    """True if x is a number (not a symbol) equal to the value."""
     return not isinstance(x, Symbol) and x == value
 
 
@@ -217,7 +218,7 @@ class Graph:
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], Symbol] = {}
         self.path: Path | None = None
-        """while a function that may branch runs."""
+        """the current path while a function that may branch runs; else None."""
 
     def __len__(self) -> int:
         return len(self._known)
@@ -230,11 +231,11 @@ class Graph:
         return found
 
     def node(self, op: str, *operands: Any) -> Any:
-        """The operation on symbols and numbers; the one that is there if it is known."""
+        """The node of an operation on symbols and numbers, new or existing."""
         return self._find(Symbol, op, tuple(_operand(self, x) for x in operands))
 
     def pair(self, op: str, a: Any, b: Any) -> Any:
-        """As `node`, of two operands: nearly all of a law is made here, so nothing is generic."""
+        """As `node`, for two operands; specialised, as nearly all nodes of a law are made here."""
         a, b = _operand(self, a), _operand(self, b)
         known, key = self._known, (op, _key(a), _key(b))
         found = known.get(key)
@@ -243,13 +244,13 @@ class Graph:
         return found
 
     def commutative(self, op: str, a: Symbol, b: Any) -> Any:
-        """As `pair`, with operands in one order."""
+        """As `pair`, for a commutative operation: operands in a canonical order."""
         if not isinstance(b, Symbol) or a.number > b.number:
             return self.pair(op, b, a)
         return self.pair(op, a, b)
 
     def condition(self, op: str, *operands: Any) -> Any:
-        """A comparison, or conditions joined."""
+        """The node of a comparison or of a combination of conditions."""
         return self._find(Condition, op, tuple(_operand(self, x) for x in operands))
 
     def input(self, kind: str, index: int = 0) -> Any:
@@ -257,18 +258,18 @@ class Graph:
         return self._find(Symbol, kind, (index,))
 
     def vector(self, kind: str, count: int, first: int = 0) -> tuple[Any, ...]:
-        """`count` neighbouring inputs."""
+        """`count` consecutive inputs."""
         return tuple(self.input(kind, first + i) for i in range(count))
 
     def call(self, function: External, arguments: Iterable[Any]) -> tuple[Any, ...]:
-        """The symbols of what the function gives for the arguments."""
+        """Symbols of the results of an external function."""
         operands = tuple(_operand(self, x) for x in arguments)
         call = self._find(Symbol, "call", (function, *operands))
         return tuple(self._find(Symbol, "item", (call, i)) for i in range(function.results))
 
 
 def _operand(graph: Graph, x: Any) -> Any:
-    """A symbol of this graph, or a float."""
+    """x as a symbol of this graph or a float. Raises ValueError for a symbol of another graph."""
     if isinstance(x, Symbol):
         if x.graph is not graph:
             raise ValueError("symbols of two graphs in one law")
@@ -277,7 +278,7 @@ def _operand(graph: Graph, x: Any) -> Any:
 
 
 def _key(x: Any) -> Any:
-    """What tells operands apart; 0.0 and -0.0 differ."""
+    """Hash key of an operand; 0.0 and -0.0 differ."""
     if isinstance(x, Symbol):
         return x.number
     if isinstance(x, float):
@@ -286,18 +287,18 @@ def _key(x: Any) -> Any:
 
 
 def graph_of(values: Iterable[Any]) -> Graph | None:
-    """The graph of the first symbol among the values; None where all are numbers."""
+    """Graph of the first symbol among the values; None if all are numbers."""
     return next((x.graph for x in values if isinstance(x, Symbol)), None)
 
 
 def in_order(outputs: Iterable[Any]) -> list[Symbol]:
-    """All nodes that the outputs need, operands before their users."""
+    """All nodes on which the outputs depend, operands before their users."""
     seen: set[int] = set()
     order: list[Symbol] = []
     stack: list[Symbol | None] = [x for x in reversed(list(outputs)) if isinstance(x, Symbol)]
     while stack:
         x = stack.pop()
-        if x is None:  # the operands of the one below are done
+        if x is None:  # the operands of the next one are done
             order.append(stack.pop())  # type: ignore[arg-type]
         elif x.number not in seen:
             seen.add(x.number)
@@ -310,11 +311,11 @@ def in_order(outputs: Iterable[Any]) -> list[Symbol]:
 
 
 def operations(outputs: Iterable[Any]) -> int:
-    """How many operations the outputs need, arguments not counted."""
+    """Number of operations on which the outputs depend, without arguments."""
     return sum(x.op not in INPUTS for x in in_order(outputs))
 
 
-# A graph evaluated on arrays: the same operations, for many instants at once.
+# A graph evaluated on arrays: the same operations for several instants at once.
 
 
 Array = NDArray[np.float64]
@@ -342,10 +343,10 @@ OPERATIONS: dict[str, Any] = {
 
 
 class ArrayLaw:
-    """The outputs, symbols of one graph and numbers, at n instants.
+    """Outputs, symbols of one graph and numbers, evaluated at n instants.
 
-    `law(t, y)` with t of shape (n,) and y of shape (n, coordinates) gives shape (n, outputs).
-    What machine code would make infinite or NaN is so here, too, without a warning.
+    `law(t, y)` with t of shape (n,) and y of shape (n, coordinates) returns shape (n, outputs).
+    Results are infinite or NaN as in machine code, without a warning.
     """
 
     def __init__(self, outputs: Sequence[Any]) -> None:
@@ -384,28 +385,28 @@ def _value(x: Symbol, value: Any, t: Array, y: Array) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    """The square root; NaN below zero, as machine code has it."""
+    """The square root; NaN for negative x, as in machine code."""
     if isinstance(x, Symbol):
         return x.graph.node("sqrt", x)
     return math.sqrt(x) if x >= 0.0 else math.nan
 
 
 def sin(x: Any) -> Any:
-    """The sine of x [rad]; NaN of what is not finite."""
+    """The sine of x [rad]; NaN if x is not finite."""
     if isinstance(x, Symbol):
         return x.graph.node("sin", x)
     return math.sin(x) if math.isfinite(x) else math.nan
 
 
 def cos(x: Any) -> Any:
-    """The cosine of x [rad]; NaN of what is not finite."""
+    """The cosine of x [rad]; NaN if x is not finite."""
     if isinstance(x, Symbol):
         return x.graph.node("cos", x)
     return math.cos(x) if math.isfinite(x) else math.nan
 
 
 def floor(x: Any) -> Any:
-    """The largest whole number up to x, as a float."""
+    """The largest whole number <= x, as a float."""
     if isinstance(x, Symbol):
         return x.graph.node("floor", x)
     return float(math.floor(x)) if math.isfinite(x) else x
@@ -418,7 +419,7 @@ def atan2(y: Any, x: Any) -> Any:
 
 
 def divide(a: Any, b: Any) -> Any:
-    """a / b by IEEE 754: infinite or NaN where b is zero."""
+    """a / b by IEEE 754: infinite or NaN if b is zero."""
     if isinstance(a, Symbol) or isinstance(b, Symbol) or b != 0.0:
         return a / b
     if a == 0.0 or a != a:
@@ -427,7 +428,7 @@ def divide(a: Any, b: Any) -> Any:
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """a where the condition holds, else b; numbers, or tuples of them alike.
+    """a if the condition holds, else b; numbers, or tuples of equal structure.
 
     On symbols both are computed and one is selected, so neither may raise.
     """
@@ -442,8 +443,9 @@ def where(condition: Any, a: Any, b: Any) -> Any:
 
 
 def rarely(condition: Any, a: Any, b: Any) -> Any:
-    """As `where` on numbers, for a condition that hardly ever holds: machine code branches on it,
-    so that what follows does not wait for a.
+    """As `where` on numbers, for a condition that seldom holds.
+
+    Machine code branches on it, so that later operations do not wait for a.
     """
     if not isinstance(condition, Condition):
         return a if condition else b
@@ -451,17 +453,17 @@ def rarely(condition: Any, a: Any, b: Any) -> Any:
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of two, as Python's max: a where they are equal or one is NaN."""
+    """The larger of two, as Python's max: a if they are equal or one is NaN."""
     return where(b > a, b, a)
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """The smaller of two, as Python's min: a where they are equal or one is NaN."""
+    """The smaller of two, as Python's min: a if they are equal or one is NaN."""
     return where(b < a, b, a)
 
 
 def call(function: External, *arguments: Any) -> tuple[Any, ...]:
-    """Call a function that is compiled once; returns what it gives for the arguments."""
+    """Results of an external function for the arguments."""
     graph = graph_of(arguments)
     return tuple(function.plain(*arguments)) if graph is None else graph.call(function, arguments)
 
@@ -478,9 +480,9 @@ def leaves(x: Any) -> Iterator[Any]:
 def explored(function: Callable[..., Any], *arguments: Any) -> Any:
     """function(*arguments), where the function may branch on symbols.
 
-    It runs once for every way through it; what the ways give is selected by their conditions.  So
-    loops that end on a condition, and long chains of branches, do not belong in it.  On floats it
-    runs once, as it is.
+    It runs once for every path through it; the results are selected by the conditions of the paths.
+    So it must not contain loops that end on a condition, or long chains of branches. On floats it
+    runs once, unchanged.
     """
     graph = graph_of(leaves(arguments))
     if graph is None:
@@ -498,7 +500,7 @@ def _from(
     arguments: tuple[Any, ...],
     given: list[tuple[Condition, bool]],
 ) -> Any:
-    """What the ways give that begin with these decisions."""
+    """Result of the paths that begin with these decisions."""
     path = graph.path = Path(given)
     result = function(*arguments)
     for i in range(len(path.decisions) - 1, len(given) - 1, -1):

@@ -10,10 +10,10 @@
 """A law over tables: kernels traced once per kind, each called in a loop over its instances.
 
 A long law made of equal parts is slow to trace, to compile and, beyond the instruction cache, to
-run.  A program calls each kind's kernel for the rows of a table instead.  A kernel takes fields
-and gives fields, each some neighbouring numbers of one of the arrays in BASES; where they lie for
-the table gives those of an instance.  Kernels are machine code of their own, shared by all
-programs; a program itself is its tables and one call a kind.
+run. A program instead calls the kernel of each kind for the rows of a table. A kernel maps input
+fields to output fields, each of them consecutive numbers of one of the arrays in BASES; a row of
+the table holds the places of the fields of one instance. Kernels are separate machine code shared
+by all programs; a program consists of its tables and one call per kind.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ from rb_sim.graph.emit import RARELY, Piece, Pieces, constant, python_source
 from rb_sim.graph.machine import Law
 from rb_sim.graph.symbols import External, Graph, Symbol
 
-# LLVM IR of a kernel in a loop over a table, and of the tables themselves.
+# LLVM IR of a kernel in a loop over a table, and of the tables.
 
 
 BASES = ("y", "p", "const", "frame", "out")
-"""Arrays of a program: the arguments of a law, its constants, and workspace for what is in
-between."""
+"""Arrays of a program: the arguments of a law, its constants, workspace for intermediate results,
+output."""
 
 
 def arrays(name: str, kind: str, entries: Sequence[Any]) -> str:
-    """A constant array."""
+    """LLVM IR of a constant array."""
     inner = ", ".join(f"{kind} {x}" for x in entries)
     return f"{name} = internal constant [{len(entries)} x {kind}] [{inner}], align 16"
 
 
 def first_element(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
-    """`name` becomes the pointer to the first element of an array."""
+    """Instructions that set `name` to the address of the first element of an array."""
     whole = f"[{count} x {kind}]"
     at = "ptr" if pointer == "ptr" else f"{whole}*"
     return [f"  {name} = getelementptr {whole}, {at} {array}, i64 0, i64 0"]
 
 
 def declared(name: str, pointer: str) -> str:
-    """The declaration of a kernel's loop."""
+    """LLVM declaration of a kernel's loop."""
     integers = "ptr" if pointer == "ptr" else "i32*"
     return f"declare void @{name}(double, {', '.join([pointer] * 5)}, {integers}, i64)"
 
@@ -64,12 +64,12 @@ def loop_module(
     bases: Sequence[str],
     pointer: str,
 ) -> str:
-    """A function `law` that runs the kernel on each row of its table."""
+    """Module with a function `law` that runs the kernel on each row of its table."""
     return _Loop(pieces, widths, made, bases, pointer).text()
 
 
 class _Loop(Piece):
-    """Writes the loop; the coordinates of the graph are the fields of an instance in turn."""
+    """Writer of the loop; the coordinates of the graph are the fields of an instance in order."""
 
     def __init__(
         self,
@@ -134,23 +134,23 @@ class _Loop(Piece):
 
 
 MOST_WORKSPACE = 600_000
-"""Numbers in the frame, which lies on the stack: 5 MB of the 8 MB that a thread has."""
+"""Most numbers in the frame, which lies on the stack: 5 MB of the 8 MB of a thread."""
 NO_CUT = 10**9
-"""Operations of a piece: a kernel is one function."""
+"""Operations of a piece: never reached, as a kernel is one function."""
 
 
 class Field(NamedTuple):
-    """Where the instances of a kernel find some neighbouring numbers."""
+    """Places of one field of all instances of a kernel."""
 
     base: str
-    """one of loop.BASES."""
+    """array of the field, one of BASES."""
     width: int
     at: Sequence[int]
-    """first number of each instance."""
+    """place of the first number for each instance."""
 
 
 class Kernel:
-    """One kind's part of a law: what it makes of its fields, traced."""
+    """The traced kernel of one kind: output fields from input fields."""
 
     def __init__(self, function: Callable[..., Any], widths: Sequence[int]) -> None:
         graph, first = Graph(), 0
@@ -165,7 +165,7 @@ class Kernel:
         self._modules: dict[Hashable, str] = {}
 
     def module(self, bases: tuple[str, ...], pointer: str) -> str:
-        """LLVM IR of the loop, for fields in these arrays."""
+        """LLVM IR of the loop for fields in these arrays."""
         key = bases, pointer
         if key not in self._modules:
             pieces = Pieces(self.outputs, NO_CUT)
@@ -174,7 +174,7 @@ class Kernel:
 
     @cached_property
     def plain(self) -> Callable[..., None]:
-        """The same as Python: law(t, y, p, out) on the numbers of one instance."""
+        """The kernel as a Python function law(t, y, p, out) on the numbers of one instance."""
         return machine.plain_function(python_source(self.outputs), Pieces(self.outputs))
 
 
@@ -182,7 +182,7 @@ _KERNELS: dict[Hashable, Kernel] = {}
 
 
 def kernel(key: Hashable, function: Callable[..., Any], widths: Sequence[int]) -> Kernel:
-    """The kernel of f(t, *fields), traced if none of this key and these widths is known."""
+    """The kernel of f(t, *fields), traced once for each key and field widths."""
     whole = key, tuple(widths)
     found = _KERNELS.get(whole)
     if found is None:
@@ -191,7 +191,7 @@ def kernel(key: Hashable, function: Callable[..., Any], widths: Sequence[int]) -
 
 
 class _Call(NamedTuple):
-    """A kernel over a table, or a function over a part of the frame."""
+    """A kernel over a table, or an external function on parts of the frame."""
 
     does: Kernel | External
     fields: tuple[Field, ...]
@@ -199,7 +199,7 @@ class _Call(NamedTuple):
 
 
 class Program:
-    """The calls that make up a law, in their order."""
+    """A law as a sequence of calls."""
 
     def __init__(self) -> None:
         self.constants: list[float] = []
@@ -207,12 +207,12 @@ class Program:
         self._calls: list[_Call] = []
 
     def workspace(self, width: int) -> int:
-        """Place of `width` new numbers in the frame."""
+        """Reserve `width` numbers in the frame; returns their place."""
         self.frame += width
         return self.frame - width
 
     def keep(self, numbers: Sequence[float]) -> int:
-        """Place of the numbers among the constants."""
+        """Store the numbers among the constants; returns their place."""
         self.constants += map(float, numbers)
         return len(self.constants) - len(numbers)
 
@@ -223,9 +223,10 @@ class Program:
         inputs: Sequence[Field],
         outputs: Sequence[tuple[str, Sequence[int]]],
     ) -> None:
-        """f(t, *inputs) for every instance in turn; outputs: base and places of what it gives.
+        """Add a call of f(t, *inputs) for every instance; outputs: base and places of each output
+        field.
 
-        key: tells the function apart from all others of all programs.
+        key: identifies the function among all programs.
         """
         count = len(inputs[0].at) if inputs else len(outputs[0][1])
         if count == 0:
@@ -237,12 +238,12 @@ class Program:
         self._calls.append(_Call(does, (*inputs, *made), count))
 
     def call(self, function: External, arguments: int, results: int) -> None:
-        """The function on parts of the frame."""
+        """Add a call of an external function on parts of the frame."""
         places = (Field("frame", 0, (arguments,)), Field("frame", 0, (results,)))
         self._calls.append(_Call(function, places, 1))
 
     def compiled(self) -> Law | PlainProgram:
-        """The law, as `compile_law` gives it."""
+        """The compiled law, as from `compile_law`."""
         if machine.interpreted():
             return PlainProgram(self)
         if self.frame > MOST_WORKSPACE:
@@ -279,7 +280,7 @@ class Program:
         return machine.linked([text], externals, 0, kernels)
 
     def _in_frame(self, number: int, k: int, calls: list[str], pointer: str) -> str:
-        """The name of a place in the frame, written before the call that takes it."""
+        """Name of the address of a field in the frame; its instruction is appended to `calls`."""
         at = self._calls[number].fields[k].at[0]
         name = f"%place{number}_{k}"
         calls.append(f"  {name} = getelementptr double, {pointer} %frame, i64 {at}")
@@ -307,14 +308,15 @@ class Program:
 
 
 class PlainProgram:
-    """The same as a Python function of arrays: law(t, y, p, out)."""
+    """A program as a Python function of arrays: law(t, y, p, out)."""
 
     def __init__(self, program: Program) -> None:
         self._calls, self._frame = tuple(program._calls), program.frame
         self._constants = tuple(program.constants)
 
     def __call__(self, t: float, y: Any, p: Any, out: Any) -> None:
-        """Write the law at (t, y) with the inputs p into out: every call of the program in turn."""
+        """Write the law at (t, y) with the inputs p into out, by all calls of the program in
+        order."""
         frame = [0.0] * self._frame
         bases: dict[str, Any] = {
             "y": y,

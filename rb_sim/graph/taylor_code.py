@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""LLVM IR of Taylor series: their sums, their orders, the first orders unrolled."""
+"""LLVM IR of Taylor series: convolution sums, recurrences by order, unrolled first orders."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, 
 from rb_sim.graph.symbols import INPUTS, Symbol, operations
 from rb_sim.graph.taylor_series import LANES, Series
 
-# Lines of LLVM IR of a series: vectors of sums, and laws written into the same function.
+# Writers of LLVM IR of a series: vectors of sums, and laws inlined into the same function.
 
 
 HEAD = 4
-"""Numbers before the sums in the workspace of a series; the first of them is the highest order."""
+"""Numbers before the sums in the workspace of a series; the first one is the highest order."""
 
 GROUP = 8
 """Vectors that go through the orders together, each in a register."""
 
 ROWS = 4
-"""Orders that an iteration of a sum takes: the end of the loop is seldom guessed wrong."""
+"""Orders per iteration of a sum: the end of the loop is usually mispredicted."""
 
 BEFORE = ROWS - 1
-"""Rows of zeros before order 1, so that the sums may begin and end beyond their terms."""
+"""Rows of zeros before order 1, so that sums may start and end beyond their terms."""
 
 CHAINS = 8
-"""Additions under way at a time, none of which waits for another."""
+"""Number of independent additions in progress."""
 
 NO_CUT = 10**9
-"""Operations of a piece: the law is not cut."""
+"""Operations of a piece: never reached, as the law is not cut."""
 
 
 CONTRACTED = re.compile(r"^(fadd|fsub|fmul) double")
-"""What may become one operation with a product before it, rounded once: terms of a series are not
-what Python would give to the last bit anyway, for their sums are in another order."""
+"""Instructions that may be fused with a preceding product (rounded once): terms of a series differ
+from Python's in the last bits anyway, since their sums are in another order."""
 
 
 class Inlined(Piece):
-    """A law as part of the driver's function.
+    """A law inlined into the driver's function.
 
-    zeros: names of the numbers of order 0; None for the law that gives them. coefficients: names of
-    those of order k of y; None where they are in the row.
+    zeros: names of the numbers of order 0; None for the law that computes them. coefficients: names
+    of the coefficients of order k of y; None if they are in the row.
     """
 
     def __init__(self, pieces: Pieces, driver: Writer) -> None:
@@ -64,17 +64,17 @@ class Inlined(Piece):
         self.coefficients: list[str] | None = None
 
     def line(self, text: str) -> str:
-        """Write one operation through the driver, with contraction allowed."""
+        """Write one instruction through the driver, with contraction allowed."""
         return self.driver.line(CONTRACTED.sub(r"\1 contract double", text))
 
     def values(self) -> list[str]:
-        """Write the operations; the names of the outputs."""
+        """Write all operations; returns the names of the outputs."""
         for x in self.pieces.parts[0]:
             self.names[x.number] = self.operation(x)
         return [self.value(x) for x in self.pieces.outputs]
 
     def from_outside(self, x: Symbol) -> str:
-        """The name of an input: a coefficient of the series instead of a number of the state."""
+        """Name of an input: a coefficient of the series instead of a number of the state."""
         if self.zeros is None or x.op not in INPUTS:
             return super().from_outside(x)
         if x.op == "t":
@@ -89,7 +89,7 @@ class Inlined(Piece):
 
 
 class Writer:
-    """Writes LLVM IR."""
+    """Writer of LLVM IR of a series."""
 
     def __init__(self, series: Series, pointer: str) -> None:
         self.series, self.p = series, pointer
@@ -97,37 +97,37 @@ class Writer:
         self.count = 0
         self.sums: dict[int, list[str]] = {}
         self.zeros: list[str] = []
-        """Names of the numbers of order 0."""
+        """names of the numbers of order 0."""
         self.declared: set[str] = set()
 
     def sum_of(self, index: int) -> str:
-        """One of the sums."""
+        """Name of one of the sums."""
         first = max(at for at in self.sums if at <= index)
         vector = self.sums[first][(index - first) // LANES]
         return self.line(f"extractelement {self.vector(LANES)} {vector}, i32 {index % LANES}")
 
     def line(self, text: str) -> str:
-        """Write one instruction and return the name of its result."""
+        """Write one instruction; returns the name of its result."""
         self.count += 1
         self.lines.append(f"  %v{self.count} = {text}")
         return f"%v{self.count}"
 
     def place(self, base: str, index: int | str) -> str:
-        """The address of the number at an index."""
+        """Name of the address of the number at an index."""
         return self.line(f"getelementptr double, {self.p} {base}, i64 {index}")
 
     def vector(self, width: int) -> str:
-        """The LLVM type of so many numbers."""
+        """LLVM type of a vector of `width` numbers."""
         return f"<{width} x double>"
 
     def at(self, base: str, width: int) -> str:
-        """The place as a pointer to a vector."""
+        """The address as a pointer to a vector."""
         if self.p == "ptr":
             return base
         return self.line(f"bitcast {self.p} {base} to {self.vector(width)}*")
 
     def load(self, base: str, index: int, width: int) -> str:
-        """Load a vector of so many numbers from an index on."""
+        """Load a vector of `width` numbers from an index on."""
         kind = self.vector(width)
         place = self.at(self.place(base, index), width)
         return self.line(f"load {kind}, {self._to(kind)} {place}, align 8")
@@ -142,32 +142,33 @@ class Writer:
         return "ptr" if self.p == "ptr" else f"{kind}*"
 
     def row_of(self, rows: str, order: int) -> str:
-        """Where the coefficients of an order are."""
+        """Address of the coefficients of an order."""
         return self.place(rows, (order - 1) * self.series.width)
 
     def splat(self, value: str, width: int) -> str:
-        """A vector of one number."""
+        """Name of a vector with one number in all lanes."""
         kind = self.vector(width)
         one = self.line(f"insertelement {kind} undef, double {value}, i32 0")
         mask = f"<{width} x i32> zeroinitializer"
         return self.line(f"shufflevector {kind} {one}, {kind} undef, {mask}")
 
     def label(self, name: str) -> None:
-        """Begin a basic block."""
+        """Start a basic block."""
         self.lines.append(f"{name}:")
 
     def jump(self, name: str) -> None:
-        """End the block and go to another one."""
+        """End the block with a jump."""
         self.lines.append(f"  br label %{name}")
 
     def branch(self, condition: str, yes: str, no: str) -> None:
-        """End the block and go to one of two others."""
+        """End the block with a conditional jump."""
         self.lines.append(f"  br i1 {condition}, label %{yes}, label %{no}")
 
     def keep(
         self, order: Inlined, values: list[str], row: str, right: str, name: str, suffix: str = ""
     ) -> list[str]:
-        """Store what the law of an order gives; the names of the factors as vectors."""
+        """Store the results of the law of one order; returns the names of the factors as
+        vectors."""
         series, names = self.series, []
         at = series.n
         for i in range(series.events):
@@ -183,14 +184,14 @@ class Writer:
         return names
 
     def together(self, values: Sequence[str]) -> str:
-        """A vector of these numbers."""
+        """Name of a vector of these numbers."""
         kind, made = self.vector(len(values)), "undef"
         for i, value in enumerate(values):
             made = self.line(f"insertelement {kind} {made}, double {value}, i32 {i}")
         return made
 
     def added(self, vectors: list[str]) -> str:
-        """The sum of vectors, by halves."""
+        """Name of the sum of vectors, added pairwise."""
         while len(vectors) > 1:
             pairs = zip(vectors[::2], vectors[1::2], strict=False)
             odd = vectors[len(vectors) // 2 * 2 :]
@@ -198,14 +199,14 @@ class Writer:
         return vectors[0]
 
 
-# LLVM IR that sums a series and its derivative.
+# LLVM IR of the sum of a series and its derivative.
 
 
 class Sum(Writer):
-    """Writes the law that sums."""
+    """Writer of the law that sums a series."""
 
     def sum(self) -> str:
-        """`add`: Horner's rule for the series and its derivative."""
+        """LLVM IR of `add`: Horner's rule for the series and its derivative."""
         n, p, width = self.series.n, self.p, self.series.width
         head = f"define void @law(double %h, {p} %rows, {p} %order, {p} %out) nounwind {{"
         self.label("entry")
@@ -219,7 +220,8 @@ class Sum(Writer):
         return "\n".join([head, *self.lines, "  ret void", "}", ""])
 
     def _horner(self, first: int, count: int, top: str, last: str, before: str) -> str:
-        """Some coordinates; returns the label after them."""
+        """Write Horner's rule for `count` coordinates from `first` on; returns the label of the
+        block after it."""
         p, name = self.p, f"h{first}"
         parts = [(i, min(LANES, count - i)) for i in range(0, count, LANES)]
         zero, one = constant(0.0), constant(1.0)
@@ -264,20 +266,20 @@ class Sum(Writer):
         return end
 
 
-# The first orders of a series written out, each with its own sums: no loop, no end to guess.
+# The first orders of a series unrolled, each with its own sums: no loop end to mispredict.
 
 
 MOST = 28
-"""Orders that are written out, at most."""
+"""Most unrolled orders."""
 
 LINES = 9000
-"""Lines that they may have together."""
+"""Most lines of all unrolled orders together."""
 
 
 class Unrolled:
-    """Orders 1, 2 ... `most` of a series.
+    """The unrolled orders 1, 2 ... `most` of a series.
 
-    rows: the place of order 1. slopes: names of the coefficients of order 1.
+    rows: address of order 1. slopes: names of the coefficients of order 1.
     """
 
     def __init__(self, writer: Writer, rows: str, slopes: list[str]) -> None:
@@ -292,7 +294,8 @@ class Unrolled:
             lines += each + 6 * sum(min(terms, self.most) for terms in series.terms)
 
     def write(self, last: str) -> tuple[str, int]:
-        """(label at the end, order that follows); `last` is the highest order of all."""
+        """Write the orders; returns (label at the end, next order). `last`: name of the highest
+        order."""
         for k in range(1, self.most + 1):
             self._order(k)
             more = self.writer.line(f"icmp sgt i64 {last}, {k + 1}")
@@ -314,7 +317,8 @@ class Unrolled:
         self.slopes = values[-series.n :]
 
     def _factor(self, vector: int, k: int, j: int, right: bool) -> str:
-        """The factors of order j for a sum of order k: in registers those of order k - 1."""
+        """Name of the factors of order j for a sum of order k; those of order k - 1 are in
+        registers."""
         series = self.writer.series
         if j == k - 1:
             return self.carried[vector + (self.vectors if right else 0)]
@@ -324,7 +328,7 @@ class Unrolled:
         return self.writer.load(self.rows, at, LANES)
 
     def _sum(self, vector: int, k: int) -> str:
-        """S of order k; what was known last is added last."""
+        """Name of the sum S of order k; the factors computed last are added last."""
         writer, kind = self.writer, self.writer.vector(LANES)
         terms = [j for j in range(1, k) if j <= writer.series.terms[vector]]
         count = max(1, min(4, CHAINS // self.vectors, len(terms) // 3))
@@ -340,17 +344,17 @@ class Unrolled:
         return writer.added(chains) if chains else "zeroinitializer"
 
 
-# LLVM IR of a series: the orders one after the other, each with its sums.
+# LLVM IR of a series: the orders in sequence, each with its sums.
 #
-# The factors of order j of all sums lie next to each other, so that vectors of four sums go through
-# the orders side by side, and nothing is added across a vector.
+# The factors of order j of all sums are consecutive, so that vectors of four sums go through the
+# orders side by side, without additions across a vector.
 
 
 class Driver(Writer):
-    """Writes the laws that expand a series."""
+    """Writer of the laws that expand a series."""
 
     def expansion(self, start: str, order: str) -> str:
-        """`expand`, which calls the two laws of the series by these names."""
+        """LLVM IR of `expand`, which calls the two laws of the series by these names."""
         series, p = self.series, self.p
         declared = [f"declare void @{name}(double, {p}, {p}, {p})" for name in (start, order)]
         last, sums, kept, rows = self._entry()
@@ -368,7 +372,7 @@ class Driver(Writer):
         return self._end(declared, last)
 
     def whole(self) -> str:
-        """`expand` as one function."""
+        """LLVM IR of `expand` as one function."""
         series = self.series
         last, _, kept, rows = self._entry()
         start = Inlined(Pieces(series.start, NO_CUT), self)
@@ -392,7 +396,8 @@ class Driver(Writer):
         return self._end([*sorted(self.declared | order.declared)], last)
 
     def _entry(self) -> tuple[str, str, str, str]:
-        """(highest order, places of the sums, the numbers of order 0, the rows)."""
+        """Write the entry: (highest order, addresses of the sums, the numbers of order 0, the
+        rows)."""
         self.label("entry")
         highest = self.line(f"load double, {self.p} %workspace, align 8")
         last = self.line(f"fptosi double {highest} to i64")
@@ -413,10 +418,10 @@ class Driver(Writer):
         first: int = 1,
         carried: Sequence[str] | None = None,
     ) -> str:
-        """Begin the loop over the orders: all sums of one; returns the order as a double.
+        """Start the loop over the orders with all sums of one order; returns the order as a double.
 
-        before: the label from which it is entered, with this first order. carried: the factors of
-        the order before, which are in registers, %new0 and so on.
+        before: label of the block before the loop; first: its first order. carried: factors of the
+        previous order, in registers %new0 and so on.
         """
         row = rows if first == 1 else self.row_of(rows, first)
         self.jump("again")
@@ -438,7 +443,7 @@ class Driver(Writer):
         return self.line("sitofp i64 %k to double")
 
     def _end(self, declared: Sequence[str], last: str) -> str:
-        """End the loop and the function; returns its text."""
+        """End the loop and the function; returns the text of the function."""
         p = self.p
         head = f"define void @law(double %t, {p} %y, {p} %p, {p} %workspace) nounwind {{"
         self.lines += [
@@ -450,10 +455,11 @@ class Driver(Writer):
         return "\n".join([*declared, head, *self.lines, "  ret void", "}", RARELY, ""])
 
     def _group(self, first: int, count: int, rows: str, carried: bool) -> None:
-        """The sums of some vectors: left factors upwards, right ones downwards.
+        """Write the sums of `count` vectors: left factors in rising order, right ones in falling
+        order.
 
         Beyond the last term the left factors are those of an earlier series, and the right ones
-        zero.  Terms with carried factors come after the others, which need not wait for them.
+        zero. Terms with carried factors are added last, so that the others need not wait for them.
         """
         series, p, name, kind = self.series, self.p, f"g{first}", self.vector(LANES)
         chains = min(ROWS, max(1, CHAINS // count))
@@ -508,8 +514,8 @@ class Driver(Writer):
     def _with_ends(self, vector: int, known: str, rows: str) -> str:
         """The sums with their first and last terms, whose factors of order k - 1 are carried.
 
-        For k = 2 both terms are the same one, and at k = 1 there is none.  The right factors of
-        order 1 are in row 0: in row 1 they are zero, as in all rows before it.
+        For k = 2 both terms are the same, for k = 1 there is none. The right factors of order 1 are
+        in row 0: in row 1 they are zero, as in all rows before it.
         """
         series, kind = self.series, self.vector(LANES)
         left = series.n + series.events + LANES * vector
@@ -522,27 +528,28 @@ class Driver(Writer):
         return self.line(f"fadd {kind} {known}, {self.line(f'fadd {kind} {a}, {b}')}")
 
 
-# A series as laws: all orders in one call, and the sums of a series and of its slope.
+# A series as laws: all orders in one call, and the sums of a series and of its derivative.
 
 
 WHOLE = 300
-"""Operations up to which all is one function, and sums and factors stay in registers."""
+"""Most operations for which the whole expansion is one function, with sums and factors in
+registers."""
 
 PIECE = 1000
 """Operations per function: LLVM takes three times as long for orders in pieces of four thousand."""
 
 SMALL = 4000
-"""Operations of an order up to which it is worth the compiler's time."""
+"""Most outputs of an order for which optimising its code is worth the time."""
 
 
 class SeriesLaws:
-    """`expand`, void expand(t, y, p, workspace), writes the series; workspace[0]: its highest
+    """Laws of a series: `expand`, void expand(t, y, p, workspace), writes it; workspace[0]: highest
     order.
 
-    From workspace[first] on lie the orders 1, 2 ... with `width` numbers each: the n coefficients
+    From workspace[first] on are the orders 1, 2 ... with `width` numbers each: the n coefficients
     of y, then those of the events, whose values at order 0 are at workspace[events_at]. `add`, void
-    add(h, rows, &order, out), gives y(h) - y(0) and dy/dt(h), 2 n numbers, for the rows from
-    workspace[first] on.
+    add(h, rows, &order, out), gives y(h) - y(0) and dy/dt(h), 2 n numbers, from the rows at
+    workspace[first].
     """
 
     def __init__(self, outputs: Sequence[Any]) -> None:
@@ -575,14 +582,15 @@ class SeriesLaws:
 
 
 class PlainExpansion:
-    """As `expand`, in Python."""
+    """`expand` in Python."""
 
     def __init__(self, series: Series) -> None:
         self._series = series
         self._start, self._order = PlainLaw(series.start), PlainLaw(series.order)
 
     def __call__(self, t: float, y: Any, p: Any, workspace: Any) -> None:
-        """Write the series at (t, y) into the workspace, whose first number is the order wanted."""
+        """Write the series at (t, y) into the workspace, whose first number is the required
+        order."""
         series, order = self._series, int(workspace[0])
         n, sums, width = series.n, series.sums, series.width
         left, given = n + series.events, workspace[HEAD:]
@@ -600,7 +608,7 @@ class PlainExpansion:
 
 
 class PlainSum:
-    """As `add`, in Python."""
+    """`add` in Python."""
 
     def __init__(self, series: Series) -> None:
         self._n, self._width = series.n, series.width

@@ -45,23 +45,23 @@ from rb_sim.graph.symbols import (
     where,
 )
 
-# Which operations of dy/dt = f(t, y) are polynomials in time along any motion, of what degree.
+# Operations of dy/dt = f(t, y) that are polynomials in time along any motion, and their degrees.
 #
-# A coordinate whose rate has degree d has degree d + 1: what turns at a constant rate of its spin,
-# falls, or follows a guide is known before the motion is.  All else has degree infinity.
+# A coordinate whose rate has degree d has degree d + 1: a rotation at constant rate, a fall or a
+# guided motion is known in advance. All other operations have degree infinity.
 
 
 PASSES = 3
-"""Times that the coordinates' degrees are found anew from their rates': of constant, linear and
-quadratic rates.  A sum of more terms gains little by ending early."""
+"""Number of updates of the coordinates' degrees from those of their rates: constant, linear and
+quadratic rates. Sums of more terms gain little by ending early."""
 
 
 def degrees(
     outputs: Sequence[Any], nodes: Iterable[Symbol], moving: Collection[int]
 ) -> Callable[[Symbol], float]:
-    """The degree of each of `nodes`, the operations in the order of their values.
+    """Function that returns the degree of each of `nodes`, which are in order of evaluation.
 
-    outputs: dy/dt. moving: the numbers of the operations that depend on t or y.
+    outputs: dy/dt. moving: numbers of the operations that depend on t or y.
     """
     of_y: list[float] = [math.inf] * len(outputs)
     found: dict[int, float] = {}
@@ -80,12 +80,12 @@ def degrees(
 
 
 def _degree(x: Symbol, of_y: Sequence[float], degree: Callable[[Any], float]) -> float:
-    """The degree of an operation from those of its operands."""
+    """Degree of an operation from those of its operands."""
     if x.op == "t":
         return 1
     if x.op == "y":
         return of_y[x.operands[0]]
-    if x.op in ("floor", "call", "item"):  # constant but for jumps, at which steps end
+    if x.op in ("floor", "call", "item"):  # stepwise constant; steps end at the jumps
         return 0
     if x.op in ("add", "sub", "neg", "fabs"):
         return max(map(degree, x.operands))
@@ -98,7 +98,7 @@ def _degree(x: Symbol, of_y: Sequence[float], degree: Callable[[Any], float]) ->
     return math.inf
 
 
-# The sums S(a, b) that the recurrences of a series need: their factors, and how they lie.
+# The sums S(a, b) of the recurrences of a series: their factors and their layout.
 
 
 LANES = 4
@@ -111,21 +111,21 @@ class Pair(NamedTuple):
     left: Symbol
     right: Symbol
     derived: bool
-    """whether the left one's coefficient j counts j times."""
+    """whether coefficient j of the left factor is multiplied by j."""
 
 
 class Convolution(NamedTuple):
-    """A sum as it is laid out: the factor of lower degree first."""
+    """A sum in the layout: the factor of lower degree is first."""
 
     pair: Pair
     turned: bool
-    """whether the right factor comes first."""
+    """whether the right factor is first."""
     degree: float
-    """of the first factor: its coefficients of higher order are zero."""
+    """degree of the first factor: its coefficients of higher order are zero."""
 
 
 def laid_out(pairs: Iterable[Pair], degree: Callable[[Symbol], float]) -> list[Convolution]:
-    """Sums of few terms next to each other, as four of them go through the orders together."""
+    """The sums sorted by number of terms, as LANES neighbours are computed together."""
     sums = []
     for pair in pairs:
         left, right = degree(pair.left), degree(pair.right)
@@ -134,7 +134,7 @@ def laid_out(pairs: Iterable[Pair], degree: Callable[[Symbol], float]) -> list[C
 
 
 def companions(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
-    """What the recurrences of these operations need beside their operands."""
+    """Further operations that the recurrences of these operations need."""
     for x in nodes:
         if x.number in moving:
             if x.op == "sin":
@@ -146,13 +146,13 @@ def companions(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
 
 
 def square_of(x: Symbol) -> Any:
-    """r of an angle."""
+    """r = x^2 + y^2 of an angle."""
     a, b = x.operands
     return a * a + b * b
 
 
 def pairs_of(x: Symbol, moving: set[int]) -> Iterator[Pair]:
-    """The sums of an operation; only those whose factors both move."""
+    """The sums of an operation whose factors both depend on t or y."""
     for pair in _factors(x):
         if all(isinstance(o, Symbol) and o.number in moving for o in pair[:2]):
             yield pair
@@ -177,21 +177,23 @@ def _factors(x: Symbol) -> tuple[Pair, ...]:
 
 
 class NoSeriesError(TypeError):
-    """An operation has no Taylor series; the text names it."""
+    """Raised for an operation without a Taylor series; the text names it."""
 
 
 class Series:
     """The series of y from dy/dt, as two laws.
 
-    `start`, with the arguments of dy/dt, gives the `numbers` of order 0 that the other needs, and
-    the n coefficients of order 1 of y.  `order` takes the order k as its t, the coefficients of
+    `start`, with the arguments of dy/dt, gives the `numbers` of order 0 that the other law needs,
+    and the n coefficients of order 1 of y. `order` takes the order k as its t, the coefficients of
     order k of y as its y, the `sums` and the numbers of order 0 as its p; it gives the coefficients
     of order k of the `events`, the first and then the second factors of the sums, and the
     coefficients of order k + 1 of y.
 
-    An event must keep its sign along a step: first the `roots`, then the differences whose signs
-    decide selections; the numbers of order 0 begin with them.
-    Raises NoSeriesError for what has no series, and for a selection that ends in a number: a step.
+    An event must keep its sign along a step: first the `roots`, then the differences that decide
+    selections; the numbers of order 0 begin with them.
+
+    Raises NoSeriesError for operations without a series, and for a selection between numbers: a
+    step.
     """
 
     def __init__(self, outputs: Sequence[Any]) -> None:
@@ -209,7 +211,7 @@ class Series:
         self.terms = [
             max(one.degree for one in laid[i : i + LANES]) for i in range(0, self.sums, LANES)
         ]
-        """How many terms the sums of each vector have at most."""
+        """largest number of terms of the sums of each vector."""
         orders = _Orders(laid, self.sums, moving)
         for event in events:
             orders.zero(event)
@@ -227,7 +229,7 @@ class Series:
 
 
 def _moving(nodes: Iterable[Symbol]) -> set[int]:
-    """The operations that depend on t or y, by number."""
+    """Numbers of the operations that depend on t or y."""
     found: set[int] = set()
     for x in nodes:
         if x.op in INPUTS:
@@ -240,9 +242,9 @@ def _moving(nodes: Iterable[Symbol]) -> set[int]:
 
 
 def _events(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
-    """The differences that decide selections, and what absolute values are of.
+    """Differences that decide selections, and arguments of absolute values.
 
-    Not those of `rarely`: it stands before a singularity, which ends the convergence itself.
+    Without those of `rarely`: it guards a singularity, which itself limits the convergence.
     """
     for x in nodes:
         if x.op == "fabs" and x.number in moving:
@@ -254,7 +256,7 @@ def _events(nodes: Iterable[Symbol], moving: set[int]) -> Iterator[Symbol]:
 
 
 class _Orders:
-    """Traces what follows the sums of order k, operation by operation."""
+    """Tracer of the law of order k, operation by operation, from its sums."""
 
     def __init__(self, laid: list[Convolution], sums: int, moving: set[int]) -> None:
         self._graph, self._laid, self._sums, self._moving = Graph(), laid, sums, moving
@@ -266,7 +268,7 @@ class _Orders:
         self._now: dict[int, Any] = {}
 
     def zero(self, x: Any) -> Any:
-        """The coefficient of order 0."""
+        """Coefficient of order 0."""
         if not isinstance(x, Symbol):
             return x
         if x.number not in self._places:
@@ -275,11 +277,11 @@ class _Orders:
         return self._graph.input("p", self._sums + self._places[x.number])
 
     def now(self, x: Any) -> Any:
-        """The coefficient of order k; 0.0 of what does not move."""
+        """Coefficient of order k; 0.0 for a constant."""
         return self._now[x.number] if isinstance(x, Symbol) and x.number in self._moving else 0.0
 
     def sum(self, left: Any, right: Any, derived: bool = False) -> Any:
-        """S of the factors; 0.0 where one does not move."""
+        """S of the factors; 0.0 if one is constant."""
         place = self._numbered.get(Pair(left, right, derived))
         return 0.0 if place is None else self._graph.input("p", place)
 
@@ -287,14 +289,14 @@ class _Orders:
         return self._graph.input("y", index)
 
     def add(self, x: Symbol) -> None:
-        """The operation's coefficient, once those of its operands are there."""
+        """Add the operation's coefficient; those of its operands must exist."""
         rule = RULES.get(x.op)
         if rule is None:
             raise NoSeriesError(f"{x.op} has no Taylor series")
         self._now[x.number] = rule(self, x, *x.operands)
 
     def outputs(self, slopes: Sequence[Any], events: Sequence[Symbol]) -> list[Any]:
-        """The outputs of the law of order k."""
+        """Outputs of the law of order k."""
         idle = [0.0] * (self._sums - len(self._laid))
         first, second = [], []
         for one in self._laid:
@@ -350,7 +352,7 @@ def _size(orders: _Orders, x: Symbol, a: Any) -> Any:
 
 
 def _result(orders: _Orders, x: Symbol, call: Any, index: int) -> Any:
-    """Nothing moves that is constant but for jumps; where those are, steps end (SHARE)."""
+    """0.0 for a stepwise constant function; steps end at its jumps (SHARE)."""
     function = call.operands[0]
     if function.slopes is not stepwise:
         raise NoSeriesError(f"{function.name} has no Taylor series")
@@ -376,4 +378,4 @@ RULES: dict[str, Callable[..., Any]] = {
     "call": lambda orders, x, function, *arguments: 0.0,
     "item": _result,
 }
-"""The coefficient of order k of each operation that has a series."""
+"""Recurrence of each operation: its coefficient of order k."""

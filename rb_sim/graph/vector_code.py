@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A graph as code that computes LANES laws at once, each number a vector of the machine.
+"""A graph as SIMD code that evaluates LANES laws at once, one per vector lane.
 
 A law in lanes is void law(double, const double *y, const double *p, double *out) like any other;
-number i of lane l is at [LANES i + l], and the time is one of the p.  Every lane goes through the
-operations of the law alone and gets the same bits, except that sines and cosines, which machines
-have no vector instructions for, are those below.
+number i of lane l is at [LANES i + l], and the time is one of the p. Every lane executes the
+operations of a single law and gets the same bits, except for sines and cosines, which have no
+vector instructions: they are computed as below.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from rb_sim.graph.emit import RARELY, Operations, constant
 from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
 from rb_sim.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
 
-# Sine and cosine from arithmetic alone, for code that computes several numbers at once.
+# Sine and cosine from arithmetic alone, for vector code.
 #
 # x = k pi/2 + r with |r| <= pi/4: pi/2 is subtracted in three parts, of which k times the first two
-# is exact (Cody and Waite 1980), and r goes into the polynomials of FDLIBM (k_sin.c, k_cos.c; Sun
-# Microsystems 1993).  Good to two units in the last place of the larger of both.
+# is exact (Cody and Waite 1980), and r is the argument of the polynomials of FDLIBM (k_sin.c,
+# k_cos.c; Sun Microsystems 1993). Accurate to two units in the last place of the larger of both.
 
 
 NEAR = 2.0**20
-"""|x| up to which `sine_and_cosine` holds [rad]."""
+"""Largest |x| for which `sine_and_cosine` is accurate [rad]."""
 
 PARTS = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
-"""pi / 2: 33 bits, 33 bits, and the rest."""
+"""pi / 2 in three parts: 33 bits, 33 bits, and the rest."""
 TWO_OVER_PI = 6.36619772367581382433e-01
 SINE = (
     -1.66666666666666324348e-01,
@@ -81,10 +81,10 @@ def sine_and_cosine(x: Any) -> tuple[Any, Any]:
 
 
 LANES = 8
-"""One vector of AVX-512, two of AVX2, four of SSE2 or Neon; LLVM splits it as the machine needs."""
+"""Numbers per vector: one vector of AVX-512, two of AVX2, four of SSE2 or Neon; LLVM splits it."""
 
 MOST_OPERATIONS = 8000
-"""Of a law in lanes: beyond, LLVM's time grows faster than the code."""
+"""Most operations of a law in lanes: beyond that LLVM's time grows faster than the code."""
 
 VECTOR, MASK = f"<{LANES} x double>", f"<{LANES} x i1>"
 PAIR = f"{{{VECTOR}, {VECTOR}}}"
@@ -93,8 +93,8 @@ PAIR = f"{{{VECTOR}, {VECTOR}}}"
 def compile_lanes(outputs: Sequence[Any], time: int) -> Law | None:
     """The law in lanes that writes the outputs, symbols of one graph and numbers.
 
-    time: place of t among the p. None where the law cannot be in lanes: it calls functions by
-    their address, is too long, or nothing is compiled at all.
+    time: index of t among the p. None if the law calls functions by address, is too long, or
+    nothing is compiled.
     """
     order = [x for x in in_order(outputs) if x.op not in INPUTS]
     if interpreted() or len(order) > MOST_OPERATIONS or any(x.op == "call" for x in order):
@@ -121,12 +121,12 @@ def module(outputs: Sequence[Any], time: int, pointer: str) -> str:
 
 
 def splat(x: float) -> str:
-    """The constant in every lane."""
+    """LLVM constant with x in every lane."""
     return "<" + ", ".join([f"double {constant(x)}"] * LANES) + ">"
 
 
 class Vectors(Operations):
-    """Writes operations on vectors of LANES numbers."""
+    """Writer of operations on vectors of LANES numbers."""
 
     kind, truth, suffix = VECTOR, MASK, f"v{LANES}f64"
     true = "<" + ", ".join(["i1 true"] * LANES) + ">"
@@ -140,11 +140,11 @@ class Vectors(Operations):
         self.turns = False
 
     def value(self, x: Any) -> str:
-        """The name of an operand, or a vector of one constant."""
+        """Name of an operand, or a constant vector."""
         return self.names[x.number] if isinstance(x, Symbol) else splat(x)
 
     def place(self, base: str, index: int) -> tuple[str, str]:
-        """(type, name) of the pointer to the vector at this index."""
+        """(type, name) of the pointer to the vector at an index."""
         at = self.line(f"getelementptr double, {self.pointer} {base}, i64 {LANES * index}")
         if self.pointer == "ptr":
             return "ptr", at
@@ -162,7 +162,7 @@ class Vectors(Operations):
         self.lines.append(f"  store {VECTOR} {value}, {kind} {at}, align 8")
 
     def add(self, x: Symbol) -> None:
-        """Write the operation; its operands are there."""
+        """Write the operation; its operands must exist."""
         if x.op in INPUTS:
             base, index = ("%p", self.time) if x.op == "t" else (f"%{x.op}", x.operands[0])
             self.names[x.number] = self.load(base, index)
@@ -170,14 +170,15 @@ class Vectors(Operations):
             self.names[x.number] = self.operation_on(x, [self.value(o) for o in x.operands])
 
     def by_library(self, name: str, a: list[str]) -> str:
-        """As for one number; sines and cosines in lanes are our own."""
+        """Write a call of a library function lane by lane; sines and cosines by
+        `sine_and_cosine`."""
         if name in ("sin", "cos"):
             return self.turn(name, a[0])
         self.scalar[name] = len(a)
         return self.called(f"lanes_{name}", a)
 
     def turn(self, op: str, angle: str) -> str:
-        """The sine or cosine; both come from one call."""
+        """Name of the sine or cosine; both come from one call."""
         self.turns = True
         if angle not in self.pairs:
             self.pairs[angle] = self.line(f"call {PAIR} @sine_and_cosine({VECTOR} {angle})")
@@ -185,7 +186,7 @@ class Vectors(Operations):
 
 
 def _by_lane(name: str, arguments: int, declared: set[str]) -> list[str]:
-    """A function of the C library, called for each lane in turn."""
+    """LLVM IR of a function of the C library applied to each lane in turn."""
     declared.add(f"declare double @{name}({', '.join(['double'] * arguments)})")
     given = ", ".join(f"{VECTOR} %a{k}" for k in range(arguments))
     lines, result = [f"define internal {VECTOR} @lanes_{name}({given}) nounwind {{"], "undef"
@@ -200,9 +201,10 @@ def _by_lane(name: str, arguments: int, declared: set[str]) -> list[str]:
 
 
 def _sine_and_cosine(declared: set[str]) -> list[str]:
-    """The pair for all lanes: by arithmetic, except of those that are far out or not finite.
+    """LLVM IR of the pair for all lanes: by arithmetic; by the library for |x| > NEAR or not
+    finite.
 
-    What one lane gets does not depend on the others.
+    The result of a lane does not depend on the others.
     """
     near = Vectors("", 0)
     graph = Graph()

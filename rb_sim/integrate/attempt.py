@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""One attempt of a step, and the way back onto the constraints at its end."""
+"""One attempt of a step, and the projection of its end state onto the constraints."""
 
 from __future__ import annotations
 
@@ -43,16 +43,17 @@ from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
 
 # Newton's iteration on the positions g(q) = 0 of constraint rows.
 #
-# Whoever has rows registers two kernels for a class of its own: what the largest error is, and one
-# step of the iteration. When it ends is said here alone.
+# A class with rows registers two kernels: the largest error, and one step of the iteration. The
+# stopping rule is defined here only.
 
 
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
-"""Position error, relative to the scene's length, at which Newton's iteration ends: round-off."""
+"""Position error, relative to the scene's length, at which Newton's iteration ends: only
+rounding."""
 NEAR = 1e-9
-"""Position error, relative to the scene's length, from which one step of Newton's iteration, whose
-error is its square, ends at round-off; above it more steps follow."""
+"""Position error, relative to the scene's length, below which one step of Newton's iteration, whose
+error is its square, suffices; above it more steps follow."""
 LOST = 1e-6
 """Position error before the last sweep, relative to the scene's length, above which the iteration
 has not converged and the state becomes NaN."""
@@ -60,24 +61,24 @@ has not converged and the state becomes NaN."""
 
 @dispatch
 def position_error(way, t, y):
-    """The largest position error of the rows at (t, y) [m], and which rows they are, as
-    `correct_positions` takes them."""
+    """(largest position error of the rows at (t, y) [m], these rows as `correct_positions` takes
+    them)."""
     raise TypeError(f"{type(way)}: no lines")
 
 
 @dispatch
 def correct_positions(way, t, y, rows):
-    """One step of Newton's iteration on the position errors just met, in place."""
+    """One step of Newton's iteration on the position errors found last; y changes in place."""
     raise TypeError(f"{type(way)}: no lines")
 
 
 @helper
 def return_to_positions(way, t, y, length, near):
-    """y with g(q) = 0, in place; position first: the velocities stay as they are.
+    """Newton's iteration to g(q) = 0; y changes in place, velocities stay unchanged.
 
-    The iteration ends at round-off, when it gains no more, or after a step from within `near` of
-    the scene's length (0: never). Returns the largest error that it met last [m], and whether the
-    rows that it measured last are those of y.
+    It ends at rounding, when the error no longer falls, or after a step from an error within `near`
+    of the scene's length (0: never). Returns (largest error found last [m], whether the rows
+    evaluated last are those of the returned y).
     """
     worst, last = 0.0, math.inf
     for _ in range(POSITION_SWEEPS):
@@ -91,15 +92,14 @@ def return_to_positions(way, t, y, length, near):
     return worst, False
 
 
-# How a state is brought back to where it belongs at the end of a step.
-#
-# The increment is added without loss of digits, quaternions become units again, and the bodies come
-# back to the manifold of their constraints.
+# Projection of a state at the end of a step: the increment is added with compensation, quaternions
+# are normalised, and the bodies are projected onto the manifold of their constraints.
 
 
 @helper
 def accumulate(n, y, dy, carry):
-    """y + dy by Kahan's compensated summation, in place: rounding does not grow with the steps."""
+    """y + dy by Kahan's compensated summation, in place: rounding does not accumulate over the
+    steps."""
     for i in range(n):
         d = dy[i] + carry[i]
         s = y[i] + d
@@ -109,40 +109,42 @@ def accumulate(n, y, dy, carry):
 
 @helper
 def copy(n, to, of):
-    """Write n numbers of one array into another."""
+    """Copy n numbers of array `of` into array `to`."""
     for i in range(n):
         to[i] = of[i]
 
 
 class ByLaws(NamedTuple):
-    """The rows of a scene as laws: GAP tells their largest error, POSITION is a step to them."""
+    """The constraint rows of a scene as laws: GAP is their largest error, POSITION an iteration
+    step."""
 
     laws: Any
     p: Any
     at: Any
-    """Workspace for n coordinates."""
+    """workspace for n coordinates."""
     n: Any
 
 
 @position_error.register(ByLaws)
 def error_by_laws(way, t, y):
-    """The law GAP gives the largest error; no list of rows: the other law knows them."""
+    """The largest error, from the law GAP; the rows are a dummy 0, since POSITION knows them."""
     call_law(way.laws[GAP], t, y, way.p, way.at)
     return way.at[0], 0
 
 
 @correct_positions.register(ByLaws)
 def correct_by_laws(way, t, y, rows):
-    """The law POSITION gives the coordinates after the step of Newton's iteration."""
+    """The coordinates after one iteration step, from the law POSITION."""
     call_law(way.laws[POSITION], t, y, way.p, way.at)
     copy(way.n, y, way.at)
 
 
 @helper
 def project_once(laws, setting, n, t, y, p, work):
-    """y with unit quaternions on the manifold of the constraints, in place; NaN if out of reach.
+    """Normalise quaternions and project y onto the constraint manifold, in place; NaN if that
+    fails.
 
-    The velocity goes to the nearest admissible one once the position is reached.
+    The velocity is projected to the nearest admissible one after the position.
     """
     at, length = part(work, AT * n), setting[LENGTH]
     worst, _ = return_to_positions(ByLaws(laws, p, at, n), t, y, length, NEAR)
@@ -154,9 +156,9 @@ def project_once(laws, setting, n, t, y, p, work):
 
 @helper
 def project(laws, setting, n, t, y, p, work):
-    """y brought back to where it belongs, in place."""
+    """Project y onto the constraint manifold, in place."""
     if laws[BACK]:
-        at = part(work, AT * n)  # and into the row after it, DY: the increment is used up
+        at = part(work, AT * n)  # fills the next row, DY, too: the increment is no longer needed
         call_law(laws[BACK], t, y, p, at)
         if at[n] <= NEAR * setting[LENGTH]:
             copy(n, y, at)
@@ -168,14 +170,12 @@ def project(laws, setting, n, t, y, p, work):
         project_once(laws, setting, n, t, y, p, work)
 
 
-# One attempt of a step, whatever its length.
-#
-# It gives the increment and its error, then the row of the end, and says after which share of the
-# step a piece of a law ends.
+# One attempt of a step of given length: increment and error, then the row of the end, and the
+# fraction of the step after which a piece of a law ends.
 
 
 MOST_CUTS = 8
-"""Attempts to let a step end where a piece does."""
+"""Most attempts to end a step where a piece of a law ends."""
 
 
 @helper
@@ -188,16 +188,16 @@ def root(order, x):
 
 @helper
 def relative(setting, error):
-    """The error in units of the tolerance; 0 for a fixed step."""
+    """The error relative to the tolerance; 0 for a fixed step."""
     return error / setting[TOLERANCE] if setting[TOLERANCE] > 0.0 else 0.0
 
 
 @helper
 def attempt(laws, setting, n, t, old, h, p, last, work, new):
-    """One step of length h from the row `old`; returns its error in units of the tolerance.
+    """One step of length h from the row `old`; returns its error relative to the tolerance.
 
-    A step that is one law has written the row `new`, otherwise `finish` does; `last` is the place
-    of h among the inputs.
+    A step that is one law writes the row `new`, otherwise `finish` does; `last` is the index of h
+    among the inputs.
     """
     if laws[WHOLE]:
         p[last] = h
@@ -210,7 +210,7 @@ def attempt(laws, setting, n, t, old, h, p, last, work, new):
 
 @helper
 def finish(laws, setting, n, t, old, p, work, new):
-    """Write the row `new` for the end t of a step that has been accepted."""
+    """Write the row `new` for the end t of an accepted step."""
     if laws[WHOLE]:
         return
     copy(2 * n, new, old)
@@ -224,9 +224,9 @@ def finish(laws, setting, n, t, old, p, work, new):
 
 @helper
 def share_of(laws, setting, n, t0, t, old, p, work, new):
-    """The share of a step from the row `old` after which a piece of a law ends; 1 where none does.
+    """Fraction of a step from the row `old` after which a piece of a law ends; 1 if none ends.
 
-    The slopes of its stages, which nothing needs any more, give the workspace.
+    The slopes of its stages, no longer needed, serve as workspace.
     """
     if not laws[SHARE]:
         return 1.0
@@ -247,10 +247,10 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
 
 @helper
 def begin(laws, setting, n, t, y, p, last, work):
-    """Write the inputs of a step that begins in the row y at t, where some are kept from step to
-    step or chosen for each; `last` is the place of its length among them.
+    """Write the inputs that are carried over or chosen for a step from the row y at t; `last` is
+    the index of the step's length among them.
 
-    Not where the step before ends: samples in it are steps of the same law.
+    They are not updated at the end of the previous step: samples within it use the same law.
     """
     if laws[CHOICE]:
         at, count = part(work, AT * n), int(setting[CHOSEN])
@@ -260,7 +260,7 @@ def begin(laws, setting, n, t, y, p, last, work):
 
 @helper
 def ended(laws, n, t, y, p, work, status):
-    """The status of a step that has come to the row y at t; `status` if there is nothing else."""
+    """The status of a step that ended in the row y at t; `status` if the state is valid."""
     if not math.isfinite(y[2 * n]):
         return NOT_FINITE
     if laws[INSIDE]:

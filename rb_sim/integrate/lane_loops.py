@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The loop of `record` in steps of fixed length for several runs at once, on laws in lanes.
+"""Stepping loops for several runs at once, on laws in SIMD lanes.
 
-A law in lanes (rb_sim.graph.vector_code) works on as many runs as a register has numbers.  All
-lanes have one clock, and take the steps that `record` takes.
+A law in lanes (rb_sim.graph.vector_code) evaluates one run per lane of a vector register. With
+fixed steps all lanes have one clock. The steps are those of `record`.
 """
 
 from __future__ import annotations
@@ -23,24 +23,26 @@ from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLO
 from rb_sim.numerics.kernels import call_law, helper, loop, part, pointer
 
 OPEN = -1
-"""Status of a run that has not ended."""
+"""Status of an unfinished run."""
 STEP, TIME, SAMPLING, FORCED, TOLERANCE, LARGEST, EXTRA_INPUTS = range(7)
-"""Places after the inputs of a law, a vector each: length [s] and start [s] of the attempt; 1 where
-it goes to a sample; 1 where it is accepted whatever its error; tolerance; largest step [s]."""
+"""Indices of further inputs after those of a law, a vector each: length [s] and start [s] of the
+attempt; 1 for a step to a sample; 1 if it is accepted with any error; tolerance; largest step
+[s]."""
 TOTAL, INSIDE, FIXED_EXTRA = range(3)
-"""After coordinates and carry, of a fixed step: the sum of y; 0 outside the system's domain."""
+"""Indices after coordinates and carry of a fixed step: sum of y; 0 outside the system's domain;
+their number."""
 
 
 @helper
 def fill(vector, row, value):
-    """Write a value into all lanes of one row of a vector table."""
+    """Write one value into all lanes of a row of a vector table."""
     for lane in range(LANES):
         vector[row * LANES + lane] = value
 
 
 @helper
 def note_fixed(n, new, statuses):
-    """Statuses of the lanes that have just ended; returns how many are open."""
+    """Set the statuses of lanes that have just failed; returns the number of open lanes."""
     left = 0
     for lane in range(LANES):
         if statuses[lane] != OPEN:
@@ -56,11 +58,12 @@ def note_fixed(n, new, statuses):
 
 @loop
 def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
-    """Carry LANES runs in steps of h to each of `times`; out: (LANES, times, n) coordinates.
+    """Advance LANES runs in fixed steps of h to each of `times`; out: (LANES, times, n)
+    coordinates.
 
-    buffer: three rows (coordinates, carry and FIXED_EXTRA of each lane). clock: both ends of the
-    last step; count: steps taken, the row of the later end, times reached; a call that ends after
-    `most` steps goes on when it is called again. statuses stay OPEN until the run has ended.
+    buffer: three rows (coordinates, carry and FIXED_EXTRA of each lane). clock: start and end of
+    the last step; count: steps taken, index of the row of its end, times reached. A call ends after
+    `most` steps; the next call continues. statuses stay OPEN until a run has ended.
     """
     size = (2 * n + FIXED_EXTRA) * LANES
     rows, p, given = pointer(buffer), pointer(inputs), inputs.shape[0] - EXTRA_INPUTS
@@ -99,9 +102,9 @@ def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
 
 @loop
 def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples_of):
-    """Write the samples: samples_of (LANES, times, width) from the coordinates (runs, times, n).
+    """Write samples_of (LANES, times, width) from the coordinates `path` (runs, times, n).
 
-    Of the LANES runs from `first` on; where there are fewer, the last stands for the others.
+    For the LANES runs from `first` on; missing runs are replaced by the last one.
     """
     p, y, width = pointer(inputs), pointer(buffer), samples_of.shape[2]
     at, m, last, count = pointer(rows), inputs_of.shape[1], path.shape[0] - 1, times.shape[0]
@@ -121,30 +124,32 @@ def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples
                 out[(k * count + j) * width + i] = at[i * LANES + k]
 
 
-# The loop of `record` in steps of adaptive length for several runs at once, on laws in lanes.
+# Adaptive steps for several runs at once, on laws in lanes.
 #
-# Every lane has its own clock, error control and place among its samples; one call of the law is an
-# attempt of each lane, whatever it is at, and a lane that has ended its run takes the next.  The
-# steps are those that `record` takes.
+# Every lane has its own clock, error control and index of its next sample; one call of the law is
+# an attempt of every lane, and a lane whose run has ended starts the next run. The steps are those
+# of `record`.
 
 
 ERROR, ACCEPTED, FOLLOWING, WITHIN, ALL, ADAPTIVE_EXTRA = range(6)
-"""After old, new and tried coordinates of an attempt: its error in units of the tolerance; 1 where
-it is accepted; length of the next attempt [s]; 0 outside the domain; the sum of y."""
+"""Indices after the old, new and tried coordinates of an attempt: its error relative to the
+tolerance; 1 if it is accepted; length of the next attempt [s]; 0 outside the domain; sum of y;
+their number."""
 IDLE, ADVANCE, SAMPLE, FIRST = range(4)
-"""What a lane is at."""
+"""Modes of a lane: no run, regular step, step to a sample, first step."""
 MODE, RUN, REACHED, TRIES, TAKEN, T0, T1, NEXT, TRIED, UNTIL, PLACES = range(11)
-"""Rows of `lane`: what it is at, its run, samples reached, attempts, steps; then times [s]: ends of
-the last step, step to try next, the one tried and its end."""
+"""Rows of `lane`: mode, run, samples reached, attempts, steps; then times [s]: start and end of the
+last step, next step to try, length and end of the one tried."""
 NEXT_RUN, BEGUN, RUNS, TIMES, GIVEN, QUEUE = range(6)
-"""Places in `queue`: the next run, 1 once lanes have begun; numbers of runs, times and inputs."""
+"""Indices of `queue`: next run, 1 once the lanes have started; numbers of runs, times and
+inputs."""
 MOST_FIRST = 60
-"""Attempts to find a first step."""
+"""Most attempts to find a first step."""
 
 
 @helper
 def begin(k, n, lane, state, inputs, starts, given, queue):
-    """Lane k takes the next run, if there is one."""
+    """Start the next run in lane k, if there is one."""
     run, m = int(queue[NEXT_RUN]), int(queue[GIVEN])
     for i in range(PLACES):
         lane[i * LANES + k] = 0.0
@@ -166,7 +171,7 @@ def begin(k, n, lane, state, inputs, starts, given, queue):
 
 @helper
 def keep(k, n, lane, state, first, queue, out):
-    """The coordinates of lane k from row `first` on become its next sample."""
+    """Store the coordinates of lane k, from row `first` on, as its next sample."""
     row = int(lane[RUN * LANES + k]) * int(queue[TIMES]) + int(lane[REACHED * LANES + k])
     for i in range(n):
         out[row * n + i] = state[(first + i) * LANES + k]
@@ -175,7 +180,7 @@ def keep(k, n, lane, state, first, queue, out):
 
 @helper
 def end(k, lane, ended, status):
-    """The run of lane k has ended; `ended` gets its status and steps."""
+    """End the run of lane k: write its status and number of steps into `ended`."""
     run = int(lane[RUN * LANES + k])
     ended[2 * run] = status
     ended[2 * run + 1] = lane[TAKEN * LANES + k]
@@ -183,7 +188,7 @@ def end(k, lane, ended, status):
 
 @helper
 def go_on(k, lane, inputs, m):
-    """Lane k attempts a step."""
+    """Prepare a step of lane k."""
     start, mode = lane[T1 * LANES + k], int(lane[MODE * LANES + k])
     if mode == SAMPLE:
         mode = ADVANCE
@@ -202,7 +207,7 @@ def go_on(k, lane, inputs, m):
 
 @helper
 def attempt(k, inputs, m, start, h, sampling):
-    """Set the next attempt of lane k: its start and length [s], and whether it goes to a sample."""
+    """Set start and length [s] of the next attempt of lane k, and whether it leads to a sample."""
     inputs[(m + STEP) * LANES + k] = h
     inputs[(m + TIME) * LANES + k] = start
     inputs[(m + SAMPLING) * LANES + k] = sampling
@@ -210,7 +215,7 @@ def attempt(k, inputs, m, start, h, sampling):
 
 @helper
 def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
-    """Choose what lane k attempts; samples that need no attempt are kept, runs end and begin."""
+    """Prepare the next attempt of lane k; store samples at grid points, end and start runs."""
     m = int(queue[GIVEN])
     while lane[MODE * LANES + k] != IDLE:
         reached = int(lane[REACHED * LANES + k])
@@ -236,7 +241,7 @@ def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
 
 @helper
 def cut(k, lane, error):
-    """A shorter first step."""
+    """Shorten the first step of lane k after a rejected attempt."""
     lane[TRIES * LANES + k] += 1.0
     if math.isfinite(error):
         lane[NEXT * LANES + k] *= min(0.5, max(0.01, 0.9 / root(8.0, error)))
@@ -249,7 +254,7 @@ def cut(k, lane, error):
 
 @helper
 def take(k, lane, state, last):
-    """Lane k has taken its step; returns a status, OPEN where it goes on."""
+    """Accept the step of lane k; returns a status, OPEN if its run continues."""
     following = state[(last + FOLLOWING) * LANES + k]
     if lane[MODE * LANES + k] == ADVANCE and lane[TRIES * LANES + k] > 0.0:
         following = min(following, lane[TRIED * LANES + k])
@@ -268,7 +273,7 @@ def take(k, lane, state, last):
 
 @helper
 def judge(k, n, lane, state, queue, out):
-    """Accept the attempt of lane k or not; returns a status, OPEN where its run goes on."""
+    """Evaluate the attempt of lane k; returns a status, OPEN if its run continues."""
     last, mode = 6 * n, int(lane[MODE * LANES + k])
     if mode == SAMPLE:
         keep(k, n, lane, state, 4 * n, queue, out)
@@ -284,11 +289,11 @@ def judge(k, n, lane, state, queue, out):
 
 @loop
 def adaptive(law, n, lanes, buffer, inputs, runs, queue_of, times_of, most, paths, results):
-    """Carry all runs to each of `times_of` with a step size of their own; True once all have ended.
+    """Advance all runs to each of `times_of` with adaptive steps; True once all have ended.
 
     runs: (coordinates (runs, n), inputs of the law (runs, m)); paths: (runs, times, n); results:
-    (runs, 2), status and steps.  lanes, buffer (two rows), inputs and queue_of are the lanes' own:
-    a call that ends after `most` attempts goes on when it is called again.
+    (runs, 2), status and steps. lanes, buffer (two rows), inputs and queue_of hold the state of the
+    lanes: a call ends after `most` attempts, and the next call continues.
     """
     size = (6 * n + ADAPTIVE_EXTRA) * LANES
     rows, p, lane, queue = pointer(buffer), pointer(inputs), pointer(lanes), pointer(queue_of)

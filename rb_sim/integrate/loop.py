@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The stepping loop: fixed or adaptive steps over a grid, samples on the way."""
+"""The stepping loop: fixed or adaptive steps on a grid, with samples between grid points."""
 
 from __future__ import annotations
 
@@ -91,13 +91,13 @@ from rb_sim.numerics.kernels import (
     where,
 )
 
-# Steps of fixed length, cut where a piece of a law ends.
+# Fixed steps, cut at the ends of pieces of a law.
 
 
 @helper
 def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
-    """(end, 1 or 0 steps of the grid): a fixed step from t0 to t1, or to where a piece ends before
-    it; what is left of it comes next."""
+    """(end [s], 1 for a whole step or 0): a fixed step from t0 to t1, or to the end of a piece
+    before."""
     whole = 1
     for cuts in range(MOST_CUTS + 1):
         attempt(laws, setting, n, t0, old, h, p, last, work, new)
@@ -113,8 +113,8 @@ def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
 def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
     """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status.
 
-    Also UNFINISHED after that many parts of steps: a motion that blows up passes pieces of a law
-    without end, and nobody would be asked whether to go on.
+    Also UNFINISHED after PIECE_STEPS parts of steps: a diverging motion crosses pieces of a law
+    without end, and the caller must be able to stop it.
     """
     row, end, step = 2 * n + EXTRA, count[END], setting[STEP_LENGTH]
     old, new = part(state, end * row), part(state, (1 - end) * row)
@@ -141,14 +141,14 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
     return status
 
 
-# Steps of adaptive length, as long as the tolerance lets them be.
-#
-# The method estimates its error, or the step goes along a Taylor series.
+# Adaptive steps, as long as the tolerance allows: the method estimates its error, or the step is
+# along a Taylor series.
 
 
 @helper
 def first_length(laws, setting, n, t, y, p, last, work, new):
-    """A trial step of the largest length, cut by its own error estimate until that is within."""
+    """Length of the first step: the largest one, shortened by its error estimate until that is
+    accepted."""
     h = setting[LARGEST]
     for _ in range(60):
         error = attempt(laws, setting, n, t, y, h, p, last, work, new)
@@ -163,7 +163,7 @@ def first_length(laws, setting, n, t, y, p, last, work, new):
 
 @helper
 def next_length(setting, h, error):
-    """The step to try after one of length h with this error."""
+    """Length of the next step after one of length h with this error."""
     if not math.isfinite(error):
         return 0.2 * h
     factor = 6.0 if error == 0.0 else min(6.0, max(0.2, 0.9 / root(setting[ORDER], error)))
@@ -172,8 +172,8 @@ def next_length(setting, h, error):
 
 @helper
 def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
-    """(end of the step, status): one step of the grid from the row `old`, with as many attempts
-    as the tolerance takes."""
+    """(end of the step, status): one step from the row `old`, repeated until the tolerance is
+    met."""
     t0, h, tries, cuts, uncut = clock[T1], clock[NEXT], 0, 0, 0.0
     if h == 0.0:
         h = first_length(laws, setting, n, t0, old, p, last, work, new)
@@ -239,7 +239,7 @@ def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, ne
 
 @helper
 def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series):
-    """One more step of adaptive length, not beyond `stop`; returns a status."""
+    """One adaptive step, not beyond `stop`; returns a status."""
     row = 2 * n + EXTRA
     old, new = part(state, count[END] * row), part(state, (1 - count[END]) * row)
     begin(laws, setting, n, clock[T1], old, p, last, work)
@@ -258,29 +258,29 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
     return ended(laws, n, t, new, p, work, status)
 
 
-# The loop that Python calls: carry a state over a grid of steps and sample on the way.
+# The loop that Python calls: advance a state over a grid of steps, with samples.
 #
-# The grid of steps does not depend on when samples are taken.  A sample between two grid points is
-# one more step of the method from the grid point before it, so it has the method's full order and
-# costs nothing where no sample is asked for; a run split in two equals the run in one, bit for bit.
+# The grid does not depend on the sample times. A sample between two grid points is one more step of
+# the method from the grid point before it: it has the method's full order, costs nothing without
+# samples, and a run split in two equals the run in one, bit for bit.
 
 
 @helper
 def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work, series):
-    """One more step of the grid, or several; returns a status."""
+    """One or more steps of the grid; returns a status."""
     if setting[TOLERANCE] == 0.0:
         return stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work)
     return advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series)
 
 
 MOST_PARTS = 8
-"""Steps of equal length to a sample, at most: the iteration of an implicit method may fail in a
-part of a step that has succeeded, if a stage comes to lie where a loop loses rank."""
+"""Most equal steps to a sample: the iteration of an implicit method may fail in part of a step that
+has succeeded, if a stage is at a loss of rank of a loop."""
 
 
 @helper
 def in_parts(laws, setting, n, t0, t, parts, old, p, last, work, now):
-    """The row `now` becomes the state at t by so many steps of equal length from the row `old`."""
+    """Write the state at t into the row `now`, by `parts` equal steps from the row `old`."""
     copy(2 * n + EXTRA, now, old)
     for i in range(parts):
         begun, end = t0 + (t - t0) * i / parts, t0 + (t - t0) * (i + 1) / parts
@@ -290,7 +290,7 @@ def in_parts(laws, setting, n, t0, t, parts, old, p, last, work, now):
 
 @helper
 def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series):
-    """The row NOW becomes the state at t, with t0 <= t <= t1; returns it."""
+    """Write the state at t, t0 <= t <= t1, into the row NOW; returns that row."""
     row, slack = 2 * n + EXTRA, ULPS * abs(t)
     old, new = part(state, (1 - count[END]) * row), part(state, count[END] * row)
     now = part(state, NOW * row)
@@ -314,11 +314,10 @@ def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, seri
 
 @for_python
 def record_into(places):
-    """See `record`; returns the status.
+    """Loop of `record` on packed arguments; returns the status.
 
-    All comes by one address, since each argument costs where Python calls. And everything goes on
-    as a pointer: an array or a tuple goes from function to function number by number, which would
-    cost more than a step of a small law.
+    All arguments are behind one address, since each one costs when Python calls; arrays are passed
+    on as pointers, since passing them number by number would cost more than a step of a small law.
     """
     n, last = places[COORDINATE_COUNT], places[INPUT_COUNT] - 1
     laws, setting = integers_to(places, LAWS_AT), pointer_to(places, SETTING_AT)
@@ -357,14 +356,14 @@ def record_into(places):
 
 
 ONE_TIME = struct.Struct("=qdd")
-"""What stands at COUNT and CALL in a call for one time."""
+"""Format of COUNT and the first numbers of CALL for a call with one time."""
 
 
 class Places:
-    """The arguments of `record_into`: addresses of the arrays that stay, and numbers.
+    """The arguments of `record_into`: addresses of permanent arrays, and numbers.
 
-    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long. width: of a sample's row,
-    0 where nothing is sampled.
+    The arrays, in the order of LAWS_AT ... SERIES_AT, must live as long as this object. width: of a
+    sample's row, 0 without samples.
     """
 
     def __init__(self, arrays: Sequence[Any], coordinates: int, inputs: int, width: int) -> None:
@@ -379,15 +378,15 @@ class Places:
         self.at = numbers if plain else where(workspace)
         first_time = memoryview(workspace.data).cast("B")[COUNT * workspace.itemsize :]
         self._one = None if plain else partial(ONE_TIME.pack_into, first_time, 0)
-        """For one time, which is asked for often: half the time of a call."""
+        """packs a single time, a frequent case: halves the cost of a call."""
 
     def take_worst(self) -> float:
-        """The worst residual of the samples since this was last asked for; nan if one is."""
+        """The largest residual of the samples since the last call of this; NaN if one is NaN."""
         worst, self.call[WORST] = float(self.call[WORST]), 0.0
         return worst
 
     def tell(self, times: Any, stop: float) -> None:
-        """Say for which times the next call is."""
+        """Set the times of the next call."""
         count = len(times)
         if self._one is not None and count == 1:
             self._one(1, stop, times[0])
@@ -400,10 +399,9 @@ class Places:
 def record(places: Places, times: Any, stop: float, out: Any) -> tuple[int, int]:
     """Integrate to each of `times` (increasing, not before T0) and sample into the rows of `out`.
 
-    Nothing is sampled where `out` is None; the places were made with a width of 0 then.  The last
-    of the inputs is the length of a step that is one law.  At SIZES_AT and SERIES_AT: sizes of a
-    Taylor series, see `integrate.methods.taylor`, and its workspace, kept from call to call.
-    Returns (status, number of times reached).
+    `out` is None for places with width 0: no samples. The last input is the length of a step that
+    is one law. SIZES_AT and SERIES_AT: sizes of a Taylor series, see `integrate.methods.taylor`,
+    and its workspace, kept from call to call. Returns (status, number of times reached).
     """
     first, count, status = 0, len(times), FINE
     while first < count and status == FINE:

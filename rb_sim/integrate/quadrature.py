@@ -7,18 +7,18 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Cubics through values and rates."""
+"""Cubic (Hermite) interpolation through values and rates."""
 
 from __future__ import annotations
 
 from rb_sim.numerics.kernels import inline
 
-# The cubic through values a, b and rates ra, rb at the ends of a span, on s in 0..1 (Hermite).
+# The cubic through values a, b and rates ra, rb at the ends of an interval, on s in 0..1 (Hermite).
 
 
 @inline
 def cubic_at(a, ra, b, rb, width, s):
-    """(value, derivative by s) of the cubic."""
+    """(value, derivative by s) of the cubic at s."""
     m0, m1 = ra * width, rb * width
     q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
     return a + s * (m0 + s * (q + s * r)), m0 + s * (2.0 * q + 3.0 * s * r)
@@ -26,9 +26,9 @@ def cubic_at(a, ra, b, rb, width, s):
 
 @inline
 def tangents_meet(a, ra, b, rb, width):
-    """(place in 0 to 1, value) where the tangents at the ends of a span meet, for ra < 0 < rb.
+    """(position s in 0..1, value) where the tangents at the ends intersect, for ra < 0 < rb.
 
-    A convex function, however it bends, is nowhere below that value.
+    A convex function with these tangents is nowhere below that value.
     """
     s = (b - a - rb * width) / ((ra - rb) * width)
     s = min(max(s, 0.0), 1.0)
@@ -37,14 +37,14 @@ def tangents_meet(a, ra, b, rb, width):
 
 @inline
 def cubic_range(a, ra, b, rb, width):
-    """Bounds of the cubic: the least and the largest of its Bernstein coefficients."""
+    """(lower, upper) bound of the cubic: the extreme Bernstein coefficients."""
     x, z = a + ra * width / 3.0, b - rb * width / 3.0
     return min(min(a, b), min(x, z)), max(max(a, b), max(x, z))
 
 
 @inline
 def cubic_minimum(a, ra, b, rb, width):
-    """Place s of the minimum of the cubic inside the span; -1 if it has none there."""
+    """Position s of the minimum of the cubic inside the interval; -1 if there is none."""
     m0, m1 = ra * width, rb * width
     q, r = 3.0 * (b - a) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (b - a)
     inner = q * q - 3.0 * r * m0

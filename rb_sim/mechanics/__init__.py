@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The equations of motion of a compiled scene: coordinates, laws, multipliers and samples."""
+"""Equations of motion of a compiled scene: coordinates, laws, multipliers and samples."""

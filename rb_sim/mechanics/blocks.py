@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Block elimination L D L^T as a program: one kernel for pivots of one size with like neighbours.
+"""Block elimination L D L^T of the constraint rows, as a program of kernels.
 
-The same rule as in `systems.elimination`: a pivot that is round-off of its diagonal element gets no
-multiplier.
+Pivots of one size with neighbours of the same sizes share one kernel. As in `systems.elimination`,
+a pivot that is only rounding of its diagonal element gets no multiplier.
 """
 
 from __future__ import annotations
@@ -21,48 +21,50 @@ from typing import Any, NamedTuple
 from rb_sim.graph.table_program import Field, Program
 from rb_sim.mechanics.systems.elimination import Factors, elimination_order
 
-# Which constraint rows are neighbours, which bodies stay unknowns, and what goes out when.
+# Neighbours of each constraint row, bodies that stay unknowns, and the order of elimination.
 #
-# Nodes are the constraints between one pair of bodies, up to six rows each, and the bodies that
-# stay: *hubs*, which would make all of their many constraints neighbours of each other (star of n
-# arms: n^3).  The unknowns of a hub are its six accelerations:
+# Nodes are the constraints between one pair of bodies, up to six rows each, and the hubs: bodies
+# that stay unknowns, since they would make all of their many constraints neighbours of each other
+# (star of n arms: n^3). The unknowns of a hub are its six accelerations:
 #
 #     [ A    G_h ] [lambda]   [-bias - G M^-1 f]
 #     [G_h^T -M_h] [ a_h  ] = [      -f_h      ],   A = G M^-1 G^T over all other bodies.
 
 
 MOST_ROWS = 6
-"""Of one node."""
+"""Most rows of one node."""
 HUB = 5
-"""Constraints from which on a body may stay an unknown."""
+"""Least number of constraints on a body that may stay an unknown."""
 
 
 class Node(NamedTuple):
-    """Unknowns that are eliminated together."""
+    """Unknowns that are eliminated together: constraint rows, or the accelerations of a hub."""
 
     body: int
-    """of the constraints, or the hub."""
+    """body of the constraints, or the hub."""
     parent: int
-    """of the constraints; -1: the world."""
+    """parent of the constraints; -1: the world."""
     parts: tuple[int, ...]
-    """parts of constraints; () for a hub."""
+    """indices of constraint parts; () for a hub."""
     size: int
-    """rows, or 6."""
+    """number of rows; 6 for a hub."""
 
 
 class Plan(NamedTuple):
-    """The elimination: its nodes in order, and the later neighbours of each."""
+    """Elimination plan: the nodes in order, and the later neighbours of each."""
 
     nodes: tuple[Node, ...]
     later: tuple[tuple[int, ...], ...]
-    """numbers of the nodes with which each is coupled when it goes, increasing."""
+    """indices of the later nodes with which each node is coupled when it is eliminated,
+    increasing."""
     hubs: frozenset[int]
 
 
 def constraint_nodes(
     bodies: Sequence[tuple[int, int]], sizes: Sequence[int], parts: Sequence[int]
 ) -> list[Node]:
-    """The parts, those on one pair of bodies together; bodies, sizes: of every part."""
+    """Nodes of the constraint parts, those on one pair of bodies together; bodies, sizes: per
+    part."""
     on: dict[tuple[int, int], list[int]] = {}
     nodes = []
     for part in parts:
@@ -78,9 +80,9 @@ def constraint_nodes(
 def hubs_of(nodes: Sequence[Node]) -> frozenset[int]:
     """Bodies that may stay unknowns.
 
-    Without the hubs and the world the joints must fall into trees that touch these at one place
-    only: then the rows are independent already on the other bodies, and no pivot is lost that
-    the hub would have made up for.
+    Without the hubs and the world the joints must form trees, each connected to them at one place
+    only: then the rows are independent on the other bodies alone, and no pivot is lost that a hub
+    would restore.
     """
     degree: dict[int, int] = {}
     for node in nodes:
@@ -95,7 +97,7 @@ def hubs_of(nodes: Sequence[Node]) -> frozenset[int]:
 
 
 def _touched_twice(nodes: Sequence[Node], hubs: set[int]) -> set[int]:
-    """Hubs next to a component of the other bodies that is no tree with one edge outwards."""
+    """Hubs next to a component of the other bodies that is not a tree with one edge outwards."""
     near: dict[int, list[Node]] = {}
     for node in nodes:
         for body in {node.body, node.parent} - {-1} - hubs:
@@ -119,7 +121,7 @@ def _touched_twice(nodes: Sequence[Node], hubs: set[int]) -> set[int]:
 
 
 def planned(constraints: Sequence[Node], hubs: frozenset[int]) -> Plan:
-    """The order of least degree, constraints of which only hubs remain after these."""
+    """Elimination plan of minimum degree; constraints on hubs alone come after all others."""
     nodes = [*constraints, *(Node(h, h, (), 6) for h in sorted(hubs))]
     on: dict[int, set[int]] = {}
     for k, node in enumerate(nodes):
@@ -143,36 +145,38 @@ def planned(constraints: Sequence[Node], hubs: frozenset[int]) -> Plan:
 
 
 def _rank(node: Node, hubs: frozenset[int]) -> int:
-    """Constraints on other bodies go first, then hubs, then constraints on hubs alone."""
+    """Rank of a node in the order: constraints on other bodies, hubs, constraints on hubs alone."""
     if not node.parts:
         return 1
     return 0 if {node.body, node.parent} - {-1} - hubs else 2
 
 
-# Small dense matrices by their elements: what the elimination does with one block or two.
+# Operations of the elimination on one or two small dense matrices, element by element.
 #
-# Symmetric ones are packed, by their lower rows.
+# Symmetric matrices are packed by their lower rows.
 
 
 def packed(n: int) -> int:
-    """Numbers of a symmetric matrix."""
+    """Number of elements of a packed symmetric matrix."""
     return n * (n + 1) // 2
 
 
 def at(i: int, j: int) -> int:
-    """Place of the element (i, j) in a symmetric matrix kept by its lower rows."""
+    """Index of the element (i, j) in a packed symmetric matrix."""
     return packed(max(i, j)) + min(i, j)
 
 
 def inverse_of(matrix: tuple[Any, ...], diagonal: tuple[Any, ...], hub: bool) -> tuple[list, Any]:
-    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, packed, without the rows whose pivots are lost;
-    of a hub all are kept."""
+    """(D^+, rank): L^-T E^-1 L^-1 for D = L E L^T, packed, without rows whose pivots are lost.
+
+    All rows of a hub are kept.
+    """
     n = len(diagonal)
     rows = range(n)
     full = {i: {j: matrix[at(i, j)] for j in rows} for i in rows}
     kept = frozenset(rows if hub else ())
     factors = Factors(full, rows, sure=kept, scales=dict(enumerate(diagonal)))
-    unit = {(i, i): 1.0 for i in rows}  # L^-1
+    unit = {(i, i): 1.0 for i in rows}  # elements of L^-1
     for j in rows:
         for i in range(j + 1, n):
             unit[i, j] = -sum(factors.rows[k][i] * unit[k, j] for k in range(j, i))
@@ -185,17 +189,17 @@ def inverse_of(matrix: tuple[Any, ...], diagonal: tuple[Any, ...], hub: bool) ->
 
 
 def times(rows: int, columns: int, a: Any, x: Any) -> list[Any]:
-    """A x for A by its rows."""
+    """A x, for the matrix A given by its rows."""
     return [sum(a[i * columns + k] * x[k] for k in range(columns)) for i in range(rows)]
 
 
 def product(C: Any, P: Any, s: int, n: int) -> list[Any]:
-    """C P for a symmetric P."""
+    """C P for a symmetric, packed P."""
     return [sum(C[i * n + k] * P[at(k, j)] for k in range(n)) for i in range(s) for j in range(n)]
 
 
 def symmetric(P: Any, z: Any, n: int) -> list[Any]:
-    """P z."""
+    """P z for a symmetric, packed P."""
     return [sum(P[at(i, k)] * z[k] for k in range(n)) for i in range(n)]
 
 
@@ -217,11 +221,11 @@ def reduced_block(block: Any, W: Any, C: Any, s: int, r: int, n: int) -> list[An
     ]
 
 
-# Kernels on the blocks of rows, by their sizes alone.
+# Kernels on blocks of rows; each depends on the sizes only.
 
 
 def pushed(n: int) -> Any:
-    """push + M^-1 G^T lambda, for n rows."""
+    """Kernel of push + M^-1 G^T lambda, for n rows."""
 
     def kernel(t: Any, push: Any, responses: Any, found: Any) -> list[Any]:
         return [
@@ -232,7 +236,7 @@ def pushed(n: int) -> Any:
 
 
 def coupled(n: int, m: int, more: bool) -> Any:
-    """G_i M^-1 G_j^T over one body, added to what is there if `more`."""
+    """Kernel of G_i M^-1 G_j^T over one body; with `more` it is added to the existing block."""
 
     def kernel(t: Any, gradient: Any, responses: Any, *there: Any) -> list[Any]:
         made = []
@@ -246,7 +250,7 @@ def coupled(n: int, m: int, more: bool) -> Any:
 
 
 def transposed(n: int) -> Any:
-    """G^T of n rows, 6 by n."""
+    """Kernel of G^T for n rows, 6 by n."""
 
     def kernel(t: Any, gradient: Any) -> list[Any]:
         return [[gradient[6 * k + j] for j in range(6) for k in range(n)]]
@@ -255,7 +259,7 @@ def transposed(n: int) -> Any:
 
 
 def unpacked(n: int) -> Any:
-    """The rows of a symmetric matrix."""
+    """Kernel that unpacks the rows of a symmetric matrix."""
 
     def kernel(t: Any, matrix: Any) -> list[Any]:
         place = {(i, j): i * (i + 1) // 2 + j for i in range(n) for j in range(i + 1)}
@@ -265,7 +269,7 @@ def unpacked(n: int) -> Any:
 
 
 def both_ways(n: int, m: int) -> Any:
-    """The rows of a matrix (n, m), then those of its transpose."""
+    """Kernel of the rows of a matrix (n, m), followed by those of its transpose."""
 
     def kernel(t: Any, matrix: Any) -> list[Any]:
         rows = [matrix[i * m : (i + 1) * m] for i in range(n)]
@@ -275,14 +279,14 @@ def both_ways(n: int, m: int) -> Any:
 
 
 TOGETHER = 700
-"""Products up to which a pivot and all that it changes are one kernel."""
+"""Most products of a pivot and its updates that form one kernel."""
 
 
 class Elimination:
-    """Workspace for the blocks of a plan, and what is done with them.
+    """Workspace for the blocks of a plan, and the operations on them.
 
-    diagonal, right: packed diagonal blocks and right sides (first the right side, then the
-    diagonal as it was); between: block (i, k), size_i by size_k rows, of a later i with k.
+    diagonal, right: packed diagonal blocks and right sides (each followed by the original
+    diagonal); between: block (i, k), size_i by size_k rows, of a later node i with k.
     """
 
     def __init__(self, plan: Plan, program: Program) -> None:
@@ -303,7 +307,7 @@ class Elimination:
         self.rank = program.workspace(1)
 
     def clear(self, filled: set[tuple[int, int]]) -> None:
-        """Zeros in the blocks that are only filled in."""
+        """Set to zero the blocks that get only fill-in."""
         zeros: dict[int, list[int]] = {1: [self.rank]}
         for pair, place in self.between.items():
             if pair not in filled:
@@ -312,15 +316,15 @@ class Elimination:
             clear(self.program, width, places)
 
     def factorise(self) -> None:
-        """Pivots in turn; consecutive ones of a kind are one call."""
+        """Factorise: pivots in order; consecutive ones of one kind are one call."""
         self._in_runs(range(len(self.sizes)), self._pivots, self._pivot)
 
     def forward(self) -> None:
-        """A further right side through the factors."""
+        """Forward substitution of a further right side."""
         self._in_runs(range(len(self.sizes)), self._forward_all, self._forward_one)
 
     def backward(self) -> None:
-        """The unknowns from the right sides."""
+        """Back substitution: the unknowns from the right sides."""
         order = range(len(self.sizes) - 1, -1, -1)
         self._in_runs(order, self._backward_all, self._backward_one)
 
@@ -332,7 +336,7 @@ class Elimination:
         return self.sizes[k] * sum(self.sizes[i] for i in self.plan.later[k]) ** 2 <= TOGETHER
 
     def _in_runs(self, order: range, many: Any, one: Any) -> None:
-        """many(nodes) for those in turn that are of one kind, one(node) for a large one."""
+        """Call many(nodes) for consecutive nodes of one kind, one(node) for a large one."""
         run: list[int] = []
         for k in order:
             if run and (not self._together(k) or self._kind(k) != self._kind(run[0])):
@@ -349,7 +353,7 @@ class Elimination:
         return Field("frame", width, [places[key] for key in keys])
 
     def _columns(self, run: list[int], d: int) -> list[list[int]]:
-        """For each of the d neighbours of the nodes in the run: its number."""
+        """For each of the d neighbours of the nodes in the run: the indices of these neighbours."""
         return [[self.plan.later[k][a] for k in run] for a in range(d)]
 
     def _pivots(self, run: list[int]) -> None:
@@ -395,7 +399,8 @@ class Elimination:
         self.program.run(("pivot", n, joint, later), pivot, [*fields, *blocks, *changed], outputs)
 
     def _pivot(self, k: int) -> None:
-        """A pivot with many neighbours: a call for itself, for each neighbour and each pair."""
+        """Eliminate a pivot with many neighbours: one call for the pivot, each neighbour and each
+        pair."""
         n, joint, later = self._kind(k)
         run = self.program.run
 
@@ -538,10 +543,10 @@ class Elimination:
 
 
 def clear(program: Program, width: int, places: list[int]) -> None:
-    """Zeros in these places of the frame."""
+    """Set to zero fields of the frame at these places."""
     program.run(("clear", width), lambda t: [[0.0] * width], [], [("frame", places)])
 
 
 def clear_out(program: Program, first: int, count: int) -> None:
-    """Zeros in the output."""
+    """Set to zero `count` outputs from `first` on."""
     program.run(("clear", count), lambda t: [[0.0] * count], [], [("out", [first])])

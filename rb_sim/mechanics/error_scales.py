@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Scales of error norms: bodies whose motion is small in SI units, or relative to others."""
+"""Scales of error norms: bodies with small motions in SI units, absolute or relative to others."""
 
 from __future__ import annotations
 
@@ -23,26 +23,24 @@ from rb_sim.mechanics.system import CONFIGURATION
 from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 from rb_sim.numerics.vectors import conjugate, cross, quaternion_product, sub, unrotate
 
-# One measure of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m.
+# Norm of a body's velocities: |(v_C, A w)| with A = I / (m R), R^2 = largest moment / m.
 #
-# It is |(p, J / R)| / m of momentum p and angular momentum J: of a sphere the speed that has the
-# kinetic energy.  Each axis counts by what it does to the motion.  The spin of a thin rod about its
-# axis may have most of the energy, and hardly turns the rod: with one length for all axes, or by
-# energy, it would hide what happens to all else.
-#
-# That measure does not see what is wrong of the spin about such an axis, though the attitude is
-# wrong by it: where that matters, a thin body is measured once more with A = R 1 (see
-# `measures_of`).
+# It is |(p, J / R)| / m of momentum p and angular momentum J; for a sphere it is the speed with the
+# same kinetic energy. Each axis is weighted by its effect on the motion. The spin of a thin rod
+# about its axis may have most of the energy and hardly turns the rod: with one length for all axes,
+# or by energy, it would hide all other errors. This norm does not see errors of the spin about such
+# an axis, although they make the attitude wrong: where that matters, a thin body is measured a
+# second time with A = R 1 (see `measures_of`).
 
 
 Numbers = np.ndarray
 
 OF_SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Where the elements of a tensor are among (xx, yy, zz, xy, xz, yz)."""
+"""Index of each element of a tensor among (xx, yy, zz, xy, xz, yz)."""
 
 
 def spin_lengths(inertia: Numbers, mass: Numbers) -> Numbers:
-    """A [m] of each body, body axes (N, 3, 3).
+    """A [m] of each body in the velocity norm |(v_C, A w)|, body axes (N, 3, 3).
 
     inertia: about C, body axes (N, 3, 3); mass: (N,).
     """
@@ -58,12 +56,12 @@ def lengths_of(bodies: Iterable[Any]) -> Numbers:
 
 
 THIN = 0.3
-"""Smallest moment of inertia over the largest below which a body is thin: of another one the spin
-about any axis counts by this share at least."""
+"""Ratio of the smallest to the largest moment of inertia below which a body is thin; for other
+bodies the spin about any axis has at least this weight."""
 
 
 class Measures(NamedTuple):
-    """How the velocities of bodies are measured, M times in all: each once, thin ones twice."""
+    """Velocity norms of bodies, M in total: one for each body, two for a thin one."""
 
     lengths: Numbers
     """A [m], body axes (M, 3, 3)."""
@@ -72,8 +70,8 @@ class Measures(NamedTuple):
 
 
 def measures_of(bodies: Iterable[Any]) -> Measures:
-    """The measures of the bodies of a scene: first that of each body by its momenta, then that of
-    each thin one by R, which counts its spin about all axes alike."""
+    """Velocity norms of a scene: one by momenta for each body, then one with A = R 1 for each thin
+    body."""
     lengths = lengths_of(bodies := list(bodies))
     sizes = np.linalg.eigvalsh(lengths)
     thin = np.flatnonzero(sizes[:, 0] < THIN * sizes[:, 2])
@@ -92,50 +90,52 @@ def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
     return np.concatenate([v, by_lengths(lengths, w)], axis=2)
 
 
-# How far coordinates that depend on each other go before they turn, by following the motion.
+# Amplitude of coordinates that depend on each other, found by following the motion.
 #
-# What joints hold cannot be moved alone.  The motion is followed from its start in coarse steps,
-# each beside two of half its length, until every group of coordinates has turned back or gone
-# further than is small.  It is looked at for its size only: a tenth is enough.
+# Coordinates in joints cannot be varied one by one. The motion is followed from its start in coarse
+# steps, each compared with two of half its length, until every group of coordinates has turned back
+# or has moved further than a small motion. Only the amplitude is needed: a tenth is accurate
+# enough.
 
 
 Rate = Callable[[float, Array], Array]
 
 TRUSTED = 0.1
-"""Share of the way, and of the speed, by which two halves of a step may part from the whole; of
-steps that are much too long one of both may agree by chance."""
+"""Difference of a step and its two halves, relative to the distance and the speed so far, up to
+which the step is accepted; for steps that are much too long one of the two may agree by chance."""
 
 MOST_TURNING_STEPS = 200
-"""Steps tried, refused ones included, after which what has not turned counts as not small."""
+"""Most steps, including rejected ones; coordinates that have not turned by then do not count as
+small."""
 
 SHORTER, LONGER = 0.2, 1.5
-"""Factors of the next step after one that is refused, and after one that is taken."""
+"""Factors of the next step after a rejected and after an accepted one."""
 
 LINEAR_CHANGE = 1e-4
-"""Change of the quickest coordinate over which what is seen is about linear."""
+"""Change of the fastest coordinate over which the view is about linear."""
 
 TURNED = 0.9
-"""Share of its longest way from the start below which a group has turned back."""
+"""Distance from the start, relative to the largest one, below which a group has turned back."""
 
 
 class Group(NamedTuple):
-    """Coordinates of one unit, and their speeds: where they begin and end in y."""
+    """Coordinates with a common unit, and their speeds, as slices of y."""
 
     places: slice
     speeds: slice
 
 
 class Turn(NamedTuple):
-    """The longest way of a group from its start, and its largest speed on it."""
+    """Largest distance of a group from its start, and its largest speed."""
 
     way: float
     speed: float
     turned_back: bool
-    """whether it came back before it went as far as what is small."""
+    """whether it turned back before it moved further than a small motion."""
 
 
 def whole_body(k: int) -> list[Group]:
-    """The groups of a body whose coordinates begin at k: place and attitude."""
+    """Groups of a body with coordinates from k on: position and attitude."""
     return [
         Group(slice(k, k + 3), slice(k + 7, k + 10)),
         Group(slice(k + 3, k + 7), slice(k + 10, k + 13)),
@@ -143,7 +143,7 @@ def whole_body(k: int) -> list[Group]:
 
 
 def itself(y: Array) -> Array:
-    """y itself: coordinates that need no projection."""
+    """y itself: the view for coordinates that need no projection."""
     return y
 
 
@@ -156,10 +156,11 @@ def turns_of(
     view: Callable[[Array], Array] = itself,
     tries: int = MOST_TURNING_STEPS,
 ) -> tuple[list[Turn], float]:
-    """How far each group goes until all that move have turned, or gone as far as `small`; and the
-    time that takes [s].
+    """Amplitude of each group until all that move have turned back or moved by `small`; duration
+    [s].
 
-    small: of all or of each. least: of a group at rest. view: of y, what groups are coordinates of.
+    small: for all groups or for each. least: amplitude of a group at rest. view: function of y
+    whose components the groups select.
     """
     ways, speeds, turned = np.zeros((3, len(groups)))
     places, velocities = ends([g.places for g in groups]), ends([g.speeds for g in groups])
@@ -168,7 +169,7 @@ def turns_of(
     for _ in range(tries if np.isfinite(h) else 0):
         if h == 0.0:  # no step is small enough
             break
-        with np.errstate(all="ignore"):  # steps that are much too long end nowhere
+        with np.errstate(all="ignore"):  # steps that are much too long may overflow
             halves, seen, parted = in_halves(rate, now, h, view)
             away, pace = sizes(seen - first, places), sizes(seen, velocities)
             doubt, doubted_pace = sizes(parted, places), sizes(parted, velocities)
@@ -190,15 +191,15 @@ def turns_of(
 def in_halves(
     rate: Rate, y: Array, h: float, view: Callable[[Array], Array]
 ) -> tuple[Array, Array, Array]:
-    """y after two steps of half the length, what is seen of it, and what a whole step parts that
-    by."""
+    """(y after two steps of half the length, its view, difference of the view after a whole
+    step)."""
     halves = step(rate, step(rate, y, 0.5 * h), 0.5 * h)
     seen = view(halves)
     return halves, seen, view(step(rate, y, h)) - seen
 
 
 def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
-    """About the rate of what is seen: its size is enough."""
+    """Approximate rate of the view; only its magnitude is used."""
     slope = rate(0.0, y)
     if view is itself:
         return slope
@@ -208,7 +209,8 @@ def rate_seen(rate: Rate, y: Array, view: Callable[[Array], Array]) -> Array:
 
 
 def first_step(y: Array, slope: Array, groups: Sequence[Group], small: Any) -> float:
-    """In which the quickest group would go straight as far as `small` [s]; infinite at rest."""
+    """Time in which the fastest group would move by `small` on a straight line [s]; infinite at
+    rest."""
     velocities = ends([group.speeds for group in groups])
     speed, pull = (float(sizes(at, velocities).max(initial=0.0)) for at in (y, slope))
     small = float(small)
@@ -218,7 +220,7 @@ def first_step(y: Array, slope: Array, groups: Sequence[Group], small: Any) -> f
 
 
 def step(rate: Rate, y: Array, h: float) -> Array:
-    """A step of the classical Runge-Kutta method, of a law that does not depend on the time."""
+    """One step of the classical Runge-Kutta method for an autonomous law."""
     a = rate(0.0, y)
     b = rate(0.0, y + 0.5 * h * a)
     c = rate(0.0, y + 0.5 * h * b)
@@ -227,50 +229,51 @@ def step(rate: Rate, y: Array, h: float) -> Array:
 
 
 def ends(parts: Sequence[slice]) -> Indices:
-    """First and end of each part, one after the other."""
+    """Start and stop of each slice, in sequence."""
     return np.array([end for part in parts for end in (part.start, part.stop)], dtype=int)
 
 
 def sizes(numbers: Array, parts: Indices) -> Array:
-    """The Euclidean size of each part of some coordinates, whose `ends` are given."""
+    """Euclidean norm of each part of some coordinates; parts: from `ends`."""
     with np.errstate(over="ignore"):
-        squares = np.append(numbers * numbers, 0.0)  # a last part may end where they do
+        squares = np.append(numbers * numbers, 0.0)  # a last part may end at the end
     return np.sqrt(np.add.reduceat(squares, parts)[::2])
 
 
-# Motions of one body relative to another that are small against what both do together.
+# Motions of one body relative to another that are small against their common motion.
 #
-# Two bodies that drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to
-# where they are would leave that micrometre few digits.  Where a joint or an effect acts between
-# two bodies, the motion of all is followed (`turning`) as the parent sees it,
+# Two bodies drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to
+# their positions would leave few digits of that micrometre. If a joint or an effect acts between
+# two bodies, the motion is followed (see `turns_of`) as the parent sees it,
 #
 #     R_A^T (p_B - p_A)    and    q_A^-1 q_B,
 #
-# and where that turns back within what is small, the errors of both bodies are held to it, however
-# far they go together.  What joints hold together begins by little and ends by much, as the free
-# end of a chain whose other end falls: there all pairs turn back, or none is held.
+# and if that turns back within a small distance, the errors of both bodies are relative to it,
+# however far they move together. Bodies joined in a chain start with small motions and end with
+# large ones, as the free end of a falling chain: there either all pairs turn back, or no pair is
+# held.
 
 
 RESOLVED = 1e4
-"""Roundings of where two bodies are, in their way from each other below which they keep their
-places: what following the motion makes of rounding is about a hundred."""
+"""Relative displacement of a pair, in roundings of the bodies' positions, below which the pair
+counts as unmoved: following the motion amplifies rounding about a hundred times."""
 
 MOST_RELATIVE_STEPS = 60
-"""Steps tried."""
+"""Most steps for relative motions."""
 
 Pair = tuple[int, int]
-"""A body and its parent."""
+"""(body, parent), by index."""
 
 
 def pairs_of(system: MultiBody, but: set[int]) -> list[Pair]:
-    """(body, parent) of what acts between two bodies, neither of which is in `but`."""
+    """(body, parent) of joints and effects between two bodies, neither of which is in `but`."""
     acting = (*system.effects, *system.constraints)
     found = {(a.body, a.parent) for a in acting if a.body >= 0 and a.parent >= 0}
     return sorted(pair for pair in found if not but & set(pair))
 
 
 def seen_from_parents(y: Array, bodies: Indices, parents: Indices) -> Array:
-    """Of each pair the coordinates of the body as its parent sees it, one pair after the other."""
+    """Coordinates of the body of each pair relative to its parent, (13 per pair,)."""
     columns = y.reshape(-1, WIDTH).T
     p, q, v, w = parts_of(columns[:, bodies])
     p_A, q_A, v_A, w_A = parts_of(columns[:, parents])
@@ -281,17 +284,19 @@ def seen_from_parents(y: Array, bodies: Indices, parents: Indices) -> Array:
 
 
 def parts_of(columns: Array) -> tuple[Array, Array, Array, Array]:
-    """p, q, v and w of bodies, side by side."""
+    """p, q, v and w of bodies, one body per column."""
     return columns[:3], columns[3:7], columns[7:10], columns[10:]
 
 
 def held_to_parents(
     rate: Rate, y: Array, system: MultiBody, but: set[int], most: float, joined: float
 ) -> tuple[dict[int, list[tuple[Group, Turn]]], float]:
-    """Of each body in a pair that turns back before it has gone as far as `most` [m, rad] what its
-    coordinates are to be held to, and the time that the longest takes [s].
+    """Groups and amplitudes to which the bodies of pairs that turn back are held, and the longest
+    duration [s].
 
-    joined: what `most` is where joints hold both together."""
+    A pair is held if it turns back within `most` [m, rad], or within `joined` for bodies connected
+    by joints.
+    """
     pairs = pairs_of(system, but)
     if not pairs:
         return {}, 0.0
@@ -320,8 +325,8 @@ def held_to_parents(
 def that_turn_back(
     turns: dict[Pair, tuple[Turn, Turn]], joints: set[Pair], least: float
 ) -> list[Pair]:
-    """The pairs that move and turn back; of those on joints where all turn back that joints hold
-    together with them."""
+    """Pairs that move and turn back; pairs in joints only if all pairs of the same joined bodies
+    do."""
     moved = {pair: [t for t in seen if t.way > least] for pair, seen in turns.items()}
     back = {pair for pair, seen in moved.items() if all(t.turned_back for t in seen)}
     island = held_together(joints)
@@ -334,7 +339,7 @@ def that_turn_back(
 
 
 def held_together(joints: set[Pair]) -> dict[int, int]:
-    """Of each body on a joint one that stands for all that joints hold together with it."""
+    """For each body in a joint, a representative of all bodies connected with it by joints."""
     above: dict[int, int] = {}
 
     def top(body: int) -> int:
@@ -349,8 +354,11 @@ def held_together(joints: set[Pair]) -> dict[int, int]:
 
 
 def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, Turn]:
-    """What places and attitudes of a pair are held to: an error of an attitude turns what is seen
-    of the other body, as far away as it is [m]."""
+    """Amplitudes to which position and attitude of a pair are held.
+
+    An error of attitude displaces the view of the other body in proportion to the distance `apart`
+    [m].
+    """
     unmoved = Turn(1.0, 1.0, True)
     place = place if place.way > least else unmoved
     turn = turn if turn.way > least else unmoved
@@ -359,72 +367,73 @@ def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, 
     return place, turn
 
 
-# Bodies whose motion is small in SI: what their coordinates' errors are to be relative to.
+# Bodies whose motion is small in SI units: scales to which their errors are relative.
 #
-# An error is held to tolerance * max(1, |y_i|), which for a body that swings by a nanometre is all
-# of its motion.  How far a body goes before it turns is found from the law itself, by moving it
-# alone: it turns where the work of its acceleration has used up its speed,
+# An error is limited to tolerance * max(1, |y_i|), which for a body that swings by a nanometre is
+# the whole motion. The amplitude of a body follows from the law itself, by moving the body alone:
+# it turns back where the work of its acceleration has used up its kinetic energy,
 #
 #     v0^2 / 2 + integral of a . ds = 0.
 #
-# So are bodies of many looked at that no joint keeps from going straight (free ones, and those on a
-# guide or a plane of the world), each by itself, whatever the others do. What joints hold is found
-# by following the motion of all (`turning`). Only without commands, and where laws do not depend on
-# the time; a body that does not turn within what is small is held to SI.
+# This is done for each body that can move straight (free ones, and those on a guide or a plane of
+# the world), independently of the others. The amplitude of bodies in joints is found by following
+# the motion of all (see `turns_of`). Only without commands and for laws that do not depend on time;
+# a body that does not turn back within a small distance keeps SI units.
 
 
 SMALL = 0.1
-"""Way of a body [m] from which on it is held to SI."""
+"""Amplitude of a body [m] from which on its errors are in SI units."""
 
 SMALL_TOGETHER = 1e-3
-"""The same of what joints hold, and of angles [m, rad]."""
+"""The same limit for bodies in joints, and for angles [m, rad]."""
 
 ROUNDINGS = 4.0 * float(np.finfo(float).eps)
-"""Share of where a body is that is the least of its errors."""
+"""Smallest error of a position, relative to the position."""
 
 HALF = 16.0
-"""ROUNDINGS of a place in what is rounded away at most, half a unit in its last place; over fewer
-than that a sum with other places may round to what it was."""
+"""ROUNDINGS of a position in units of its rounding error, half a unit in the last place; a smaller
+change may vanish in a sum with other positions."""
 
 NEARBY = 1e-3
-"""Share of the way over which an acceleration has no bend but its rounding."""
+"""Fraction of the amplitude over which the curvature of an acceleration is only rounding."""
 
 LOOKS = (0.6, 1.0, 1.5, 2.2)
-"""Of the share: one rounding may be none by chance."""
+"""Multiples of that fraction at which the noise is sampled: one sample may be zero by chance."""
 
 LEAST = 1e-15
-"""Way of a body [m] below which it is at rest."""
+"""Amplitude of a body [m] below which it is at rest."""
 
 PER_DECADE = 8
-"""Places at which the work is looked at."""
+"""Number of positions per decade at which the work is evaluated."""
 
 STRAIGHT = (SlotRow, CurveRow, PlaneRow, ParallelRow, LockRow)
-"""Rows of joints to the world along which a body goes straight on, if at all; along a curve nearly
-so, as far as a small motion goes."""
+"""Rows of joints to the world that allow straight motion only, if any; along a curve approximately,
+for a small motion."""
 
 INSTANTS = (0.37, 1.7)
-"""[s] at which an autonomous law gives what it gives at 0."""
+"""Instants [s] at which an autonomous law gives the same as at 0."""
 
 _LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
 
 
 class Small:
-    """floors, starts: (n,); the error of coordinate i is relative to max(floor, |y - start|).
+    """Scales of the error norm: the error of coordinate i is relative to max(floor, |y - start|).
 
-    rounding: (n,), what rounding may make of a coordinate in a step, which is no error of it.
-    drifting: whether a coordinate goes on with others, so that its way from there says nothing.
+    floors, starts: (n,). rounding: (n,), possible rounding of a coordinate in a step, which does
+    not count as an error. drifting: whether a coordinate moves on together with others, so that its
+    distance from the start is not a scale.
     """
 
     def __init__(self, n: int) -> None:
         self.floors, self.starts, self.rounding = np.ones(n), np.zeros(n), np.zeros(n)
         self.drifting = np.zeros(n, dtype=bool)
         self.absolute = np.zeros(n)
-        """errors that the scene allows, where it says so."""
+        """absolute errors given in the scene; 0 if none is given."""
         self.bodies: set[int] = set()
-        """held to their motion."""
+        """indices of the bodies with errors relative to their motion."""
 
     def hold(self, y: Array, group: Group, way: float, speed: float) -> None:
-        """Make the errors of a group relative to its way from y and its speed."""
+        """Make the errors of a group relative to its amplitude `way` and its speed."""
         floors, places, speeds = self.floors, group.places, group.speeds
         floors[places] = np.minimum(floors[places], way)
         self.starts[places] = y[places]
@@ -432,30 +441,30 @@ class Small:
         floors[speeds] = np.minimum(floors[speeds], speed)
 
     def hold_others(self, size: float) -> None:
-        """Make the errors of what is held to SI relative to the size that the scene has."""
+        """Make all errors still in SI units relative to the size of the scene."""
         self.floors[self.floors == 1.0] = size
 
     def within(self, tolerance: float) -> Array:
-        """The floors with which this tolerance asks for no less than rounding leaves."""
+        """The floors for this tolerance, not below rounding."""
         if not tolerance > 0.0:
             return np.minimum(1.0, self.floors)
         found = np.minimum(1.0, np.maximum(self.floors, self.rounding / tolerance))
         return np.where(self.absolute > 0.0, self.absolute / tolerance, found)
 
     def drift(self, held: Iterable[tuple[Group, Turn]]) -> None:
-        """Take what is held for coordinates that go on together, as far as they like."""
+        """Mark these groups as coordinates that drift together without a limit."""
         for group, _ in held:
             self.drifting[group.places] = self.drifting[group.speeds] = True
 
     def shares(self, tolerance: float) -> Array:
-        """Share of its way from the start to which the error of a coordinate is relative: for what
-        drifts as much as rounds off."""
+        """Weight of the distance from the start in the error scale; for drifting coordinates only
+        rounding."""
         least = min(1.0, ROUNDINGS / tolerance) if tolerance > 0.0 else 1.0
         return np.where(self.drifting, least, 1.0)
 
 
 def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | None:
-    """The bodies of the system that move by little from y on; None where there are none."""
+    """Error scales of the bodies with small motions from y on; None if there are none."""
     if not np.isfinite(y).all():
         return None
     rate = rate_of(laws, inputs)
@@ -479,14 +488,14 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
 
 
 def straight(system: Any) -> list[int]:
-    """The bodies of many that no joint keeps from going straight."""
+    """Bodies of a MultiBody whose joints allow straight motion."""
     if not isinstance(system, MultiBody):
         return []
     return sorted(set(range(system.bodies.shape[0])) - bent(system))
 
 
 def bent(system: MultiBody) -> set[int]:
-    """The bodies of many that joints hold otherwise."""
+    """Bodies of a MultiBody with joints that do not allow straight motion."""
     return {
         body
         for placed in system.constraints
@@ -497,7 +506,7 @@ def bent(system: MultiBody) -> set[int]:
 
 
 def held_bodies(system: Any, n: int) -> dict[int, list[Group]]:
-    """Of each body that is looked at in the motion of all: where its coordinates are."""
+    """Groups of each body whose amplitude is found by following the motion of all."""
     if isinstance(system, MultiBody):
         return {body: whole_body(WIDTH * body) for body in sorted(bent(system))}
     first = CONFIGURATION[type(system)]
@@ -507,7 +516,8 @@ def held_bodies(system: Any, n: int) -> dict[int, list[Group]]:
 
 
 def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Group]]) -> None:
-    """Hold the bodies to their motion that turn within little, place and attitude both."""
+    """Hold each body to its motion if both position and attitude turn back within a small
+    amplitude."""
     groups = [group for body in bodies.values() for group in body]
     found, time = turns_of(rate, y, groups, SMALL_TOGETHER, LEAST)
     ahead, held = iter(found), {}
@@ -521,7 +531,7 @@ def hold_together(small: Small, rate: Rate, y: Array, bodies: dict[int, list[Gro
 def hold_all(
     small: Small, rate: Rate, y: Array, held: dict[int, list[tuple[Group, Turn]]], time: float
 ) -> None:
-    """Hold bodies to what their coordinates go, on the way for so long [s]."""
+    """Make the errors of bodies relative to their amplitudes; time: duration of the motion [s]."""
     if not held:
         return
     small.bodies.update(held)
@@ -534,9 +544,12 @@ def hold_all(
 
 
 def noise_of(rate: Rate, y: Array, held: list[tuple[Group, Turn]]) -> Array:
-    """What rounding makes of the rates: all that is bent in them over a small part of the ways, or
-    over some roundings of where the coordinates are; and what a rounding of those changes, which is
-    all that a law without noise of its own shows."""
+    """Rounding noise of the rates, (n,).
+
+    It is the largest second difference of the rates over a small fraction of the amplitudes, or
+    over some roundings of the coordinates; and the change by one rounding of the coordinates, which
+    is all that a law without noise shows.
+    """
     moved, rounded = np.zeros(len(y)), y.copy()
     for group, turn in held:
         places = y[group.places]
@@ -550,7 +563,7 @@ def noise_of(rate: Rate, y: Array, held: list[tuple[Group, Turn]]) -> Array:
 
 
 def rate_of(laws: Any, inputs: Array) -> Rate:
-    """dy/dt as a function of Python."""
+    """dy/dt as a Python function of (t, y)."""
     law = laws.rate
     plain = law if callable(law) else None
     compiled = None if plain else _LAW(law.address)
@@ -568,9 +581,12 @@ def rate_of(laws: Any, inputs: Array) -> Rate:
 
 
 def ways_of(rate: Rate, y: Array, system: Any, bodies: list[int]) -> list[float]:
-    """Of each body the longer of the ways along its speed and along its acceleration [m]; SMALL if
-    no less. Bodies between which nothing acts are moved at once, so that what this costs grows as
-    the scene, not as its square."""
+    """Amplitude of each body [m], the larger one along its velocity and its acceleration; at most
+    SMALL.
+
+    Bodies between which no effect acts are moved together, so that the cost is linear in their
+    number.
+    """
     ways = dict.fromkeys(bodies, 0.0)
     for apart in that_do_not_act(system, bodies):
         places = np.array([np.arange(WIDTH * body, WIDTH * body + 3) for body in apart])
@@ -584,7 +600,7 @@ def ways_of(rate: Rate, y: Array, system: Any, bodies: list[int]) -> list[float]
 
 
 def that_do_not_act(system: Any, bodies: list[int]) -> list[list[int]]:
-    """The bodies in groups in which no effect acts between two."""
+    """The bodies in groups such that no effect acts between two of one group."""
     acting = [{e.body, e.parent} for e in system.effects] if bodies else []
     beside: dict[int, set[int]] = {body: set() for body in bodies}
     for pair in acting:
@@ -598,8 +614,10 @@ def that_do_not_act(system: Any, bodies: list[int]) -> list[list[int]]:
 
 
 def ways_along(rate: Rate, y: Array, places: Indices, directions: Array) -> Array:
-    """How far bodies go in their directions before they turn, moved all at once [m]. places: of
-    their positions in y, (n, 3)."""
+    """Distances at which bodies turn back when moved along their directions, all at once [m].
+
+    places: indices of their positions in y, (n, 3).
+    """
 
     def pulls(at: Array) -> Array:
         return (rate(0.0, at)[places + 7] * directions).sum(axis=1)

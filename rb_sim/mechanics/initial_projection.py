@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The start of N bodies on the manifold of their constraints: the laws' elimination on numbers.
+"""Projection of the start of N bodies onto the constraint manifold, by elimination on numbers.
 
-It runs once and as plain Python, which costs as little as the rows are sparse.
+It runs once, as plain Python, at a cost that grows with the nonzero entries only.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ from rb_sim.mechanics.systems.multibody import (
     write_rows,
 )
 
-# Laws that are found again by what they were traced from: a second process does not trace them.
+# Compiled laws kept by the data that they were traced from: a second process need not trace them.
 
 
 _LOADED: WeakValueDictionary[tuple[Path | None, str], Law] = WeakValueDictionary()
@@ -72,10 +72,11 @@ _LOCK = threading.Lock()
 
 
 def kept_law(origin: Any, outputs: Callable[[], Sequence[Any]]) -> Law | PlainLaw:
-    """The law of the outputs, which are asked for only where none is kept of the same origin.
+    """The law of the outputs; `outputs` is called only if no law of the same origin is kept.
 
-    origin: all that the outputs depend on besides the sources. What cannot be pickled, and a law
-    that calls other functions, whose addresses are another process's, are traced every time.
+    origin: all data on which the outputs depend besides the sources. Laws are traced every time if
+    the origin cannot be pickled, or if they call functions by address, which differs between
+    processes.
     """
     try:
         content = hashlib.sha256(pickle.dumps(origin)).hexdigest()
@@ -83,7 +84,7 @@ def kept_law(origin: Any, outputs: Callable[[], Sequence[Any]]) -> Law | PlainLa
         return compile_law(outputs())
     if interpreted():
         return PlainLaw(outputs())
-    # the folder is that of exactly these sources
+    # the folder is specific to these sources
     place, name = folder(str(store.cache_root())), f"law-{content[:40]}-{draft():d}"
     with _LOCK:
         law = _LOADED.get((place, name)) or _found(place, name)
@@ -98,7 +99,7 @@ def kept_law(origin: Any, outputs: Callable[[], Sequence[Any]]) -> Law | PlainLa
 
 
 def _found(place: Path | None, name: str) -> Law | None:
-    """The law whose key is kept under this name, if both are on disk."""
+    """The law whose key is kept under this name, if both are on disk; else None."""
     key = store.read(place, name)
     if key is None:
         return None
@@ -108,13 +109,13 @@ def _found(place: Path | None, name: str) -> Law | None:
 
 
 def relative(system: MultiBody, violations: np.ndarray, length: float, speed: float) -> np.ndarray:
-    """|g| and |G u - b| of each row, (2, n), over the scene's length [m] and speed [m/s]."""
+    """|g| and |G u - b| of each row, (2, n), relative to the scene's length [m] and speed [m/s]."""
     arm = np.array(arms([c.row for c in system.constraints], length))
     return violations * arm / np.array([[length], [speed]])
 
 
 class Manifold:
-    """The constraint rows of a system at states that are numbers."""
+    """The constraint rows of a system, evaluated for states given as numbers."""
 
     def __init__(self, system: MultiBody) -> None:
         self.system = with_object_tables(system)
@@ -133,7 +134,7 @@ class Manifold:
         return found, int(factored(system, self.laws.order).rank)
 
     def project(self, t: float, y: list[float]) -> None:
-        """y with unit quaternions and on the manifold, in place; NaN where that is out of reach."""
+        """Normalise quaternions and project y onto the manifold, in place; NaN if that fails."""
         clear_push(self.system)
         move_by_push(self.system, y)
         if not self.n:
@@ -147,7 +148,7 @@ class Manifold:
         hasten(self.system, y)
 
     def push(self, right: dict[int, float]) -> None:
-        """push = M^-1 G^T lambda for the multipliers of these right sides."""
+        """push = M^-1 G^T lambda, with lambda for these right sides by row."""
         system = self.system
         found = factored(system, list(right)).solve(right)
         for k in range(self.n):
@@ -158,7 +159,7 @@ class Manifold:
 
 @position_error.register(Manifold)
 def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, list[int]]:
-    """Largest error of the holonomic rows that the laws eliminate [m], and their numbers."""
+    """(largest error of the holonomic rows that are eliminated [m], indices of these rows)."""
     rows = way.system.rows
     write_rows(way.system, t, y)
     held = [k for k in way.laws.order if rows[k, HOLONOMIC]]
@@ -167,7 +168,7 @@ def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, li
 
 @correct_positions.register(Manifold)
 def correct_on_numbers(way: Manifold, t: float, y: list[float], held: list[int]) -> None:
-    """Displace the bodies by what the errors of these rows demand."""
+    """Displace the bodies by the correction of these rows' errors."""
     way.push({k: -way.system.rows[k, ERROR] for k in held})
     move_by_push(way.system, y)
 
@@ -175,10 +176,10 @@ def correct_on_numbers(way: Manifold, t: float, y: list[float], held: list[int])
 def start_on_manifold(
     system: MultiBody, t: float, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Violations of the rows at (t, y), and y moved onto the manifold in place.
+    """Violations of the rows at (t, y); then y is projected onto the manifold in place.
 
-    Returns |g| and |G u - b| of each row before (shape (2, n)) and after (shape (2, n)), and the
-    rank of G after.
+    Returns |g| and |G u - b| of each row before and after, each of shape (2, n), and the rank of G
+    after.
     """
     manifold, at = Manifold(system), y.tolist()
     before, _ = manifold.violations(t, at)
@@ -196,7 +197,7 @@ def rows_matrix(system: MultiBody, t: float, y: np.ndarray) -> np.ndarray:
 
 
 def dependent_rows(system: MultiBody, y: np.ndarray) -> Dependent:
-    """The rows that depend on others at y, a state on the manifold."""
+    """The rows that depend on other rows at y, a state on the manifold."""
     manifold = Manifold(system)
     write_rows(manifold.system, 0.0, y.tolist())
     order = manifold.laws.order
@@ -209,14 +210,14 @@ def dependent_rows(system: MultiBody, y: np.ndarray) -> Dependent:
 
 
 def changing_in(system: MultiBody, dependent: Dependent) -> list[int]:
-    """Rows in loops of which it is chosen anew on the way which get a multiplier."""
+    """Rows in loops whose choice is repeated during the motion (see `changing_rows`)."""
     if not dependent.rows:
         return []
     return changing_rows(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
 
 
 def rows_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], CompiledLaws]:
-    """The rows that depend on no others, and the law of their pivots' shares (see Factors)."""
+    """(independent rows, law of their pivots relative to the diagonal, see Factors)."""
     laws = MultiBodyLaws(system, 0, False, (), dependent)
     kept = laws.order
 
@@ -232,8 +233,8 @@ def rows_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], Compi
 
 
 def of_the_package(system: MultiBody) -> bool:
-    """Whether all that writes the rows is among the sources by which a law may be kept; a kernel
-    that somebody registered from elsewhere changes without them."""
+    """Whether all kernels that write the rows are part of rb_sim: only then can a law be kept by
+    its sources."""
     package = __name__.partition(".")[0]
     writers = [(type(placed.row), fill.kernels[type(placed.row)]) for placed in system.constraints]
     return all(x.__module__.partition(".")[0] == package for pair in writers for x in pair)

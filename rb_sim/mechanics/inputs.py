@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Inputs of a traced law: the numbers of a system that change between steps or runs."""
+"""Inputs of a traced law: the numbers of a system that change between steps or between runs."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ import numpy as np
 from rb_sim.catalogue.spec import CHANGING, Placed
 from rb_sim.graph.symbols import Graph
 
-# Places of numbers in a system: which they are, what is there, and others in their stead.
+# Places of numbers in a system: enumeration, access and replacement.
 
 
 Place = tuple[int, ...]
-"""Of a number in a system: an index a level of its nested tuples, the last one into an array."""
+"""Place of a number in a system: one index per level of nested tuples; the last may be into an
+array."""
 
 
 CLEARED: dict[type, Callable[[Any], Any]] = {}
-"""For classes of systems that have a workspace: the same system with zeros there."""
+"""Function of each system class with a workspace that returns the system with a zero workspace."""
 
 
 def cleared(system: Any) -> Any:
-    """The system without what was left in its workspace."""
+    """The system with a zero workspace."""
     clear = CLEARED.get(type(system))
     return system if clear is None else clear(system)
 
@@ -49,7 +50,7 @@ def numbers(x: Any, place: Place = ()) -> Iterator[tuple[Place, float]]:
 
 
 def skeleton(x: Any) -> Any:
-    """What remains of a system without its floats: classes, lengths, indices, shapes."""
+    """A system without its floats: classes, lengths, indices, shapes."""
     if isinstance(x, float):
         return float
     if isinstance(x, tuple):
@@ -60,7 +61,7 @@ def skeleton(x: Any) -> Any:
 
 
 def with_numbers(x: Any, values: Mapping[Place, Any]) -> Any:
-    """The system with these values at their places; float arrays become arrays of objects there."""
+    """The system with these values at their places; float arrays become arrays of objects."""
     if () in values:
         return values[()]
     heads = {place[0] for place in values}
@@ -77,11 +78,11 @@ def with_numbers(x: Any, values: Mapping[Place, Any]) -> Any:
 
 
 FREE = object()
-"""In a pattern: any number."""
+"""Wildcard for any number in a pattern."""
 
 
 def fits(x: Any, pattern: Any) -> bool:
-    """True for a system that is equal to the pattern but for numbers where it says FREE."""
+    """Whether a system equals the pattern, with any number at places marked FREE."""
     if pattern is FREE:
         return isinstance(x, float)
     if isinstance(pattern, tuple):
@@ -104,9 +105,8 @@ def number_at(x: Any, place: Place) -> float:
     return float(x)
 
 
-# The inputs p of a traced law: everything of a system that changes between steps, as one vector.
-#
-# Commands, the present segment of tabulated wrenches, what a system keeps of its start.
+# The inputs p of a traced law: all quantities of a system that change between steps, as one vector:
+# commands, the current segment of tabulated wrenches, constants that depend on the initial state.
 
 
 def _rows(system: Any) -> list[Any]:
@@ -115,7 +115,7 @@ def _rows(system: Any) -> list[Any]:
 
 
 def _with_ends(system: Any) -> Iterator[tuple[Any, int, int]]:
-    """What has inputs, in their order, with the numbers of its body and parent."""
+    """(row or system, body, parent) of everything with inputs, in the order of the inputs."""
     for effect in system.effects:
         placed = effect if isinstance(effect, Placed) else Placed(effect, 0, -1)
         if type(placed.row) in CHANGING:
@@ -126,11 +126,11 @@ def _with_ends(system: Any) -> Iterator[tuple[Any, int, int]]:
 
 
 States = Callable[[int], Any]
-"""The state of a body by its number; of the world for -1."""
+"""Function: index of a body -> its state; -1 -> state of the world."""
 
 
 def kept_inputs(system: Any) -> list[int]:
-    """Which of the inputs are kept from step to step."""
+    """Indices of the inputs that are carried over from step to step."""
     found: list[int] = []
     at = 0
     for x, *_ in _with_ends(system):
@@ -141,7 +141,7 @@ def kept_inputs(system: Any) -> list[int]:
 
 
 def next_inputs(system: Any, inputs: Sequence[Any], state: States) -> list[Any]:
-    """The inputs of the step after one with these inputs that has come to where `state` says."""
+    """Inputs of the step that follows one with these inputs and ended in the states `state`."""
     found: list[Any] = []
     for x, body, parent in _with_ends(system):
         kind, at = CHANGING[type(x)], len(found)
@@ -153,7 +153,7 @@ def next_inputs(system: Any, inputs: Sequence[Any], state: States) -> list[Any]:
 
 
 def with_kept(system: Any, values: Sequence[float]) -> Any:
-    """The system with these values of what is kept from step to step, in their order."""
+    """The system with these values of the carried-over inputs, in their order."""
     left = iter(values)
 
     def taken(row: Any) -> Any:
@@ -170,7 +170,7 @@ def with_kept(system: Any, values: Sequence[float]) -> Any:
 
 
 def input_values(system: Any, t: float, onwards: bool = True) -> list[float]:
-    """The inputs for the steps from t on, or for the instant t alone."""
+    """The inputs for steps from t on (`onwards`), or for the instant t alone."""
     changing = [x for x in (*_rows(system), system) if type(x) in CHANGING]
     return [value for x in changing for value in CHANGING[type(x)].values(x, t, onwards)]
 
@@ -198,29 +198,29 @@ def on_inputs(system: Any, graph: Graph) -> Any:
 
 
 class Inputs:
-    """How the laws of one system take what is not constant in them.
+    """Inputs of the laws of one system.
 
     varied: places in the system whose numbers are inputs as well (see rb_sim.mechanics.inputs).
-    chosen: the choice of rows that the motion starts with (see
-    rb_sim.mechanics.systems.elimination), the last of the inputs; whoever steps makes it anew on
-    the way.
+    chosen: initial choice of rows (see rb_sim.mechanics.systems.elimination), the last inputs; it
+    is made anew during the motion.
     """
 
     def __init__(self, varied: Sequence[Place] = (), chosen: Sequence[float] = ()) -> None:
         self.varied, self.chosen = tuple(varied), list(chosen)
 
     def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
-        """The inputs for the steps from t on, or for the instant t alone."""
+        """The inputs for steps from t on (`onwards`), or for the instant t alone."""
         own = input_values(system, t, onwards)
         return own + [number_at(system, place) for place in self.varied] + self.chosen
 
     def kept(self, system: Any) -> list[int]:
-        """Places in `values` of what is kept from step to step, but for `chosen`."""
+        """Indices in `values` of inputs that are carried over from step to step, without
+        `chosen`."""
         return kept_inputs(system)
 
     def next(self, system: Any, graph: Graph, state: States) -> list[Any]:
-        """Symbols of the inputs of the next step, but for `chosen`, after one that has come to
-        where `state` says."""
+        """Symbols of the inputs of the next step, without `chosen`, after a step that ended in
+        `state`."""
         count = len(input_values(system, 0.0))
         symbols = graph.vector("p", count + len(self.varied))
         return [*next_inputs(system, symbols, state), *symbols[count:]]
@@ -234,18 +234,18 @@ class Inputs:
         return with_numbers(on_symbols, places) if places else on_symbols
 
 
-# Systems that differ only in numbers share their laws: the numbers that differ become inputs.
+# Systems that differ only in numbers share their laws: the differing numbers become inputs.
 #
-# A law has the constants of its scene folded in, which is right for one scene and wrong for ten
-# thousand that differ in a mass.  A family gets a few of them, finds which numbers differ,
-# and makes laws that take those as inputs; everything else stays folded in.
+# A law contains the constants of its scene, which suits one scene but not ten thousand that differ
+# in a mass. A family gets a few of them, finds the numbers that differ, and makes laws with these
+# as inputs; all others stay constants.
 
 
 class Family:
-    """The laws that all systems of one kind share.
+    """Laws shared by systems that differ only in numbers.
 
-    systems: a few that differ in every number that any of them may differ in. make: gives the laws
-    of a system whose numbers at the given places are inputs.
+    systems: examples that differ in every number in which any member may differ. make: function
+    that returns the laws of a system with the numbers at the given places as inputs.
     """
 
     def __init__(
@@ -265,10 +265,10 @@ class Family:
         self.laws: Any = make(first, self.places)
 
     def has(self, system: Any) -> bool:
-        """True for a system whose motion the shared laws describe."""
+        """Whether the shared laws hold for this system."""
         return fits(cleared(system), self._pattern)
 
 
 def constants(system: Any) -> Iterator[tuple[Place, float]]:
-    """The floats of a system that a law folds in: those that are no inputs already."""
+    """The floats of a system that a law takes as constants: those that are not inputs."""
     return numbers(on_inputs(system, Graph()))

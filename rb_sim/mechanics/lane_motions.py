@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Several runs at once: motions of one body that differ only in numbers, in lanes of the machine.
+"""Several runs at once: motions of one body that differ only in numbers, in SIMD lanes.
 
-Each run takes the steps that it would take alone and gets the same numbers, to the bit where the
-laws hold no sine or cosine (see rb_sim.graph.vector_code).
+Each run takes the same steps and gets the same numbers as alone, bit by bit for laws without sine
+and cosine (see rb_sim.graph.vector_code).
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from rb_sim.mechanics.system import inside, project, rate, sample
 from rb_sim.numerics.kernels import Step
 
 PIECE = 4096
-"""Calls of the law after which `goes_on` is asked."""
+"""Calls of the law between two calls of `goes_on`."""
 
 LARGEST_FLOAT = 1.7976931348623157e308
 
 
 class Runs(NamedTuple):
-    """What runs in lanes have come to."""
+    """Results of runs in lanes."""
 
     samples: Array
-    """the columns of samples, (runs, times, columns); the next call writes over them."""
+    """the columns of samples, (runs, times, columns); overwritten by the next call."""
     statuses: np.ndarray
-    """of rb_sim.integrate.loop; OPEN where the run was not brought to its end."""
+    """status of rb_sim.integrate.loop; OPEN for an unfinished run."""
     steps: np.ndarray
 
 
 class Lanes:
-    """The laws of one body, for several runs at once, under one method.
+    """Laws of one body for several runs at once, under one method.
 
-    laws: of the family; method: with the steps rk4, euler or dopri853; columns: of a sample, those
-    that are wanted (all if None): what they do not need is not computed.
+    laws: of the family; method: rk4, euler or dopri853; columns: required columns of a sample
+    (None: all); only what they need is computed.
     """
 
     def __init__(
@@ -65,18 +65,18 @@ class Lanes:
 
     @cached_property
     def step(self) -> Law | None:
-        """A step as one law in lanes; None where runs of this method cannot go together."""
+        """One step as a law in lanes; None if runs of this method cannot be combined."""
         found = loop_of(type(self.method))
         if found is None or found[0].traced is None or (self.adaptive and found[1] != 8.0):
             return None
-        if self.laws.whole(found[0]) is None:  # too long
+        if self.laws.whole(found[0]) is None:  # the step is too long
             return None
         outputs = self._attempt(found[0]) if self.adaptive else self._fixed(found[0])
         return compile_lanes(outputs, self._given + lane_loops.TIME)
 
     @cached_property
     def sample(self) -> Law | None:
-        """What is reported at one instant, in lanes."""
+        """The sample at one instant as a law in lanes."""
 
         def outputs(system: Any, t: Any, y: Any) -> list[Any]:
             out: list[Any] = [0.0] * self.laws.width
@@ -87,15 +87,15 @@ class Lanes:
 
     @property
     def possible(self) -> bool:
-        """False where the runs have to go one at a time."""
-        if self.laws.carried:  # lanes keep nothing from step to step
+        """Whether the runs can be combined; otherwise they have to run one by one."""
+        if self.laws.carried:  # lanes carry nothing from step to step
             return False
         return self.step is not None and self.sample is not None
 
     def _moved(
         self, step: Step, system: Any, t: Any, h: Any, row: Sequence[Any]
     ) -> tuple[list[Any], Any, Any, Any]:
-        """(coordinates and carry after a step, error, sum of y, 1 inside the domain)."""
+        """(coordinates and carry after a step, error, sum of y, 1 if inside the domain else 0)."""
         y, carry = tuple(row[: self.n]), row[self.n :]
         assert step.traced is not None
         dy, error = step.traced(lambda t, y: rate(system, t, y), t, y, h, self.laws.velocities)
@@ -108,7 +108,7 @@ class Lanes:
         return [*settled, *rest], error, sum(settled[1:], settled[0]), within
 
     def _fixed(self, step: Step) -> list[Any]:
-        """Outputs of `integrate.loop`'s law."""
+        """Outputs of the law of a fixed step, see `integrate.lane_loops`."""
         graph = Graph()
         system = self.laws.inputs.symbolic(self.laws.system, graph)
         t, h = graph.input("t"), graph.input("p", self._given + lane_loops.STEP)
@@ -116,7 +116,7 @@ class Lanes:
         return [*row, total, within]
 
     def _attempt(self, step: Step) -> list[Any]:
-        """Outputs of the law of `integrate.lane_loops`."""
+        """Outputs of the law of an adaptive step, see `integrate.lane_loops`."""
         graph = Graph()
         system = self.laws.inputs.symbolic(self.laws.system, graph)
         t, first = graph.input("t"), self._given
@@ -153,8 +153,8 @@ class Lanes:
     ) -> Runs:
         """Run from the coordinates `starts` (runs, n) with the inputs `given` (runs, m).
 
-        times: instants of the samples, increasing from 0 [s]. goes_on: asked now and then; where it
-        returns False, runs that have not ended stay OPEN.
+        times: instants of the samples, increasing from 0 [s]. goes_on: called repeatedly; if it
+        returns False, unfinished runs stay OPEN.
         """
         starts, given, times = (
             np.ascontiguousarray(x, dtype=float) for x in (starts, given, times)
@@ -167,7 +167,7 @@ class Lanes:
         return Runs(self._samples(path, given, times), statuses, steps)
 
     def _reused(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
-        """An array of any content; memory that a call before has touched costs no page faults."""
+        """An array with arbitrary content; memory used by an earlier call causes no page faults."""
         size = int(np.prod(shape))
         if name not in self._workspace or len(self._workspace[name]) < size:
             self._workspace[name] = np.zeros(size)
@@ -252,7 +252,8 @@ class Lanes:
 
 
 def _following(h: Any, error: Any, largest: Any) -> Any:
-    """The length to try after one of length h with this error, as rb_sim.integrate.loop has it."""
+    """Length of the next step after one of length h with this relative error, as in
+    rb_sim.integrate.loop."""
     root = sqrt(sqrt(sqrt(error)))
     factor = minimum(6.0, maximum(0.2, 0.9 / root))
     next_one = minimum(factor * h, largest)

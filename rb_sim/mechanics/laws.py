@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The laws of a system, traced: what loops call by address.
+"""Traced laws of a system in reduced coordinates, which loops call by address.
 
-The kernels of the systems run once on symbols; where they only give back what they got (nothing
-to project, no domain to leave), there is no law to call. `Variables` are those in which a system's
-Taylor series is cheaper than in its coordinates.
+The kernels of a system run once on symbols; a kernel that returns its arguments unchanged (nothing
+to project, no domain to leave) gives no law. `Variables` are coordinates in which the Taylor series
+of a system is cheaper.
 """
 
 from __future__ import annotations
@@ -55,24 +55,23 @@ from rb_sim.numerics.vectors import (
     unrotate,
 )
 
-# Other variables z than the coordinates y for the steps along a Taylor series.
+# Variables z instead of the coordinates y for steps along a Taylor series.
 #
-# The series comes from the graph of dz/dt as any other; what is written for a system is that law
-# and the ways between y and z.  Worth it where it is 1.3 times cheaper (`python -m
-# benchmarks.series`).
+# The series comes from the graph of dz/dt as for any law; a system needs only that law and the maps
+# between y and z. Worthwhile if it is 1.3 times cheaper (`python -m benchmarks.series`).
 
 
 Numbers = Sequence[Any]
 
 AT_REST = BodyState(ZERO, (0.0, 0.0, 0.0, 1.0), ZERO, ZERO)
-"""At the origin, its axes those of the world: where loads do not depend on the state."""
+"""State at the origin with world axes, for loads that do not depend on the state."""
 
 
 class Variables(NamedTuple):
-    """Plain Python on numbers and symbols, as every law."""
+    """Variables z of a class of systems, as plain Python on numbers and symbols."""
 
     suits: Callable[[Any], bool]
-    """whether the motion of this compiled system can be written in them."""
+    """whether the motion of this compiled system can be written in z."""
     count: int
     begin: Callable[[Any, Numbers], Numbers]
     """(system, y) -> z at the start of a step."""
@@ -85,20 +84,23 @@ class Variables(NamedTuple):
 # A body on a fixed axis under gravity: a pendulum, with its angular acceleration as a variable.
 #
 # With F the weight and m = n x rho in body axes, the angular acceleration is
+#
 #     S = (P cos phi - Q sin phi),   J P = m . F_0,   J Q = m . (n x F_0),
-# F_0 in the body axes of phi = 0.  With C = dS/dphi the series needs two products and no sine:
+#
+# with F_0 in the body axes of phi = 0. With C = dS/dphi the series needs two products and no sine:
+#
 #     phi' = w,   w' = S,   S' = C w,   C' = -S w.
 
 
 def suits_pendulum(system):
-    """Nothing but gravity acts."""
+    """True for a body on a fixed axis with no effect but gravity."""
     return isinstance(system, FixedAxisBody) and all(
         isinstance(row, GravityRow) for row in system.effects
     )
 
 
 def begin_as_pendulum(system, y):
-    """phi, w, S and C."""
+    """(phi, w, S, C) at the start of a step."""
     weight, _ = total_wrench(system.effects, 0.0, system.body, AT_REST)
     n, down = system.axis_B, unrotate(system.q_0, weight)
     arm = cross(n, system.rho)
@@ -108,33 +110,34 @@ def begin_as_pendulum(system, y):
 
 
 def rates_of_pendulum(system, z):
-    """dz/dt of (angle, rate, angular acceleration S, its derivative by the angle C)."""
+    """dz/dt for z = (angle phi, rate w, angular acceleration S, its derivative C by the angle)."""
     _, w, S, C = z
     return w, S, C * w, -(S * w)
 
 
 def change_of_pendulum(system, y, z, dz):
-    """Change of (angle, rate): they are variables themselves."""
+    """Change of (angle, rate): the first two variables."""
     return dz[:2]
 
 
 AS_PENDULUM = Variables(suits_pendulum, 4, begin_as_pendulum, rates_of_pendulum, change_of_pendulum)
 
 
-# A disk that rolls on its edge on a level plane under gravity, in angles (Routh; LL 38).
+# A disk that rolls on its edge on a level plane under gravity, in angles (Routh; LL 38). e: level
+# direction in the disk's plane, u: up its slope from the contact to the centre, k: its axis (e x u
+# = k), theta: tilt between k and the normal n, c and s its cosine and sine, w = w1 e + w2 u + w3 k.
 #
-# With e the level direction in the disk's plane, u up its slope from the contact to the centre and
-# k its axis (e x u = k), tilt theta between k and the normal n, c and s its cosine and sine, and w
-# = w1 e + w2 u + w3 k: (A + m a^2) w1' = w2 (A own - (C + m a^2) w3) - m g a c,   A w2' = w1 (C w3
-# - A own), (C + m a^2) w3' = m a^2 w1 w2,   theta' = w1, where (e, u, k) itself turns by w1 e + w2
-# u + own k, that is by turn = w2/s about n; own = c turn. The disk spins in it by w3 - own about k,
-# and its centre goes by a (w1 k - w3 e), level by -a (w3 e + s w1 n x e).  As c' = -s w1, its level
-# way a (X e + (Z + c) n x e) in (e, n x e) as they turn has X' = own - w3 + turn Z,   Z' = -turn X,
-# which needs no sine and cosine of the heading; c' = -s w1 and s' = c w1 need none of the tilt.
+# Then (A + m a^2) w1' = w2 (A own - (C + m a^2) w3) - m g a c, A w2' = w1 (C w3 - A own), (C + m
+# a^2) w3' = m a^2 w1 w2, theta' = w1, where (e, u, k) itself turns by w1 e + w2 u + own k, that is
+# by turn = w2/s about n; own = c turn. The disk spins in it by w3 - own about k, and its centre
+# moves at a (w1 k - w3 e), horizontally at -a (w3 e + s w1 n x e). As c' = -s w1, its horizontal
+# displacement a (X e + (Z + c) n x e), in (e, n x e) as they turn, has X' = own - w3 + turn Z, Z' =
+# -turn X, without sine and cosine of the heading; c' = -s w1 and s' = c w1 avoid those of the tilt.
 
 
 def suits_disk(system):
-    """A body of revolution about the disk's axis, its centre at C, under gravity along n."""
+    """True for a body of revolution about the disk's axis with C at the centre and gravity along
+    n."""
     if not isinstance(system, RollingBody) or not isinstance(system.surface, RimSurface):
         return False
     axis, inertia = system.surface.axis_B, system.body.inertia
@@ -157,14 +160,14 @@ def suits_disk(system):
 
 
 def moments(system):
-    """(C about the axis, A across it)."""
+    """(moment of inertia C about the axis, A about a diameter) [kg m^2]."""
     axis, inertia = system.surface.axis_B, system.body.inertia
     moment = dot(axis, symmetric_times(inertia, axis))
     return moment, 0.5 * (inertia[0] + inertia[1] + inertia[2] - moment)
 
 
 def slope_frame(system, q):
-    """(e, u in body axes, c, s)."""
+    """(e and u in body axes, cosine c and sine s of the tilt)."""
     k, gamma = system.surface.axis_B, unrotate(q, system.normal)
     c = dot(gamma, k)
     up = sub(gamma, scale(c, k))
@@ -174,7 +177,7 @@ def slope_frame(system, q):
 
 
 def begin_in_angles(system, y):
-    """c, s, what has been tilted, turned about n and spun about k, w1, w2, w3, X and Z."""
+    """(c, s, angles of tilt, turn about n and spin about k since the start, w1, w2, w3, X, Z)."""
     e, u, c, s = slope_frame(system, y[3:7])
     w = y[7:10]
     spin = dot(w, e), dot(w, u), dot(w, system.surface.axis_B)
@@ -208,12 +211,12 @@ def rates_of_angles(system, z):
 
 
 def turn_about(axis, angle):
-    """The quaternion of a turn by an angle [rad] about a unit vector."""
+    """Quaternion of a rotation by an angle [rad] about a unit vector."""
     return scale(sin(0.5 * angle), axis) + (cos(0.5 * angle),)
 
 
 def change_from_angles(system, y, z, dz):
-    """Change of y, from the angles that the disk has been tilted, turned and spun."""
+    """Change of y, from the angles by which the disk has tilted, turned and spun."""
     q, w, n = y[3:7], y[7:10], system.normal
     e, u, _, _ = slope_frame(system, q)
     e_W, k_B, a = rotate(q, e), system.surface.axis_B, system.surface.radius
@@ -236,15 +239,16 @@ def change_from_angles(system, y, z, dz):
 IN_ANGLES = Variables(suits_disk, 10, begin_in_angles, rates_of_angles, change_from_angles)
 
 
-# A homogeneous sphere that rolls under a constant force at its centre and torque, in world axes.
+# A homogeneous sphere that rolls under a constant force at its centre and a constant torque, in
+# world axes.
 #
-# LL 38, problem 1: about the contact (I + m a^2) dw/dt = K + a n x F across the normal n and
-# I dw_n/dt = K_n along it, so w = w_0 + alpha t in world axes, q' = (1/2) w q, and the centre goes
-# by w x a n.
+# LL 38, problem 1: about the contact point (I + m a^2) dw/dt = K + a n x F normal to n and I
+# dw_n/dt = K_n along n, so w = w_0 + alpha t in world axes, q' = (1/2) w q, and the centre moves at
+# w x a n.
 
 
 def suits_sphere(system):
-    """Centre of mass at the centre, equal moments, and loads that are constant in the world."""
+    """True for a homogeneous sphere with loads that are constant in world axes."""
     if not isinstance(system, RollingBody) or not isinstance(system.surface, SphereSurface):
         return False
     inertia = system.body.inertia
@@ -257,7 +261,8 @@ def suits_sphere(system):
 
 
 def gain(system):
-    """(alpha, normal times radius), world axes; body axes at rest are those of the world."""
+    """(angular acceleration alpha, radius times normal), world axes; loads with body axes = world
+    axes."""
     force, torque = total_wrench(system.effects, 0.0, system.body, AT_REST)
     n, inertia, arm = system.normal, system.body.inertia[0], system.surface.radius
     up = scale(arm, n)
@@ -268,12 +273,13 @@ def gain(system):
 
 
 def begin_in_world_axes(system, y):
-    """The quaternion, w in world axes, and the way of the centre since the start."""
+    """(quaternion, w in world axes, displacement of the centre since the start)."""
     return (*y[3:7], *rotate(y[3:7], y[7:10]), 0.0, 0.0, 0.0)
 
 
 def rates_in_world_axes(system, z):
-    """dz/dt of the quaternion, the spin in world axes and the way of the centre."""
+    """dz/dt of the quaternion, the angular velocity in world axes and the displacement of the
+    centre."""
     alpha, up = gain(system)
     w = z[4:7]
     turn = quaternion_product((*scale(0.5, w), 0.0), z[:4])
@@ -281,7 +287,7 @@ def rates_in_world_axes(system, z):
 
 
 def change_from_world_axes(system, y, z, dz):
-    """Change of y; the spin is turned into the body's axes."""
+    """Change of y; the angular velocity is rotated to the body's axes."""
     turned = quaternion_unit(tuple(a + b for a, b in zip(y[3:7], dz[:4], strict=True)))
     w = add(z[4:7], dz[4:7])
     return (*dz[7:], *dz[:4], *sub(unrotate(turned, w), y[7:10]))
@@ -292,15 +298,14 @@ IN_WORLD_AXES = Variables(
 )
 
 
-# Variables in which a system's Taylor series is much cheaper than in its coordinates: one line
-# each.
+# Variables in which the Taylor series of a system is much cheaper than in its coordinates.
 
 
 KNOWN: tuple[Variables, ...] = (IN_ANGLES, IN_WORLD_AXES, AS_PENDULUM)
 
 
 def variables_of(system: Any) -> Variables | None:
-    """Such variables for this compiled system, or None."""
+    """Variables with a cheaper series for this compiled system, or None."""
     return next((known for known in KNOWN if known.suits(system)), None)
 
 
@@ -308,30 +313,30 @@ CompiledLaws = Law | PlainLaw | PlainColumns | PlainProgram
 
 
 def reference(law: CompiledLaws | None) -> Any:
-    """A loop calls this: the address, or the Python function; 0 where there is no law."""
+    """Argument of a loop for a law: its address, or the Python function; 0 without a law."""
     if law is None:
         return 0
     return law.address if isinstance(law, Law) else law
 
 
 def domain_law(within: Any) -> CompiledLaws | None:
-    """One number, 0 once `within` is false; None where it never is."""
+    """Law of one number, 1 inside the domain and 0 outside; None for an unbounded domain."""
     return None if within is True else compile_law([where(within, 1.0, 0.0)])
 
 
 BY_ENTRIES = 400
-"""Operations of dy/dt up to which its Jacobian is one law; of longer ones, whose code would be many
-times as long, it is found by columns."""
+"""Most operations of dy/dt for which the Jacobian is one law; for longer ones it is evaluated by
+columns, as its code would be many times as long."""
 
 WHOLE = 4600
-"""Operations up to which a whole step is one law: it saves the calls and the loops between."""
+"""Most operations of a whole step as one law, which saves calls and loops between its stages."""
 
 
 class ReducedLaws(GuidedLaws):
     """The laws of one body in reduced coordinates.
 
-    system: with its constants. n: coordinates. width: numbers of a sample. varied: places of
-    constants that are inputs.
+    system: with its constants. n: number of coordinates. width: numbers of a sample. varied: places
+    of constants that are inputs.
     """
 
     def __init__(self, system: Any, n: int, width: int, varied: Sequence[Place] = ()) -> None:
@@ -365,29 +370,30 @@ class ReducedLaws(GuidedLaws):
 
     @cached_property
     def series(self) -> SeriesLaws:
-        """The Taylor series of y, or of the variables."""
+        """The Taylor series of y, or of `variables`."""
         own = self.variables
         return SeriesLaws(self.traced(rate) if own is None else own.rates)
 
     @cached_property
     def variables(self) -> VariableLaws | None:
-        """Variables that have a cheaper series than y, as those of every system of a family."""
+        """Variables with a cheaper series than y; None without them, or if constants are inputs."""
         known = None if self.inputs.varied else variables_of(self.system)
         return None if known is None else VariableLaws(self, known)
 
     @cached_property
     def project(self) -> CompiledLaws | None:
-        """y brought back to where it belongs."""
+        """Projection of y onto the manifold; None if it changes nothing."""
         outputs = self.traced(project)
         if all(is_coordinate(x, i) for i, x in enumerate(outputs)):
             return None
         return compile_law(outputs)
 
     def whole(self, step: Step, estimated: bool = True) -> CompiledLaws | None:
-        """A step of this method as one law; None where it would be long.
+        """A step of this method as one law; None if it would be too long.
 
-        y is a row of `integrate.loop`: coordinates and carry; the last input is the step's length.
-        estimated: the error is wanted; fixed steps go without, which is a third of dopri853.
+        y is a row of `integrate.loop`: coordinates and carry; the last input is the length of the
+        step. estimated: with the error estimate; fixed steps omit it, a third of the cost of
+        dopri853.
         """
         key = step, estimated
         if key not in self._whole:
@@ -416,38 +422,39 @@ class ReducedLaws(GuidedLaws):
 
     @cached_property
     def inside(self) -> CompiledLaws | None:
-        """One number, 0 once the state has left the system's domain."""
+        """One number, 0 once the state has left the system's domain; None for an unbounded
+        domain."""
         (output,) = self.traced(lambda system, t, y: [inside(system, y)])
         return domain_law(output)
 
     @cached_property
     def carried(self) -> int:
-        """How many of the inputs, the last but that of the step's length, `choice` gives."""
+        """Number of inputs, before the length of the step, that `choice` returns."""
         return len(self.inputs.values(self.system, 0.0)) if self.inputs.kept(self.system) else 0
 
     @cached_property
     def choice(self) -> CompiledLaws | None:
-        """The inputs of the next step, where laws keep something from step to step."""
+        """The inputs of the next step, for laws that carry numbers from step to step; else None."""
         if not self.carried:
             return None
 
         def kernel(system: Any, t: Any, y: Any) -> list[Any]:
             out: list[Any] = [0.0] * self.width
-            sample(system, t, y, out)  # which begins with the state of the body
+            sample(system, t, y, out)  # a sample begins with the state of the body
             return self.inputs.next(self.system, y[0].graph, lambda body: state_of(out, body))
 
         return compile_law(self.traced(kernel))
 
     @cached_property
     def along(self) -> CompiledLaws | None:
-        """The parameter of each spline and its rate."""
+        """The parameter of each spline and its rate; None without splines."""
         return (
             compile_law(self.traced(lambda system, t, y: ways(system, y))) if self.splines else None
         )
 
     @cached_property
     def sample(self) -> CompiledLaws | None:
-        """Everything that is reported at one instant."""
+        """The sample: all quantities reported at one instant."""
 
         def outputs(system: Any, t: Any, y: Any) -> list[Any]:
             out: list[Any] = [0.0] * self.width
@@ -458,8 +465,8 @@ class ReducedLaws(GuidedLaws):
 
 
 class VariableLaws:
-    """The laws of variables z in which the series is cheaper: z at the start, dz/dt, and the change
-    of y from y, z and the change of z."""
+    """Laws of variables z with a cheaper series: z at the start, dz/dt, and the change of y from y,
+    z and the change of z."""
 
     def __init__(self, laws: ReducedLaws, known: Variables) -> None:
         graph, n, m = Graph(), laws.n, known.count
@@ -472,7 +479,7 @@ class VariableLaws:
 
 
 def dense(outputs: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    """The Jacobian of the outputs by y, row by row."""
+    """The Jacobian of the outputs with respect to y, row by row, zeros included."""
     sparse = jacobian(outputs, y)
     full: list[Any] = [0.0] * (len(outputs) * len(y))
     for i, j, value in zip(sparse.rows, sparse.columns, sparse.values, strict=True):
@@ -486,5 +493,5 @@ def is_coordinate(x: Any, i: int) -> bool:
 
 
 def traceable(system: Any) -> bool:
-    """False for what events cut into pieces, which has laws of its own (contact.system.laws)."""
+    """False for systems with events, which have their own laws (EVENT_DRIVEN)."""
     return type(system) not in EVENT_DRIVEN

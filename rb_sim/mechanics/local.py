@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The kernels of `systems` on a body and its parent alone: what a per-kind law computes.
+"""Kernels of `systems` for one body and its parent: the functions of per-kind laws.
 
-Every function takes first a thing (nested tuples of numbers), the time, and its fields, and gives
-fields.  Index 0 is the body, 1 its parent.
+The arguments of each function are a thing (nested tuples of numbers), the time and fields; it
+returns fields. Index 0 is the body, 1 its parent.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ NO_TORQUE = (0.0, 0.0, 0.0)
 
 
 def alone(*bodies: Any) -> SimpleNamespace:
-    """A system of these bodies, by their constants; () where they do not matter."""
+    """A system of these bodies, by their constants; () for a body whose constants are not used."""
     table = np.zeros((len(bodies), BODY_WIDTH), dtype=object)
     for i, constants in enumerate(bodies):
         table[i, : len(constants)] = constants
@@ -60,7 +60,8 @@ def alone(*bodies: Any) -> SimpleNamespace:
 
 
 def with_load(thing: Any, t: Any, y: Any, *rest: Any) -> list[Any]:
-    """Loads with the wrench of an effect; rest: parent's y, then the loads."""
+    """Loads with the wrench of an effect added; rest: the parent's y if there is one, then the
+    loads."""
     body, row = thing
     loads = rest[-1:] if len(rest) == 1 else rest[1:]
     system = alone(body, *((),) * (len(loads) - 1))
@@ -72,7 +73,7 @@ def with_load(thing: Any, t: Any, y: Any, *rest: Any) -> list[Any]:
 
 
 def freely(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
-    """Accelerations by the load alone."""
+    """Accelerations under the load alone."""
     system = alone(body)
     system.bodies[0, LOAD : LOAD + 6] = load
     free_accelerations(system, y)
@@ -80,7 +81,7 @@ def freely(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
 
 
 def of_hub(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
-    """-M and, as the right side, -f of a body whose accelerations are unknowns."""
+    """-M and right side -f of a body whose accelerations are unknowns."""
     inertia = body[INERTIA : INERTIA + 6]
     turn = gyroscopic(inertia, state_of(y, 0).w_WB_B)
     force = (*load[:3], *sub(load[3:], turn))
@@ -88,7 +89,7 @@ def of_hub(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
 
 
 def still_hub(body: Any, t: Any) -> list[Any]:
-    """As of_hub without loads."""
+    """As of_hub, without loads."""
     return [minus_mass(body), [0.0] * 12]
 
 
@@ -110,7 +111,7 @@ def slopes(t: Any, y: Any, push: Any) -> list[Any]:
 
 
 def moved(t: Any, y: Any, push: Any) -> list[Any]:
-    """A body shifted and turned by push."""
+    """Coordinates of a body displaced by push."""
     system, at = alone(()), list(y)
     system.bodies[0, PUSH : PUSH + 6] = push
     move_by_push(system, at)
@@ -118,31 +119,31 @@ def moved(t: Any, y: Any, push: Any) -> list[Any]:
 
 
 def hastened(t: Any, y: Any, push: Any) -> list[Any]:
-    """A body whose velocities change by push."""
+    """Coordinates of a body whose velocities change by push."""
     return [[*y[:7], *(u + d for u, d in zip(y[7:], push, strict=True))]]
 
 
 def unit(t: Any, y: Any) -> list[Any]:
-    """A body with a unit quaternion."""
+    """Coordinates of a body with the quaternion normalised."""
     return moved(t, y, [0.0] * 6)
 
 
 def on_own_polhode(spin: Any, t: Any, y: Any) -> list[Any]:
-    """A body whose spin is put back."""
+    """Coordinates of a body with the spin projected onto its polhode."""
     at = list(y)
     settle_spins(SimpleNamespace(spins=(spin,)), at)  # type: ignore[arg-type]
     return [at]
 
 
 def momenta(body: Any, t: Any, y: Any, kinetic: Any, total: Any) -> list[Any]:
-    """Kinetic energy and momenta with those of a body."""
+    """Kinetic energy and momenta, with those of a body added."""
     own: list[Any] = [0.0] * 6
     energy = put_momenta(alone(body), y, own, 0)
     return [[kinetic[0] + energy], [a + b for a, b in zip(total, own, strict=True)]]
 
 
 def energy(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Potential energy, or power, with that of an effect; last field: that so far."""
+    """Potential energy, or power, with that of an effect added; last field: the sum so far."""
     body, row = thing
     *states, so_far = fields
     y = [x for state in states for x in state]
@@ -152,15 +153,15 @@ def energy(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def power(t: Any, found: Any, rates: Any, so_far: Any) -> list[Any]:
-    """Power of the multipliers on rows that prescribe a velocity, added."""
+    """Power of the multipliers on rows that prescribe a velocity, with the sum so far."""
     return [[so_far[0] + sum(x * b for x, b in zip(found, rates, strict=True))]]
 
 
 def reaction(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Force, torque about the anchor, anchor; world axes.
+    """Force, torque about the anchor and anchor of a reaction; world axes.
 
-    thing: the row that tells the anchor, whether it has a parent. fields: states, then of every
-    part its rows and its multipliers.
+    thing: (row that defines the anchor, whether it has a parent). fields: states, then the rows and
+    multipliers of each part.
     """
     row, parent = thing
     count = 2 if parent else 1
@@ -177,21 +178,21 @@ def reaction(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def kept(t: Any, y: Any) -> list[Any]:
-    """y as it is."""
+    """y unchanged."""
     return [y]
 
 
-# The rows between a body and its parent: what the elimination over tables takes of them.
+# The constraint rows between a body and its parent, as the elimination over tables uses them.
 #
-# Functions are as in `local`: first a thing, the time, then fields.
+# Functions take a thing, the time and fields, as above.
 
 
 BARRED = 1e300
-"""Added to that with which a pivot is compared, of a row that gets no multiplier."""
+"""Added to the comparison value of a pivot whose row gets no multiplier."""
 
 
 class Rows:
-    """The rows of a node, written."""
+    """The constraint rows of a node, evaluated."""
 
     def __init__(self, thing: Any, t: Any, states: Any) -> None:
         body, parent, rows, self.hubs, self.barred = thing
@@ -209,7 +210,7 @@ class Rows:
         self.rows = rows
 
     def column(self, name: int) -> list[Any]:
-        """One column of the rows, by its place in the table."""
+        """One column of the rows, by its index in the table."""
         return list(self.system.rows[:, name])
 
     def gradient(self, side: int) -> list[Any]:
@@ -225,7 +226,7 @@ class Rows:
         return made
 
     def matrix(self) -> list[Any]:
-        """G M^-1 G^T over the bodies that are no hubs, packed."""
+        """G M^-1 G^T over the bodies that are not hubs, packed."""
         return self._over([side for side in range(self.sides) if not self.hubs[side]])
 
     def _over(self, sides: list[int]) -> list[Any]:
@@ -241,15 +242,15 @@ class Rows:
         return made
 
     def diagonal(self) -> list[Any]:
-        """The diagonal elements with which pivots are compared; rows on hubs alone count as if the
-        hubs were free."""
+        """Diagonal elements to which pivots are compared; rows on hubs alone count as if these were
+        free."""
         own = [side for side in range(self.sides) if not self.hubs[side]]
         packed = self._over(own or list(range(self.sides)))
         found = [packed[i * (i + 3) // 2] for i in range(self.n)]
         return [a + b for a, b in zip(found, self.barred, strict=True)] if self.barred else found
 
     def on(self, velocities: Any) -> list[Any]:
-        """G v for v = (linear, angular) of each side; None counts as rest."""
+        """G v for the velocities v = (linear, angular) of each side; None is at rest."""
         return [
             sum(
                 coupling(self.system.rows, k, 6 * side, v[:3], v[3:])
@@ -260,7 +261,8 @@ class Rows:
         ]
 
     def blocks(self, right: list[Any]) -> list[Any]:
-        """All that the elimination takes: D, right side with the diagonal, G and M^-1 G^T."""
+        """Blocks of the elimination: D, right side with the diagonal, G and M^-1 G^T of each
+        side."""
         made = [self.matrix(), [*right, *self.diagonal()]]
         for side in range(self.sides):
             made.append(self.gradient(side))
@@ -279,7 +281,8 @@ def _sides(thing: Any) -> int:
 
 
 def accelerated(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Blocks of G du/dt = -bias; fields: states, then accelerations of those that are no hubs."""
+    """Blocks of G du/dt = -bias; fields: states, then accelerations of the bodies that are not
+    hubs."""
     count = _sides(thing)
     rows = Rows(thing, t, fields[:count])
     free = iter(fields[count:])
@@ -289,7 +292,8 @@ def accelerated(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def sampled(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """As `accelerated`; then the rates and the worst violation (last field: that so far)."""
+    """As `accelerated`, with the rates and the worst violation; last fields: that so far, the
+    scales."""
     *given, balance, scales = fields
     made = accelerated(thing, t, *given)
     rows = Rows(thing, t, given[: _sides(thing)])
@@ -304,7 +308,7 @@ def sampled(thing: Any, t: Any, *fields: Any) -> list[Any]:
 
 
 def displaced(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """Blocks of G dq = -g; then the worst error. Last fields: that so far, the arm of angles."""
+    """Blocks of G dq = -g and the worst error; last fields: that so far, the arm of angles [m]."""
     *states, (worst,), (length,) = fields
     rows = Rows(thing, t, states)
     errors = rows.column(ERROR)
@@ -326,12 +330,12 @@ def slips_of(rows: Rows) -> list[Any]:
 
 
 def slips(thing: Any, t: Any, *states: Any) -> list[Any]:
-    """b - G u alone."""
+    """b - G u of the rows, as a field."""
     return [slips_of(Rows(thing, t, states))]
 
 
 def worst_gap(thing: Any, t: Any, *fields: Any) -> list[Any]:
-    """The worst position error. Last fields: that so far, and the arm of angles."""
+    """The worst position error; last fields: that so far, the arm of angles [m]."""
     *states, (worst,), (length,) = fields
     rows = Rows(thing, t, states)
     errors = zip(rows.column(ERROR), rows.column(HOLONOMIC), arms(rows.rows, length), strict=True)

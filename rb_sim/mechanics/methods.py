@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The methods that can integrate a scene: one line each, the visible table of contents.
+"""Table of the integration methods.
 
-A method is listed here and nowhere else; the scene compiler, `method: auto`, the work-precision
-ladder and the documentation read this table.
+A method is listed here only; the scene compiler, `method: auto`, the work-precision runs and the
+documentation read this table.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from rb_sim.mechanics.systems.many_bodies import MultiBody
 from rb_sim.mechanics.systems.translation import GuidedBody, splines_of
 from rb_sim.numerics.kernels import Step
 
-# Time stepping as a method that scenes name; its steps are those of `contact.stepping`.
+# Time stepping as a method of scenes; its steps are in `contact.stepping`.
 
 
 class TimeStepping(NamedTuple):
-    """Fixed step [s]."""
+    """Time stepping with a fixed step [s]."""
 
     step: float
 
 
 def in_contact(system: Any) -> bool:
-    """Whether events cut the motion of the system into pieces: it has contacts."""
+    """Whether the system has contacts, so that its motion has events."""
     return not traceable(system)
 
 
@@ -51,13 +51,13 @@ def any_system(system: Any) -> bool:
 def expandable(system: Any) -> bool:
     """Whether the law of the system has a Taylor series.
 
-    In maximal coordinates the nearest point of a spline is found by iteration, which has none.
+    In maximal coordinates the nearest point of a spline is found by iteration, which has no series.
     """
     return traceable(system) and (isinstance(system, GuidedBody) or not splines_of(system))
 
 
 def reduced(system: Any) -> bool:
-    """One body in reduced coordinates.
+    """Whether the system is one body in reduced coordinates.
 
     In maximal ones a step along the series costs 2 to 16 steps of dopri853, and compiling it
     seconds (`python -m benchmarks.series`).
@@ -66,29 +66,30 @@ def reduced(system: Any) -> bool:
 
 
 class MethodEntry(NamedTuple):
-    """One method: how a scene may ask for it, and what to expect of it."""
+    """One method: its options, order, description and domain."""
 
     fixed: type | None
     """class made from a step [s], or None."""
     adaptive: type | None
     """class made from a local tolerance and a largest step [s], or None."""
     order: int
-    """global error ~ step^order."""
+    """order p of the global error ~ step^p."""
     line: str
-    """what it is, in one line."""
+    """description in one line."""
     family: str = "runge-kutta"
-    """methods of different families share neither coefficients nor idea: each checks the other."""
+    """family of the method: those of different families share neither coefficients nor
+    construction, so that one can verify another."""
     suits: Callable[[Any], bool] = any_system
     """whether it can integrate a compiled system."""
     domain: str = "every scene"
-    """what it can integrate, in words."""
+    """systems that it can integrate, in words."""
     loop: Step | None = None
-    """its step on traced laws; None where it integrates other systems only."""
+    """its step on traced laws; None if it integrates other systems only."""
     error_order: int = 0
-    """of the error estimate of an adaptive step; 0: as `order`."""
+    """order of the error estimate of an adaptive step; 0: as `order`."""
     weighed: Callable[[Any], bool] = any_system
-    """whether `auto` begins with it and checks others by it on a system that it suits; elsewhere it
-    is mostly dearer, and comes last, if its price says that it may be worth a run."""
+    """systems for which `auto` tries it first and verifies others by it; for all other systems it
+    is usually more expensive and is tried last, if its estimated cost is low enough."""
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -144,7 +145,7 @@ METHODS: dict[str, MethodEntry] = {
 
 
 def tried(system: Any) -> dict[str, MethodEntry]:
-    """The methods with which `auto` begins, and by which it checks others."""
+    """The methods that `auto` tries first, and by which it verifies others."""
     return {n: e for n, e in METHODS.items() if e.suits(system) and e.weighed(system)}
 
 
@@ -157,7 +158,8 @@ def name_of(kind: type) -> str:
 
 
 def loop_of(kind: type) -> tuple[Step, float] | None:
-    """The step of a method's class on traced laws, and the order of its error estimate."""
+    """(step of a method's class on traced laws, order of its error estimate); None without such a
+    step."""
     for entry in METHODS.values():
         if entry.loop is not None and kind in (entry.fixed, entry.adaptive):
             return entry.loop, float(entry.error_order or entry.order)
@@ -167,8 +169,8 @@ def loop_of(kind: type) -> tuple[Step, float] | None:
 def build(name: str, *, step: float | None, tolerance: float | None, largest_step: float) -> Any:
     """The method `name` with a fixed step [s], or adaptive with a local tolerance.
 
-    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step.
-    Raises ValueError if the method does not come in that form.
+    Exactly one of step and tolerance is given; largest_step [s] bounds an adaptive step. Raises
+    ValueError if the method does not support that choice.
     """
     entry = METHODS[name]
     if step is not None and entry.fixed is not None:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The laws of N bodies in maximal coordinates, traced with the whole elimination."""
+"""Traced laws of N bodies in maximal coordinates, with the whole elimination in each law."""
 
 from __future__ import annotations
 
@@ -70,17 +70,17 @@ from rb_sim.mechanics.systems.multibody import (
 from rb_sim.mechanics.systems.translation import GuidedLaws, on_guides, ways
 from rb_sim.numerics.kernels import Step
 
-# The factors of A = G M^-1 G^T where many constraints act on one body.
+# Factors of A = G M^-1 G^T if many constraints act on one body.
 #
-# All of these would be neighbours of each other.  The body, a hub, stays instead: what the
-# multipliers change its accelerations by are six more unknowns,
+# All of them would be neighbours of each other. Instead the body stays as a hub: the changes a_h of
+# its accelerations by the multipliers are six more unknowns,
 #
 #     [ A    G_h ] [lambda]   [right]
 #     [G_h^T -M_h] [ a_h  ] = [  0  ],   A = G M^-1 G^T over all other bodies.
 
 
 def plan_of(system: MultiBody) -> Plan | None:
-    """The order in which the rows of a system go, and its hubs; None where it has none."""
+    """Elimination plan of the rows of a system with hubs; None without hubs."""
     first = [int(k) for k in system.first_row]
     sizes = [after - before for before, after in zip(first, first[1:], strict=False)]
     pairs = [(c.body, c.parent) for c in system.constraints]
@@ -90,10 +90,10 @@ def plan_of(system: MultiBody) -> Plan | None:
 
 
 def factors_of(system: MultiBody, rows: Sequence[int], plan: Plan | None) -> Factors:
-    """The factors of these rows as written; what is solved with them gives their multipliers.
+    """Factors of these rows as written; solving with them gives the multipliers.
 
-    Without a plan they go in turn; with one its hubs stay, and a_h is found as well.  Right sides
-    of rows that are not chosen must be zero.
+    Without a plan the rows are eliminated in the given order; with one the hubs stay, and a_h is
+    found as well. Right sides of rows that are not chosen must be zero.
     """
     if plan is None:
         matrix = constraint_matrix(system, rows)
@@ -101,7 +101,7 @@ def factors_of(system: MultiBody, rows: Sequence[int], plan: Plan | None) -> Fac
             switch_off(matrix, system.chosen)
         return Factors(matrix, rows)
     matrix = constraint_matrix(system, rows, besides=plan.hubs)
-    # nothing can move rows on hubs alone before the hubs are there; with these, it is this much
+    # rows on hubs alone have no entry until the hubs are added; their scale is that of free hubs
     alone = [k for k in rows if k not in matrix[k]]
     scales = {k: constraint_matrix(system, [k])[k][k] for k in alone}
     for k in alone:
@@ -116,7 +116,7 @@ def factors_of(system: MultiBody, rows: Sequence[int], plan: Plan | None) -> Fac
 
 
 def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int]:
-    """All rows, and accelerations of hubs, in the order in which they go."""
+    """All rows, and accelerations of hubs, in the order of elimination."""
     first, order = system.first_row, []
     for node in plan.nodes:
         if node.parts:
@@ -127,7 +127,8 @@ def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int
 
 
 def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
-    """The rows of a hub, whose unknowns lie from `at` on: less its mass, and the rows on it."""
+    """Add the six rows of a hub, with unknowns from `at` on: minus its mass, coupled to the rows on
+    it."""
     xx, yy, zz, xy, xz, yz = six(system.bodies, body, INERTIA)
     inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     rows = list(matrix)
@@ -142,22 +143,22 @@ def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
                     matrix[k][at + j] = matrix[at + j][k] = value
 
 
-# The constraint rows of N bodies in traced laws: in which order they are eliminated, which get a
-# multiplier, and what it is.
+# The constraint rows of N bodies in traced laws: order of elimination, rows with a multiplier,
+# multipliers.
 #
-# The kernels of `systems` write their tables as they do with numbers; the tables hold symbols.
+# The kernels of `systems` write their tables as with numbers; here the tables hold symbols.
 
 
 LEFT_NEAR_SINGULAR = 1e-10
-"""Error of a row, relative to the scene's length, and of its rate to the speed, that is left near
-a singular configuration: a tenth of the violation that is reported."""
+"""Error of a row, relative to the scene's length, or of its rate, relative to the speed, that is
+not corrected near a singular configuration: a tenth of the violation that is reported."""
 
 
 class SolvedRows(GuidedLaws):
-    """How kernels are traced, and the multipliers of constraint rows found in them.
+    """Tracing of kernels, and the multipliers of the constraint rows in them.
 
-    varied: places of constants that are inputs. changing: rows of which the inputs tell whether
-    they get a multiplier; those of them that are `dependent` have none at the start.
+    varied: places of constants that are inputs. changing: rows for which an input decides whether
+    they get a multiplier; those of them in `dependent` have none at the start.
     """
 
     def __init__(
@@ -176,11 +177,11 @@ class SolvedRows(GuidedLaws):
         self.row_count = system.row_table.shape[0]
 
     def traced(self, kernel: Callable[..., list[Any]], *, often: bool = True) -> CompiledLaws:
-        """The law kernel(system, t, y); y is a list and may be written."""
+        """The compiled law of kernel(system, t, y); y is a list that the kernel may overwrite."""
         return compile_law(self.outputs(kernel), often=often)
 
     def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
-        """The kernel is run on symbols of a new graph; returns its outputs."""
+        """Outputs of the kernel on symbols of a new graph."""
         graph = Graph()
         system = with_object_tables(self.inputs.symbolic(self.system, graph))
         if self.changing:
@@ -191,10 +192,10 @@ class SolvedRows(GuidedLaws):
 
     @cached_property
     def holonomic(self) -> list[bool]:
-        """For each row whether it is holonomic, which its kind alone decides.
+        """Whether each row is holonomic, which depends on its kind only.
 
-        Rows are written on symbols: at any numbers some scene has a point or an axis there, and a
-        division by zero.
+        Rows are evaluated on symbols: any numbers may be singular for some scene (division by
+        zero).
         """
         graph = Graph()
         system = with_object_tables(self.system)
@@ -212,67 +213,71 @@ class SolvedRows(GuidedLaws):
 
     @cached_property
     def order(self) -> list[int]:
-        """Rows that get a multiplier, or may get one, in the order of elimination."""
+        """Rows that get a multiplier, always or by choice, in the order of elimination."""
         left_out = self.dependent.rows - set(self.changing)
         return [k for k in self.whole_order if k not in left_out]
 
     @cached_property
     def position_order(self) -> list[int]:
-        """Holonomic rows in the order of elimination, those left out that depend on others."""
+        """Holonomic rows in the order of elimination, without those that depend on others."""
         left_out = self.dependent.positions - set(self.changing)
         return [k for k in self.whole_order if self.holonomic[k] and k not in left_out]
 
     def multipliers(
         self, system: MultiBody, right: dict[int, Any], order: Sequence[int], scale: float = 0.0
     ) -> Any:
-        """Multipliers of the rows in `order`, the others zero; the rank of those rows.
+        """Find the multipliers of the rows in `order`, all others zero; returns the rank of those
+        rows.
 
-        scale: as of `rounding`.
+        scale: as in `rounding`.
         """
         factors = factors_of(system, order, self.plan)
         self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
         return factors.rank - self.inputs.chosen.count(0.0)
 
     def rounding(self, scale: float) -> dict[int, float]:
-        """Of each row in a loop the error that stays where its pivot is small (see `solve` of
-        Factors). scale: the scene's length [m] or speed [m/s]; 0 where each error counts."""
+        """For each row in a loop the error that is not corrected if its pivot is small (see
+        Factors.solve).
+
+        scale: the scene's length [m] or speed [m/s]; 0: every error is corrected.
+        """
         rows = self.in_loops if scale else ()
         return {k: LEFT_NEAR_SINGULAR * scale / arm_of(self.system, k) for k in rows}
 
     @cached_property
     def in_loops(self) -> list[int]:
-        """Rows that may come to depend on others: those in loops of three bodies and more."""
+        """Rows that may become dependent on others: those in loops of three or more bodies."""
         return rows_in_loops(self.system)
 
     def _chosen(self, system: MultiBody, right: dict[int, Any]) -> dict[int, Any]:
-        """The right sides, zero for rows that are not chosen."""
+        """The right sides, with zeros for rows that are not chosen."""
         chosen = dict(system.chosen)
         return {k: value * chosen.get(k, 1.0) for k, value in right.items()}
 
     @cached_property
     def plan(self) -> Plan | None:
-        """The order of elimination where there are hubs; rows that depend on others have none."""
+        """Elimination plan of a system with hubs; None for other systems and with dependent
+        rows."""
         return None if self.redundant or self.dependent.rows else plan_of(self.system)
 
     def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
-        """Write the multipliers of all rows, zero where none was found."""
+        """Write the multipliers of all rows, zero for rows without one."""
         for k in range(self.row_count):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
 
     @cached_property
     def carried(self) -> int:
-        """How many of the inputs, the last but that of the step's length, `choice` gives."""
+        """Number of inputs, before the length of the step, that `choice` returns."""
         if self.inputs.kept(self.system):
             return len(self.inputs.values(self.system, 0.0))
         return len(self.changing)
 
     @cached_property
     def choice(self) -> CompiledLaws | None:
-        """The inputs of a step from here: which of the `changing` rows get a multiplier, 1 or 0
-        each, after all others where laws keep some of these from step to step.
+        """Inputs of the next step: those carried over, then 1 or 0 for each of the `changing` rows.
 
-        Then, of changing rows, their least pivot, scaled to a diagonal of ones, and the number of
-        its row among them.
+        For the changing rows also their least pivot, scaled to a unit diagonal, and the index of
+        its row.
         """
         if not self.carried:
             return None
@@ -293,7 +298,7 @@ class SolvedRows(GuidedLaws):
 
 
 class MultiBodyLaws(SolvedRows):
-    """The laws of N bodies; reactions are of least norm where `redundant`."""
+    """The laws of N bodies; if `redundant`, reactions are of minimum norm."""
 
     @property
     def velocities(self) -> list[float]:
@@ -301,7 +306,7 @@ class MultiBodyLaws(SolvedRows):
         return ([0.0] * 7 + [1.0] * 6) * (self.n // WIDTH)
 
     def whole(self, step: Step, estimated: bool = True) -> None:
-        """No step is one law: the way back to the manifold iterates."""
+        """None: no step is one law, since the projection onto the manifold iterates."""
         return None
 
     def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
@@ -337,12 +342,12 @@ class MultiBodyLaws(SolvedRows):
 
     @cached_property
     def series(self) -> SeriesLaws:
-        """The Taylor series of y; of the whole graph, however many bodies there are."""
+        """The Taylor series of y, from the whole graph for any number of bodies."""
         return SeriesLaws(self.outputs(lambda *at: MultiBodyLaws.slopes(self, *at)))
 
     @cached_property
     def project(self) -> CompiledLaws:
-        """Unit quaternions, and free spins on their polhodes."""
+        """y with unit quaternions and free spins on their polhodes."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             clear_push(system)
@@ -383,11 +388,12 @@ class MultiBodyLaws(SolvedRows):
 
     @cached_property
     def velocity(self) -> CompiledLaws | None:
-        """y with the nearest admissible velocities in the metric of M."""
+        """y with the velocities projected onto the constraints in the metric of M."""
         return self.traced(self.hastened) if self.row_count else None
 
     def hastened(self, system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
-        """As `velocity`; the multipliers are the impulses that give the velocities [N s]."""
+        """As `velocity`, on the system's tables; the multipliers are the impulses of this
+        projection [N s]."""
         write_rows(system, t, y)
         slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
         self.multipliers(system, slips, self.order, self.system.speed)
@@ -398,10 +404,10 @@ class MultiBodyLaws(SolvedRows):
 
     @cached_property
     def back(self) -> CompiledLaws | None:
-        """y from near the manifold back on it, then the position error before.
+        """y projected onto the manifold from nearby, then the position error before.
 
-        One step of Newton's iteration for the positions; the slips that are left go out with the
-        same factors, which differ from those of the new position by the size of that step.
+        One step of Newton's iteration for the positions; the remaining slips are removed with the
+        same factors, which differ from those at the new position by the size of that step.
         """
         if not self.row_count or not all(self.holonomic):
             return None
@@ -429,26 +435,25 @@ class MultiBodyLaws(SolvedRows):
     def _push(
         self, system: MultiBody, factors: Factors, right: dict[int, Any], scale: float
     ) -> None:
-        """push = M^-1 G^T lambda for the multipliers of these right sides. scale: as of
-        `rounding`."""
+        """push = M^-1 G^T lambda, with lambda for these right sides. scale: as in `rounding`."""
         self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
         clear_push(system)
         add_multipliers(system)
 
     @cached_property
     def inside(self) -> CompiledLaws | None:
-        """One number, 0 once a body has left the end of its guide."""
+        """One number, 0 once a body has left its guide."""
         (output,) = self.outputs(lambda system, t, y: [on_guides(system, y)])
         return domain_law(output)
 
     @cached_property
     def along(self) -> CompiledLaws | None:
-        """The parameter of each spline and its rate."""
+        """The parameter of each spline and its rate; None without splines."""
         return self.traced(lambda system, t, y: ways(system, y)) if self.splines else None
 
     @cached_property
     def sample(self) -> CompiledLaws:
-        """Everything that is reported at one instant."""
+        """The sample: all quantities reported at one instant."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             out: list[Any] = [0.0] * self.width

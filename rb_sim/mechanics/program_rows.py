@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The constraint rows of a program: written, solved for their multipliers, and applied."""
+"""The constraint rows of a program: evaluation, solution for their multipliers, application."""
 
 from __future__ import annotations
 
@@ -26,22 +26,21 @@ from rb_sim.mechanics.blocks import Elimination, Node, Plan, clear, packed
 from rb_sim.mechanics.systems.elimination import least_norm_external
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 
-# Instances of one kind: which of their numbers are in the kernel, which come from a table.
-#
-# What is 0, 1 or -1 is in the kernel, so that it does not compute with zeros; other numbers are
-# constants of each instance, and what changes between steps is an input of the law.
+# Instances of one kind: which of their numbers are constants of the kernel. 0, 1 and -1 are
+# constants of the kernel, so that it does not compute with zeros; other numbers are constants of
+# each instance in a table, and those that change between steps are inputs of the law.
 
 
 PATTERNS = 6
-"""Patterns of zeros and ones for which a kind gets kernels of their own; with more, none does."""
+"""Most patterns of zeros and ones of a kind that get separate kernels; with more, all share one."""
 
 
 class UntabledError(Exception):
-    """A law that cannot be written over tables."""
+    """Raised for a law that cannot be evaluated over tables."""
 
 
 def shape_of(x: Any) -> Hashable:
-    """What remains of nested tuples without their numbers."""
+    """Structure of nested tuples without their numbers."""
     if isinstance(x, float | Symbol):
         return float
     if isinstance(x, tuple):
@@ -61,7 +60,7 @@ def leaves_of(x: Any) -> list[Any]:
 
 
 def joined(shape: Any, leaves: Any) -> Any:
-    """The nested tuples of this shape with the numbers that the iterator gives."""
+    """The nested tuples of this structure with numbers from the iterator."""
     if shape is float:
         return next(leaves)
     if isinstance(shape, tuple):
@@ -72,18 +71,18 @@ def joined(shape: Any, leaves: Any) -> Any:
 
 
 class Instance(NamedTuple):
-    """One of the things to which a kernel applies."""
+    """One object to which a kernel is applied."""
 
     thing: Any
     """nested tuples, without numpy arrays."""
     inputs: tuple[tuple[str, int, int], ...]
-    """base, place and width of each field that it takes."""
+    """(base, place, width) of each input field."""
     outputs: tuple[tuple[str, int], ...]
-    """base and place of each field that it gives."""
+    """(base, place) of each output field."""
 
 
 def marks_of(leaves: Sequence[Any]) -> tuple[Any, ...]:
-    """0, 1 and -1 as they are, None for other numbers, "p" for inputs."""
+    """Pattern of the leaves: 0, 1 and -1 as they are, None for other numbers, "p" for inputs."""
     return tuple(
         "p" if isinstance(x, Symbol) else x if x in (0.0, 1.0, -1.0) else None for x in leaves
     )
@@ -95,9 +94,9 @@ def run(
     function: Callable[..., Any],
     instances: Sequence[Instance],
 ) -> None:
-    """f(thing, t, *inputs) for every instance, one kernel for those of one kind.
+    """Apply f(thing, t, *inputs) to every instance, with one kernel per kind.
 
-    name: tells the function apart from all others.
+    name: identifies the function.
     """
     kinds: dict[tuple[Hashable, ...], dict[tuple, list[tuple[Instance, list[Any]]]]] = {}
     for instance in instances:
@@ -119,7 +118,7 @@ def _run_kind(
     function: Callable[..., Any],
     entries: Sequence[tuple[Instance, list[Any]]],
 ) -> None:
-    """One kernel over a table of instances with zeros and ones at the same places."""
+    """Apply one kernel to a table of instances with zeros and ones at the same places."""
     name, shape, marks = key
     free = [k for k, mark in enumerate(marks) if mark is None]
     varied = [k for k, mark in enumerate(marks) if mark == "p"]
@@ -151,14 +150,14 @@ def _run_kind(
 
 
 Place = tuple[str, int, int]
-"""Base, place and width of a field."""
+"""(base, place, width) of a field."""
 
 
 class ConstraintRows:
-    """Rows of the nodes of a plan, in one program.
+    """The constraint rows of the nodes of a plan, in one program.
 
-    constraints: rows with the inputs of the law as symbols; bodies: constants of each; barred: of
-    every part, BARRED for a row that gets no multiplier and 0 for the others, () for none.
+    constraints: rows with the inputs of the law as symbols; bodies: constants of each body; barred:
+    for each part BARRED for a row without a multiplier, else 0; () if there are none.
     """
 
     def __init__(
@@ -174,7 +173,7 @@ class ConstraintRows:
         self.blocks = Elimination(plan, program)
         self.push = program.workspace(6 * len(bodies))
         self.load = -1
-        """place of the loads on the bodies; -1 where there are none."""
+        """place of the loads on the bodies; -1 without loads."""
         self.gradient: dict[tuple[int, int], int] = {}
         self.responses: dict[tuple[int, int], int] = {}
         self.rates: dict[int, int] = {}
@@ -185,7 +184,7 @@ class ConstraintRows:
                     self.responses[k, body] = program.workspace(6 * node.size)
 
     def _on(self, node: Node) -> list[int]:
-        """Bodies of a constraint node."""
+        """Bodies on which a constraint node acts."""
         return [b for b in (node.body, node.parent) if b >= 0] if node.parts else []
 
     def _joints(self) -> list[tuple[int, Node]]:
@@ -202,7 +201,8 @@ class ConstraintRows:
         return [(base, first + WIDTH * b, WIDTH) for b in self._on(node)]
 
     def gap(self, base: str, first: int, worst: Place, length: float) -> None:
-        """The worst position error at y (base, first), angles at the end of an arm `length`."""
+        """Write the worst position error at y (base, first), with angles at the end of an arm
+        `length` [m]."""
         arm = ("const", self.program.keep((length,)), 1)
         instances = [
             Instance(
@@ -213,7 +213,7 @@ class ConstraintRows:
         run(self.program, "gap", local.worst_gap, instances)
 
     def write(self, base: str, first: int, kind: str, extra: dict[str, Any] | None = None) -> None:
-        """Blocks and right sides at y (base, first), for a kind of right side of `local`."""
+        """Write blocks and right sides at y (base, first); kind: name of a function of `local`."""
         instances, extra, function = [], extra or {}, getattr(local, kind)
         if "scales" in extra:
             function, kind = local.sampled, "sampled"
@@ -269,7 +269,7 @@ class ConstraintRows:
         run(self.program, "still hub", local.still_hub, unloaded)
 
     def _couple(self) -> None:
-        """Blocks between nodes that share a body."""
+        """Write the blocks between nodes that share a body."""
         blocks, plan = self.blocks, self.plan
         on: dict[int, list[int]] = {}
         for k, node in self._joints():
@@ -313,7 +313,7 @@ class ConstraintRows:
         self.program.run(("coupled", n, m, more), kernel, fields, [("frame", places)])
 
     def _couple_hub(self, hub: int, k: int, body: int) -> None:
-        """G_h^T (the hub goes later), or G_h."""
+        """Copy G_h^T (if the hub is eliminated later) or G_h into its block."""
         n = self.blocks.sizes[k]
         fields = [Field("frame", 6 * n, [self.gradient[k, body]])]
         if hub > k:
@@ -324,12 +324,12 @@ class ConstraintRows:
             self.program.run(("same", 6 * n), lambda t, x: [x], fields, to)
 
     def solve(self) -> None:
-        """Multipliers, and accelerations of hubs, for the right sides as written."""
+        """Find the multipliers, and accelerations of hubs, for the right sides as written."""
         self.blocks.factorise()
         self.blocks.backward()
 
     def right_again(self, base: str, first: int) -> None:
-        """Right sides b - G u at y (base, first) for the blocks that are there."""
+        """Write right sides b - G u at y (base, first) for the existing blocks."""
         instances = [
             Instance(
                 self._thing(node),
@@ -344,12 +344,12 @@ class ConstraintRows:
             clear(self.program, 6, hubs)
 
     def solve_again(self) -> None:
-        """As solve, with the factors that are there."""
+        """As solve, with the existing factors."""
         self.blocks.forward()
         self.blocks.backward()
 
     def add_multipliers(self) -> None:
-        """push += M^-1 G^T lambda; push of the hubs is what was found."""
+        """push += M^-1 G^T lambda; push of a hub is its found acceleration."""
         sizes: dict[int, list[tuple[int, int]]] = {}
         for k, b in self.responses:
             sizes.setdefault(self.blocks.sizes[k], []).append((k, b))
@@ -368,7 +368,7 @@ class ConstraintRows:
             self.program.run(("same", 6), lambda t, x: [x], found, to)
 
     def of_part(self, part: int) -> list[Place]:
-        """Its rows on the body and its multipliers."""
+        """Fields of a part: its rows on the body, and its multipliers."""
         for k, node in self._joints():
             if part in node.parts:
                 before = node.parts[: node.parts.index(part)]
@@ -382,7 +382,7 @@ class ConstraintRows:
         return COUNT[type(self.constraints[part].row)]
 
     def power(self, so_far: tuple[str, int]) -> None:
-        """Power of the multipliers on rows that prescribe a velocity."""
+        """Add the power of the multipliers on rows that prescribe a velocity."""
         for n in sorted({node.size for _, node in self._joints()}):
             nodes = [k for k, node in self._joints() if node.size == n]
             fields = [
@@ -394,8 +394,8 @@ class ConstraintRows:
             self.program.run(("power", n), local.power, fields, to)
 
     def dense(self) -> int:
-        """Workspace for the arguments of least_norm, with the matrix as it is before
-        elimination."""
+        """Workspace with the arguments of least_norm, the matrix as it is before elimination; its
+        place."""
         sizes = self.blocks.sizes
         n = sum(sizes)
         first = [sum(sizes[:k]) for k in range(len(sizes))]
@@ -417,7 +417,7 @@ class ConstraintRows:
         return start
 
     def least_norm(self, start: int) -> None:
-        """Replace the multipliers by those of least norm with the same G^T lambda."""
+        """Replace the multipliers by those of minimum norm with the same G^T lambda."""
         sizes = self.blocks.sizes
         n = sum(sizes)
         self._copy(1, [self.blocks.rank], [start + 1])

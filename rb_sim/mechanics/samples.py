@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The sample: everything that a run reports at one instant, as arrays over time.
+"""The sample: all quantities reported at one instant, as arrays over time.
 
-Defined once; every sink derives its schema from it.
+Every sink derives its schema from the definition here.
 """
 
 from __future__ import annotations
@@ -28,53 +28,54 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 OPEN, SLIP, STICK = 0.0, 1.0, 2.0
-"""States of a contact: apart; touching and slipping (or without friction); at rest or rolling."""
+"""States of a contact: open; slipping (or frictionless); sticking or rolling."""
 
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """A contact changed: what, when, and the impulse BY the contact ON the body if it struck."""
+    """A change of a contact: time, kind, and for an impact the impulse BY the contact ON the
+    body."""
 
     t: float
-    """[s]."""
+    """time [s]."""
     contact: str
-    """as in SampleLayout.contacts."""
+    """name of the contact, as in SampleLayout.contacts."""
     kind: str
-    """impact, closes and opens (of a string taut and slack), slips, sticks, reverses, rolls, stops
-    rolling, spins, stops spinning, rests (the limit of infinitely many bounces), jams (Painleve:
-    resolved by an impact), ambiguous (lift-off chosen though slipping is possible as well, or an
-    impact that the laws leave open)."""
+    """kind of event: impact; closes and opens (for a string taut and slack); slips, sticks,
+    reverses; rolls, stops rolling; spins, stops spinning; rests (the limit of infinitely many
+    bounces); jams (Painleve: resolved by an impact); ambiguous (lift-off chosen though slipping is
+    possible as well, or an impact with several solutions)."""
     impulse: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """world axes [N s]."""
+    """impulse, world axes [N s]."""
 
 
 def in_order(events: Iterable[ContactEvent]) -> tuple[ContactEvent, ...]:
-    """Events by their times: when a body will rest is noted before its last bounce."""
+    """Events sorted by time: a rest is recorded before the last bounce that precedes it."""
     return tuple(sorted(events, key=attrgetter("t")))
 
 
 class Input(NamedTuple):
-    """What came from outside between two samples: a wrench, a reset, or a state that was set."""
+    """An external input between two samples: a wrench command, a reset, or a state that was set."""
 
     index: int
-    """of the sample in its block before which it came."""
+    """index of the first sample of its block after the input."""
     t: float
-    """from when on it acts [s]."""
+    """time from which on it acts [s]."""
     body: str
-    """that is commanded; "" for a reset to the initial state, which ends all commands."""
+    """name of the commanded body; "" for a reset to the initial state, which ends all commands."""
     frame: str = "world"
-    """"world" or "body": the axes of force and torque."""
+    """axes of force and torque: "world" or "body"."""
     force: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """[N]."""
+    """commanded force [N]."""
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """about the body origin [N m]."""
+    """commanded torque about the body origin [N m]."""
     state: tuple[float, ...] = ()
-    """of a body that was put elsewhere: position of its origin, orientation [x, y, z, w], velocity
-    of the origin (world), angular velocity (body); 13 numbers, or none. One entry per body."""
+    """state that was set: position of the body origin, orientation [x, y, z, w], velocity of the
+    origin (world), angular velocity (body); 13 numbers, or none. One entry per body."""
     together: int = 0
-    """bodies that were set in one go; they stand one behind the other."""
+    """number of bodies set in one call; their entries are consecutive."""
     project: bool = False
-    """whether that state was to be moved onto the constraints."""
+    """whether that state was to be projected onto the constraints."""
 
 
 class SampleLayout(NamedTuple):
@@ -89,7 +90,7 @@ class SampleLayout(NamedTuple):
     commanded: tuple[str, ...]
     """bodies that take a commanded wrench, axis M."""
     contacts: tuple[str, ...] = ()
-    """points of contact, axis C: a constraint's name, or NAME/1, NAME/2 ... if it has several."""
+    """contact points, axis C: a constraint's name, or NAME/1, NAME/2 ... for several points."""
 
 
 @dataclass(frozen=True)
@@ -106,45 +107,45 @@ class SampleBlock:
     orientation: Array
     """unit quaternion [x, y, z, w], body to world, shape (n, N, 4)."""
     linear_velocity: Array
-    """of the centre of mass, world [m/s], shape (n, N, 3)."""
+    """velocity of the centre of mass, world [m/s], shape (n, N, 3)."""
     angular_velocity: Array
-    """body frame [rad/s], shape (n, N, 3)."""
+    """angular velocity, body frame [rad/s], shape (n, N, 3)."""
     reaction_force: Array
-    """world axes [N], shape (n, K, 3)."""
+    """reaction force, world axes [N], shape (n, K, 3)."""
     reaction_torque: Array
-    """world axes, about the anchor [N m], shape (n, K, 3)."""
+    """reaction torque about the anchor, world axes [N m], shape (n, K, 3)."""
     anchor: Array
     """point of application of the reaction, world [m], shape (n, K, 3)."""
     command: Array
     """commanded [force, torque] as applied, world axes, about the body origin, shape (n, M, 6)."""
     kinetic_energy: Array
-    """[J], shape (n,)."""
+    """kinetic energy [J], shape (n,)."""
     potential_energy: Array
-    """of the effects that have one [J], shape (n,)."""
+    """potential energy of the conservative effects [J], shape (n,)."""
     power: Array
-    """of the effects without potential and of the reactions [W], shape (n,)."""
+    """power of the non-conservative effects and of the reactions [W], shape (n,)."""
     momentum: Array
     """total linear momentum, world [kg m/s], shape (n, 3)."""
     angular_momentum: Array
-    """total, about the world origin, world axes [kg m^2/s], shape (n, 3)."""
+    """total angular momentum about the world origin, world axes [kg m^2/s], shape (n, 3)."""
     residual: Array
-    """worst violation of a constraint, relative to the scene's scale, shape (n,)."""
+    """largest constraint violation, relative to the scene's scale, shape (n,)."""
     contact_work: Array
     """work of all contacts since the start, impacts included [J], shape (n,)."""
     contact_state: Array
-    """OPEN, SLIP or STICK, shape (n, C)."""
+    """state of each contact: OPEN, SLIP or STICK, shape (n, C)."""
     events: tuple[ContactEvent, ...] = ()
-    """what happened to the contacts up to the last sample, since the block before."""
+    """contact events since the previous block, up to the last sample."""
     inputs: tuple[Input, ...] = ()
-    """commands and resets before the samples of this block, in their order."""
+    """commands and resets before the samples of this block, in order."""
     worst: tuple[Array, float] | None = None
-    """the residuals, and the largest of them, where the loop that made the samples gives it: to
-    look for it in a column whose numbers lie far apart costs more than all else at a glance."""
+    """(residuals, their maximum) if the loop that made the samples computed it; finding the maximum
+    of a strided column costs more than all other checks of a block."""
 
     @property
     def worst_residual(self) -> float:
         """The largest of the residuals; nan if one is."""
-        if self.worst is not None and self.worst[0] is self.residual:  # not of a part of the block
+        if self.worst is not None and self.worst[0] is self.residual:  # not for a part of the block
             return self.worst[1]
         return float(np.maximum.reduce(self.residual))
 
@@ -158,19 +159,19 @@ class SampleBlock:
 
 
 class SampleRow(NamedTuple):
-    """One sample as the kernel leaves it, before anybody asks for arrays by name."""
+    """One sample as a row of the kernel."""
 
     t: float
     """simulated time [s]."""
     row: Array
-    """as the kernel writes it, shape (width,)."""
+    """row of the kernel, shape (width,)."""
     command: Array
-    """as in SampleBlock, shape (M, 6)."""
+    """command as in SampleBlock, shape (M, 6)."""
     events: tuple[ContactEvent, ...] = ()
     inputs: tuple[Input, ...] = ()
 
     def block(self, layout: SampleLayout) -> SampleBlock:
-        """The same as a block of one sample."""
+        """A block of this one sample."""
         return block_of_rows([self], layout)
 
 
@@ -179,7 +180,7 @@ ARRAYS = tuple(f.name for f in fields(SampleBlock) if f.name not in ("events", "
 
 
 def row_width(layout: SampleLayout) -> int:
-    """Columns that the kernel writes per sample."""
+    """Number of columns that the kernel writes per sample."""
     contacts = 1 + len(layout.contacts) if layout.contacts else 0
     return 13 * len(layout.bodies) + 9 * len(layout.reactions) + 10 + contacts
 
@@ -215,7 +216,7 @@ def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
 
 
 def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:
-    """Rows of the kernel as a block.
+    """A block from rows of the kernel.
 
     out: (n, width) as the kernel writes them; command: (n, M, 6), world axes.
     """
@@ -246,7 +247,7 @@ def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> Samp
 
 
 def rows_of(block: SampleBlock) -> Array:
-    """The block as rows of the kernel, (n, width): what `block_of` makes blocks of."""
+    """Rows of the kernel from a block, (n, width): the inverse of `block_of`."""
     motion = ("position", "orientation", "linear_velocity", "angular_velocity")
     reaction = ("reaction_force", "reaction_torque", "anchor")
     balance = ("kinetic_energy", "potential_energy", "power", "momentum", "angular_momentum")
@@ -260,7 +261,7 @@ def rows_of(block: SampleBlock) -> Array:
 
 
 def block_of_rows(rows: Sequence[SampleRow], layout: SampleLayout) -> SampleBlock:
-    """One block from samples in time order; there is at least one."""
+    """One block from one or more samples in time order."""
     t = np.array([one.t for one in rows])
     out = np.array([one.row for one in rows])
     block = block_of(t, out, layout, np.array([one.command for one in rows]))
@@ -272,7 +273,7 @@ def block_of_rows(rows: Sequence[SampleRow], layout: SampleLayout) -> SampleBloc
 
 
 def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBlock:
-    """One block from several in time order; an empty one if there are none."""
+    """One block from several in time order; an empty block if there are none."""
     parts = list(blocks) or [empty_block(0, layout)]
     return SampleBlock(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS},
@@ -283,7 +284,7 @@ def concatenate(blocks: Iterable[SampleBlock], layout: SampleLayout) -> SampleBl
 
 
 def _shifted(parts: list[SampleBlock]) -> Iterator[Input]:
-    """The inputs of the parts, their indices counted in the whole."""
+    """The inputs of the parts, with indices relative to the whole."""
     first = 0
     for part in parts:
         yield from (entry._replace(index=entry.index + first) for entry in part.inputs)

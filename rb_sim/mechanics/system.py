@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A system: the coordinates y in which a scene is integrated, and its constants.
+"""A system: coordinates y of a scene and its constants; dispatch of its kernels.
 
-Every kind of system is a NamedTuple class that registers three kernels.  y is a tuple of floats
+Every kind of system is a NamedTuple class that registers the kernels below. y is a tuple of floats
 (one body: the compiler keeps it in registers and unrolls every sum) or an array (N bodies);
 configuration first, then velocities.
 """
@@ -22,23 +22,23 @@ from typing import Any
 from rb_sim.numerics.kernels import dispatch
 
 CONFIGURATION: dict[type, int] = {}
-"""How many leading coordinates of y are configuration, for each class of one-body system."""
+"""Number of leading coordinates of y that are configuration, for each class of one-body systems."""
 
 EVENT_DRIVEN: set[type] = set()
-"""Classes of systems whose motion events cut into pieces; they have laws of their own."""
+"""Classes of systems whose motion has events; they have their own laws."""
 
 STARTS: dict[type, Callable[[Any, Any], Any]] = {}
-"""For classes whose constants depend on the initial coordinates: (system, y) -> system."""
+"""Functions (system, y) -> system for classes whose constants depend on the initial coordinates."""
 
 
 def started(system: Any, y: Any) -> Any:
-    """The system, for a motion that starts at y."""
+    """The system with its constants for a motion that starts at y."""
     start = STARTS.get(type(system))
     return start(system, y) if start else system
 
 
 def _rate(system, t, y):
-    """dy/dt as a tuple, of one body."""
+    """dy/dt of one body as a tuple."""
 
 
 rate = dispatch(_rate)
@@ -46,12 +46,13 @@ rate = dispatch(_rate)
 
 @dispatch
 def project(system, t, y):
-    """y brought back to the constraint manifold to round-off; arrays in place."""
+    """y projected onto the constraint manifold up to rounding; arrays in place."""
 
 
 @dispatch
 def sample(system, t, y, out):
-    """Write everything that is reported at one instant into out, in the order of SampleFields."""
+    """Write all quantities of a sample at one instant into out, in the order of
+    `samples.block_of`."""
 
 
 @dispatch

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The laws of many bodies over tables: what MultiBodyLaws traces as a whole, kind by kind."""
+"""Laws of many bodies over tables: those of MultiBodyLaws, traced once per kind."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ from rb_sim.mechanics.program_rows import (
 from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 
 BODIES = 12
-"""From so many bodies on the laws are programs over tables: see `python -m benchmarks.sizes`."""
+"""Least number of bodies for which the laws are programs over tables (`python -m
+benchmarks.sizes`)."""
 
 
 class TableLaws(MultiBodyLaws):
-    """As MultiBodyLaws, of the same system; nothing varied."""
+    """The laws of MultiBodyLaws as programs over tables; no constants are inputs."""
 
     @cached_property
     def _symbolic(self) -> MultiBody:
@@ -46,13 +47,13 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def _bodies(self) -> list[tuple[float, ...]]:
-        """Mass, inertia and its inverse of each."""
+        """(mass, inertia, inverse inertia) of each body."""
         return [tuple(row) for row in self.system.bodies[: self.n // WIDTH, : local.PUSH].tolist()]
 
     def _new(
         self, parts: Sequence[int], left_out: frozenset[int]
     ) -> tuple[Program, ConstraintRows]:
-        """A program, and the rows of these parts in it; those left out get no multiplier."""
+        """A program, and the rows of these parts in it; rows in `left_out` get no multiplier."""
         program = Program()
         nodes = constraint_nodes(self._pairs, self._sizes, parts)
         hubs = frozenset() if self.redundant else hubs_of(nodes)
@@ -81,7 +82,7 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def _position_parts(self) -> list[int]:
-        """Parts whose rows are holonomic."""
+        """Parts whose rows are holonomic; UntabledError for a part with rows of both kinds."""
         first = self.system.first_row
         found = []
         for k in self._parts:
@@ -93,9 +94,9 @@ class TableLaws(MultiBodyLaws):
         return found
 
     def _each_body(self, program: Program, kernel: Any, *fields: tuple[str, int, int, int]) -> None:
-        """kernel(t, *fields) for every body; fields: base, first place, stride, width.
+        """Run kernel(t, *fields) for every body; fields: (base, first place, stride, width).
 
-        The last field is what it gives.
+        The last field is the output.
         """
         bodies = range(self.n // WIDTH)
         taken = [
@@ -107,7 +108,7 @@ class TableLaws(MultiBodyLaws):
         program.run((kernel.__name__,), kernel, taken, given)
 
     def _free_accelerations(self, program: Program, rows: ConstraintRows) -> None:
-        """Loads, and the accelerations that they alone would give, in rows.push."""
+        """Compute loads, and the accelerations under them alone, in rows.push."""
         bodies = range(len(self._bodies))
         load = program.workspace(6 * len(bodies))
         clear(program, 6, [load + 6 * i for i in bodies])
@@ -163,7 +164,7 @@ class TableLaws(MultiBodyLaws):
         return program.compiled()
 
     def _settle_into(self, program: Program, base: str, first: int) -> None:
-        """Unit quaternions, and free spins on their polhodes, of y into an array."""
+        """Write y with unit quaternions and free spins on their polhodes into an array."""
         own = (base, first, WIDTH, WIDTH)
         self._each_body(program, local.unit, ("y", 0, WIDTH, WIDTH), own)
         spins = []
@@ -174,7 +175,7 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def project(self) -> CompiledLaws:
-        """Unit quaternions, and free spins on their polhodes."""
+        """y with unit quaternions and free spins on their polhodes."""
         program = Program()
         self._settle_into(program, "out", 0)
         return program.compiled()
@@ -206,7 +207,7 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def velocity(self) -> CompiledLaws | None:
-        """y with the nearest admissible velocities in the metric of M."""
+        """y with the velocities projected onto the constraints in the metric of M."""
         if not self.row_count:
             return None
         program, rows = self._new(self._parts, self.dependent.rows)
@@ -218,7 +219,8 @@ class TableLaws(MultiBodyLaws):
 
     @cached_property
     def back(self) -> CompiledLaws | None:
-        """As MultiBodyLaws.back."""
+        """y projected onto the manifold from nearby, then the position error before
+        (MultiBodyLaws.back)."""
         if not self.row_count or not all(self.holonomic):
             return None
         program, rows = self._new(self._parts, self.dependent.rows)
@@ -251,14 +253,14 @@ class TableLaws(MultiBodyLaws):
         to: str,
         then: int = 0,
     ) -> None:
-        """The kernel on y (base, first) and push, into (to, then)."""
+        """Run the kernel on y (base, first) and push; the result is at (to, then)."""
         push = ("frame", rows.push, 6, 6)
         fields = ((base, first, WIDTH, WIDTH), push, (to, then, WIDTH, WIDTH))
         self._each_body(program, kernel, *fields)
 
     @cached_property
     def sample(self) -> CompiledLaws:
-        """Everything that is reported at one instant."""
+        """The sample: all quantities reported at one instant."""
         at = self.width - 10
         program_rates: dict[str, Any] = {
             "worst": ("out", at + 9, 1),
@@ -285,7 +287,7 @@ class TableLaws(MultiBodyLaws):
         run(program, "reaction", local.reaction, instances)
 
     def _balances(self, program: Program, rows: ConstraintRows, at: int) -> None:
-        """Energies, power and momenta."""
+        """Write energies, power and momenta."""
         bodies = []
         for i, constants in enumerate(self._bodies):
             totals = (("out", at, 1), ("out", at + 3, 6))
@@ -304,7 +306,8 @@ class TableLaws(MultiBodyLaws):
 
 
 def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
-    """The laws of the same system over tables, where they can be and that is worth it."""
+    """The laws of the same system over tables, if possible and worthwhile; else the laws
+    unchanged."""
     system = laws.system
     if system.bodies.shape[0] < BODIES or laws.inputs.varied:
         return laws

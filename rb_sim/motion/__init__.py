@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A compiled scene under one method, carried from instant to instant."""
+"""Motions: a compiled scene integrated by one method from instant to instant."""

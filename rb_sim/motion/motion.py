@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Motion: a compiled scene under one method, carried from instant to instant by a loop.
+"""Motion: a compiled scene integrated by one method from instant to instant.
 
-What `Simulation` owns and what the accuracy tools time: no sinks, no commands, no YAML. A run is
-cut into kernel calls short enough that signals and progress are seen in between.
+`Simulation` owns one and the accuracy tools time one: no sinks, commands or YAML. A run is cut into
+kernel calls short enough that signals and progress are handled in between.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
 
 class Motion(ABC):
-    """The state of a compiled scene and the grid of steps on which it moves.
+    """The state of a compiled scene and its grid of steps.
 
     compiled: system, initial coordinates, layout and breakpoints.
     method: a class of rb_sim.integrate.methods with its step or tolerance.
-    watch: called every PIECE_STEPS steps and at each event; what it raises ends the run, which can
-    go on later as if it had not ended.
+    watch: called every PIECE_STEPS steps and at each event; an exception that it raises ends the
+    run, which can be continued later.
     """
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
@@ -58,15 +58,15 @@ class Motion(ABC):
         self.reset()
 
     as_compiled = True
-    """whether all so far follows from the scene: from its start, and under no command."""
+    """whether the motion so far follows from the scene: from its start, without commands."""
     held: frozenset[str] = frozenset()
-    """bodies whose errors are relative to their own motion, not to what the scene has."""
+    """bodies whose errors are relative to their own motion, not to the size of the scene."""
     event_driven = False
-    """whether events of contacts cut the run into pieces."""
+    """whether contact events interrupt the run."""
     events: Sequence[ContactEvent] = ()
-    """what happened to the contacts since the start."""
+    """contact events since the start."""
     forgotten = 0
-    """events before those of `events`."""
+    """number of events before those in `events`."""
     unsolved_steps: Any = 0
     solver_residual: Any = 0.0
     solver_give: Any = 0.0
@@ -76,59 +76,60 @@ class Motion(ABC):
     paradox_steps: Any = 0
     slipping_steps: Any = 0
     astray: Any = (0.0, 0.0, 0)
-    """what time stepping counts; see SteppedContacts."""
+    """counters and sums of time stepping, from `unsolved_steps` on; see SteppedContacts."""
     left_open: Any = None
-    """the widest choice that laws of contact have left, see LeftOpen."""
+    """largest non-uniqueness of the contact laws so far, see LeftOpen; None without one."""
 
     def take(self, method: Any) -> Any:
-        """Go on with another setting of the method, which is returned."""
+        """Continue with another setting of the method; returns it."""
         self.method = method
         return method
 
     @abstractmethod
     def reset(self, y: Any = None, time: float = 0.0) -> None:
-        """Back to the start: the scene's initial coordinates, or y (of the same kind) at `time`."""
+        """Reset to the scene's initial coordinates, or to y (of the same kind) at `time` [s]."""
 
     kept: Any = np.zeros(0)
-    """what laws keep from step to step beside the coordinates: turns of torsion springs."""
+    """quantities that laws carry from step to step besides the coordinates: turns of torsion
+    springs."""
 
     looks: Any = None
-    """of contacts with sides: time, coordinates, and when to look at them next
-    (contact/tunnelling)."""
+    """state of the tunnelling check for contacts with edges: time, coordinates, time of the next
+    check (contact/tunnelling)."""
 
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
-        """As reset, with what laws keep from step to step as another motion of the scene has it."""
+        """As reset, with the carried quantities of another motion of the scene."""
         self.reset(y, time)
         self.kept = run.kept
 
     @property
     @abstractmethod
     def steps(self) -> int:
-        """Steps taken since the start, those not needed for a sample included."""
+        """Number of steps since the start, including those beyond the last sample."""
 
     @property
     @abstractmethod
     def rejected_steps(self) -> int:
-        """Attempts that an adaptive method gave up since the start."""
+        """Number of rejected attempts of an adaptive method since the start."""
 
     @property
     def cut_steps(self) -> int:
-        """Of these the ones within the tolerance, which only went beyond the end of a piece of a
-        spline."""
+        """Number of rejected attempts within the tolerance, which only crossed the end of a spline
+        piece."""
         return 0
 
     @property
     @abstractmethod
     def frontier(self) -> tuple[float, float]:
-        """End of the last step, and its length [s]; samples may lie before it."""
+        """(end of the last step, its length) [s]; samples may lie before it."""
 
     @property
     @abstractmethod
     def coordinates(self) -> Any:
-        """y at `time`, to which `reset` can go back."""
+        """y at `time`, as `reset` takes it."""
 
     def warm(self) -> None:
-        """Compile everything that `run_to` will call."""
+        """Compile everything that `run_to` calls."""
         self._record(np.array([self.time]), self.time, np.zeros((1, self.width)))
 
     def sample(self) -> Array:
@@ -138,37 +139,38 @@ class Motion(ABC):
         return out
 
     def take_worst(self) -> float | None:
-        """The worst residual of the samples since this was last asked for; None: look at them."""
+        """Largest residual of the samples since the last call; None if it is not tracked."""
         return None
 
     def change_law(self, system: Any) -> None:
-        """Go on with other constants (a command); a new grid of steps begins here."""
+        """Continue with other constants (a command); a new grid of steps begins."""
         self.system, self.as_compiled = system, False
         self._restart_grid()
 
     def keep(self) -> Any:
-        """What `back_to` takes to come back here, to the last bit; None: there is no way back."""
+        """State for `back_to`, exact to the last bit; None if that is not supported."""
         return None
 
     def back_to(self, kept: Any) -> None:
-        """The motion as it was when this was kept; it can be kept for several ways back."""
+        """Restore a state from `keep`; it can be used several times."""
         raise NotImplementedError
 
     @abstractmethod
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
-        """Integrate to the times in turn, sampling there into the rows of `out` if it is given.
+        """Integrate to the times in order; samples go into the rows of `out` if it is given.
 
-        The grid of steps stops at every breakpoint between them.  Returns how many were reached.
-        Raises SimulationError where the integration cannot go on.
+        The grid of steps stops at every breakpoint between them. Returns the number of times
+        reached. Raises SimulationError if the integration cannot continue.
         """
 
     @abstractmethod
     def _restart_grid(self) -> None:
-        """Begin a new grid of steps at the present state: the law changes here."""
+        """Start a new grid of steps at the current state: the law changes here."""
 
     @abstractmethod
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        """Carry the motion to the times, no step beyond `stop`; SimulationError where it ends."""
+        """Advance the motion to the times, no step beyond `stop` [s]. Raises SimulationError if it
+        fails."""
 
     def _failure(self, status: int) -> SimulationError:
         """The error for a status of the loop."""
@@ -177,7 +179,7 @@ class Motion(ABC):
         return SimulationError(self._explain(status))
 
     def _explain(self, status: int) -> str:
-        """What a status of the loop means, in one line."""
+        """One line that explains a status of the loop."""
         t = self.frontier[0]
         step = getattr(self.method, "step", None)
         if status == NOT_FINITE and step is not None:
@@ -201,21 +203,21 @@ class Motion(ABC):
 
 
 def nothing() -> None:
-    """Watches over nothing."""
+    """Watch that does nothing."""
 
 
-# At which instants a run is sampled.
+# Sample times of a run.
 
 
 MOST_SAMPLES = 2**53
-"""Of one run: beyond, sample times are no longer distinct numbers."""
+"""Largest number of samples of a run: more have no distinct times."""
 
 BESIDE = 64.0
-"""Distance of the samples beside an event, in roundings of the run's end."""
+"""Distance of the samples before and after an event, in roundings of the run's end."""
 
 
 def is_finite(value: Any) -> bool:
-    """Whether it is a finite number; False of what is none."""
+    """Whether the value is a finite number; False for other types."""
     try:
         return math.isfinite(value)
     except (TypeError, OverflowError):
@@ -223,9 +225,9 @@ def is_finite(value: Any) -> bool:
 
 
 def samples_at_rate(duration: float, rate: float) -> int:
-    """How many samples at `rate` [Hz] lie within `duration` [s], the start included.
+    """Number of samples at `rate` [Hz] within `duration` [s], including the start.
 
-    Raises RbSimError where their times are no longer distinct numbers.
+    Raises RbSimError if their times are not distinct.
     """
     if not duration * rate < MOST_SAMPLES:
         raise RbSimError(f"got {duration:g} s at {rate:g} Hz; must be fewer than 2^53 samples")
@@ -233,7 +235,7 @@ def samples_at_rate(duration: float, rate: float) -> int:
 
 
 def instants_at_rate(start: float, duration: float, rate: float) -> Array:
-    """Every 1/rate [s] from `start` on, and the end."""
+    """Sample times: every 1/rate [s] from `start` on, and the end."""
     count, end = samples_at_rate(duration, rate), start + duration
     times = np.minimum(start + np.arange(count) / rate, end)
     if end - (start + (count - 1) / rate) > COMPUTED_ROUNDING / rate:
@@ -242,7 +244,7 @@ def instants_at_rate(start: float, duration: float, rate: float) -> Array:
 
 
 def instants_given(at: Sequence[float] | Array, now: float) -> Array:
-    """The instants that a caller names, checked. now: the present time [s]."""
+    """Sample times given by a caller, validated. now: current time [s]. Raises RbSimError."""
     allowed = f"at: must be increasing finite numbers, from the present time {now:g} s on"
     try:
         times: Any = np.array(at, dtype=float)
@@ -260,7 +262,7 @@ def instants_given(at: Sequence[float] | Array, now: float) -> Array:
 
 
 def instants_beside(events: Sequence[float], start: float, end: float) -> Array:
-    """Just before and just after each event, within the run from `start` to `end` [s]."""
+    """Sample times just before and just after each event, between `start` and `end` [s]."""
     if not events:
         return np.empty(0)
     apart = BESIDE * np.spacing(end)
@@ -269,25 +271,25 @@ def instants_beside(events: Sequence[float], start: float, end: float) -> Array:
     return np.unique(beside[(beside > start) & (beside < end)])
 
 
-# How long a run will take, from what it has cost so far: said if long, ended if endless.
+# Estimate of the remaining time of a run: reported if long, the run is ended if endless.
 #
-# A run that begins with a stiff transient is slow at first only, and one whose body comes to roll
-# at 1e9 rad/s is fast at first only. The estimate therefore takes the fastest of the paces between
-# the last looks, and a run is given up only if all of them say so for some time. The first look
-# alone says nothing: laws are traced and loops are loaded before it.
+# A run with a stiff initial transient is slow only at first, and one whose body later rolls at 1e9
+# rad/s is fast only at first. So the estimate uses the fastest of the recent paces, and a run is
+# ended only if it stays endless for some time. The first pace is not used alone: it includes
+# tracing of laws and loading of loops.
 
 
 EFFORT = 5.0
-"""Time after which the first estimate is made [s]."""
+"""Time between estimates [s]."""
 
 LONG = 600.0
-"""Estimated time from which on it is reported [s]."""
+"""Estimated remaining time from which on it is reported [s]."""
 
 ENDLESS = 365.25 * 86400.0
-"""Estimated time from which on a run is given up [s]: nobody waits for a year."""
+"""Estimated remaining time from which on a run is ended [s]: one year."""
 
 PATIENCE = 3
-"""Efforts that a run is given to become faster before it is given up; as many paces are known."""
+"""Number of estimates that must agree before a run is ended; also the number of paces kept."""
 
 ADVICE = "try a larger step or tolerance, a lower rate, or a shorter duration"
 
@@ -295,12 +297,12 @@ UNITS = ((86400.0 * 365.25, "years"), (86400.0, "days"), (3600.0, "hours"), (60.
 
 
 class Forecast:
-    """Follows the simulated time of a run of `duration` [s].
+    """Estimate of the remaining time of a run of `duration` [s].
 
-    tell: called once, in one line, with the estimate of a run that will take long.
-    effort, most: instead of EFFORT and ENDLESS. wall: time after which the run is ended in any case
-    [s]. clock: gives the time that is spent [s]; None: the wall's, but compiling says nothing about
-    the pace and counts for `wall` only.
+    tell: called once, with one line, for a run that takes long. effort, most: replace EFFORT and
+    ENDLESS. wall: wall-clock time after which the run is ended in any case [s]. clock: function
+    that returns the elapsed time [s]; None: wall-clock time, where compiling counts for `wall`
+    only.
     """
 
     def __init__(
@@ -315,7 +317,7 @@ class Forecast:
         advice: str = ADVICE,
     ) -> None:
         self.given_up = ""
-        """why the run was ended, in one line; "" while it may go on."""
+        """reason why the run was ended, in one line; "" while it may continue."""
         self._advice = advice
         self._duration, self._tell, self._most = duration, tell, most
         self._clock, self._wall_clock = clock or own_time, clock or time.monotonic
@@ -326,7 +328,7 @@ class Forecast:
         self._paces: deque[float] = deque(maxlen=PATIENCE)
 
     def goes_on(self, t: float) -> bool:
-        """Called now and then with the simulated time since the start [s]: whether to go on."""
+        """Whether to continue; called repeatedly with the simulated time since the start [s]."""
         now = self._clock()
         spent = now - self._began
         waited = self._wall_clock() - self._wall_began
@@ -355,7 +357,7 @@ class Forecast:
 
 
 def in_words(seconds: float) -> str:
-    """A time in the largest unit of which it has more than one."""
+    """A time in the largest unit of which it has at least one."""
     if not math.isfinite(seconds):
         return "infinite time"
     for size, unit in UNITS:
@@ -365,40 +367,43 @@ def in_words(seconds: float) -> str:
 
 
 PIECE = 0.05
-"""Wall time of a piece, about [s]."""
+"""Approximate wall-clock time of a piece of a run [s]."""
 
 FIRST_PIECE = 1e-6
-"""Of the duration: what a simulated second costs is not known yet."""
+"""First piece relative to the duration, as the cost of a simulated second is not known yet."""
 
 MOST_GROWTH = 8.0
-"""From one piece to the next."""
+"""Largest ratio of consecutive pieces."""
 
 NONE = np.empty(0)
 
 Watch = Callable[[float], bool]
-"""Gets the simulated time [s]; returns whether the run is to go on."""
+"""Function of the simulated time [s] that returns whether to continue the run."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the way to the next sample may cost; beyond it SimulationError says that it stalls."""
+    """Largest cost between two samples; beyond it SimulationError reports that the motion
+    stalls."""
 
     steps: float = math.inf
     """steps between two samples."""
     wall_time: float = math.inf
-    """[s] between two samples; compiling is not counted."""
+    """wall-clock time between two samples [s], without compiling."""
 
 
 NO_LIMITS = Limits()
 
 
 class WatchEndedError(Exception):
-    """The watch asked to end; the motion is at its last sample and can go on from there."""
+    """Raised after the watch has asked to stop; the motion can continue from its last sample."""
 
 
 class Watcher:
-    """Asks `watch` between pieces, learns how much simulated time fits into one, and sees that the
-    motion advances: no sample may cost more than `limits`."""
+    """Runs a motion in pieces and calls `watch` between them; raises if the motion stalls.
+
+    It adapts the simulated time of a piece to PIECE; no sample may cost more than `limits`.
+    """
 
     def __init__(
         self,
@@ -409,8 +414,9 @@ class Watcher:
         *,
         in_pieces: bool = True,
     ) -> None:
-        """duration: simulated time of the whole run [s], from which the first piece is taken.
-        in_pieces: let the kernel end for the watch's sake; else it is asked where it ends anyway.
+        """duration: simulated time of the whole run [s], which determines the first piece.
+
+        in_pieces: end kernel calls for the watch; else it is called only where they end anyway.
         """
         self._motion, self._watch, self._limits = motion, watch, limits
         self._span = self._shortest = FIRST_PIECE * duration
@@ -419,13 +425,13 @@ class Watcher:
         self._times, self._reached, self._steps = NONE, 0, 0
         self.stopped = False
         self.in_pieces = in_pieces and watch is not None
-        """whether the kernel is to end for the watch's sake."""
+        """whether kernel calls end for the watch."""
 
     def carry(self, times: Array, out: Array | None) -> bool:
-        """Carry the motion to the times and sample there into the rows of `out`; False if the watch
-        ended it.
+        """Advance the motion to the times and sample into the rows of `out`; False if the watch
+        stopped it.
 
-        Raises SimulationError if it cannot go on, or costs more than the limits.
+        Raises SimulationError if the motion cannot continue, or costs more than the limits.
         """
         motion = self._motion
         self._times, self._reached, self._steps = times, 0, motion.steps
@@ -443,7 +449,7 @@ class Watcher:
         return not self.stopped
 
     def _carry_in_pieces(self, times: Array, out: Array) -> None:
-        """As run_to of the motion, but only as long as the watch says; the steps are the same."""
+        """As Motion.run_to, until the watch stops it; the steps are the same."""
         motion, done = self._motion, 0
         while done < len(times):
             self._began = time.perf_counter()
@@ -458,7 +464,7 @@ class Watcher:
                 break
 
     def _goes_on(self, now: float) -> bool:
-        """Called at the end of a piece."""
+        """Called at the end of a piece: adapts the next one; returns whether to continue."""
         self._asked = time.perf_counter()
         took = max(self._asked - self._began, 1e-9)
         self._span = max(self._shortest, self._span * min(MOST_GROWTH, PIECE / took))
@@ -466,13 +472,13 @@ class Watcher:
         return not self.stopped
 
     def still(self) -> bool:
-        """Whether the watch says to go on, asked when a run has failed and something is tried."""
+        """Whether the watch allows to continue, for attempts after a run has failed."""
         return self._watch is None or self._watch(self._motion.time)
 
     def look(self) -> None:
-        """Called inside a piece, between calls of the kernel and at events.
+        """Called within a piece, between kernel calls and at events.
 
-        Raises WatchEndedError if the watch says so, SimulationError beyond a limit.
+        Raises WatchEndedError if the watch stops the run, SimulationError beyond a limit.
         """
         motion, now = self._motion, own_time()
         reached = int(np.searchsorted(self._times, motion.time, side="right"))
@@ -490,7 +496,7 @@ class Watcher:
 
 
 def stalled(motion: Motion, steps: int, waited: float) -> str:
-    """Why a motion that no longer advances is given up, in one line."""
+    """One line that explains why a stalled motion is ended."""
     t, h = motion.frontier
     return (
         f"the motion no longer advances: {steps} steps ({waited:.1f} s) from t = "

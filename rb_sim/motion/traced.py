@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A motion on traced laws: the state that loops carry from instant to instant."""
+"""Motions on traced laws: the state that loops advance from instant to instant."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from rb_sim.numerics.kernels import Step
 from rb_sim.scene.compiled import Compiled
 
 Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
-"""Clock, counts, state, inputs and series of a grid of steps at an instant."""
+"""Saved grid of steps: clock, counts, state, inputs and series."""
 Reached = tuple[int, int]
 """(status, number of times reached)."""
 
@@ -48,9 +48,8 @@ Reached = tuple[int, int]
 class TracedStepper:
     """The grid of steps of a system, on laws that are called by address.
 
-    laws: rate, project, sample ... of the system (mechanics.laws). method: with `loop`, its step
-    and its settings. small: bodies that move by little. Everything compiled is made when it is
-    first needed.
+    laws: rate, project, sample ... of the system (mechanics.laws). length: of the scene [m]. small:
+    error scales of bodies with small motions. Laws are compiled on first use.
     """
 
     def __init__(self, laws: Any, length: float = 1.0, small: Small | None = None) -> None:
@@ -65,21 +64,21 @@ class TracedStepper:
         self.small = small
         self._carried = laws.carried
         self._kept = np.array(laws.inputs.kept(laws.system), dtype=int)
-        """places of the inputs that laws keep from step to step."""
+        """indices of the inputs that laws carry from step to step."""
         self._inputs = np.zeros(0)
         self._workspaces: dict[int, Array] = {}
         self._calls: dict[tuple[int, bool], tuple[Any, ...]] = {}
 
     def start(self, t: float, y: Any, system: Any, h: float = 0.0, *, fresh: bool = True) -> None:
-        """A new grid of steps at (t, y); h: step to try first, 0 for none [s]; fresh: what laws
-        keep from step to step begins anew, too."""
+        """Start a new grid of steps at (t, y); h: step to try first [s], 0 for none.
+
+        fresh: reset the quantities that laws carry from step to step.
+        """
         y = np.array(y, dtype=float)
         self._state[:] = 0.0
         self._state[:, : self.laws.n] = y
         for workspace in self._workspaces.values():
-            workspace[1:] = (
-                0.0  # a series that was not finite must not get into the sums of another
-            )
+            workspace[1:] = 0.0  # an infinite series must not enter sums
         self._clock[:] = (t, t, t, h)
         self._count[:] = 0
         kept = None if fresh else self.kept
@@ -91,7 +90,7 @@ class TracedStepper:
 
     @property
     def kept(self) -> Array:
-        """What laws keep from step to step."""
+        """The quantities that laws carry from step to step."""
         return self._inputs[self._kept]
 
     @kept.setter
@@ -99,35 +98,36 @@ class TracedStepper:
         self._inputs[self._kept] = values
 
     def _choose(self, t: float, y: Array) -> None:
-        """Find the inputs of the first step as the loop does for those that follow."""
+        """Set the inputs of the first step as the loop does for later ones."""
         found = np.zeros((1, self._carried + 2))
         evaluate_rows(self.laws.choice, np.array([t]), y[None], self._inputs, found)
         self._inputs[-1 - self._carried : -1] = found[0, : self._carried]
 
     def change(self, system: Any, t: float, onwards: bool = True) -> None:
-        """Take the inputs of the laws from the system at t; what is kept from step to step stays,
-        and so do the rows that are chosen."""
+        """Take the inputs of the laws from the system at t; carried quantities and chosen rows are
+        kept."""
         lines = len(getattr(self.laws, "changing", ()))
         kept, chosen = self.kept, self._inputs[-1 - lines : -1].copy()
         self._inputs[:] = self._values(system, t, onwards)
         self.kept, self._inputs[-1 - lines : -1] = kept, chosen
 
     def _values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
-        """The inputs for the steps from t on, or for the instant t alone, and a step's length."""
+        """Inputs for steps from t on (`onwards`), or for the instant t alone, and a place for the
+        step's length."""
         values = [*self.laws.inputs.values(system, t, onwards), 0.0]
         if len(values) != len(self._inputs):
             self._inputs = np.zeros(len(values))
-            self._calls.clear()  # they have the address
+            self._calls.clear()  # they hold the old address
         return values
 
     def keep(self) -> Kept:
-        """A record from which `back_to` carries on from here again, to the last bit."""
+        """State of the grid from which `back_to` continues, exact to the last bit."""
         workspaces = {order: workspace.copy() for order, workspace in self._workspaces.items()}
         grid = self._clock.copy(), self._count.copy(), self._state.copy()
         return (*grid, self._inputs.copy(), workspaces)
 
     def back_to(self, kept: Kept) -> None:
-        """The grid of steps as it was then; `kept` serves again."""
+        """Restore a state from `keep`; it can be used several times."""
         self._clock[:], self._count[:], self._state[:] = kept[:3]
         self._inputs[:] = kept[3]
         for order, workspace in kept[4].items():
@@ -135,22 +135,22 @@ class TracedStepper:
 
     @property
     def steps(self) -> int:
-        """Steps of the grid taken since its start."""
+        """Number of steps since the start of the grid."""
         return int(self._count[place.TAKEN])
 
     @property
     def rejected(self) -> int:
-        """Attempts given up since the start of the grid."""
+        """Number of rejected attempts since the start of the grid."""
         return int(self._count[place.REJECTED])
 
     @property
     def cut(self) -> int:
-        """Of the rejected attempts those that only went beyond the end of a piece."""
+        """Number of rejected attempts that only crossed the end of a piece."""
         return int(self._count[place.CUT])
 
     @property
     def last_step(self) -> tuple[float, float]:
-        """Its two ends [s]."""
+        """Start and end of the last step [s]."""
         return float(self._clock[place.T0]), float(self._clock[place.T1])
 
     @property
@@ -160,11 +160,11 @@ class TracedStepper:
 
     @property
     def y(self) -> Array:
-        """The state at the time last asked for."""
+        """The state at the time requested last."""
         return self._state[place.NOW, : self.laws.n].copy()
 
     def record(self, method: Any, times: Array, stop: float, out: Array | None) -> Reached:
-        """Carry the state to the times, and sample into the rows of out."""
+        """Advance the state to the times, and sample into the rows of out."""
         known = self._calls.get((id(method), out is not None))
         places, setting = (known or self._called_by(method, out is not None))[:2]
         if self.small is not None:
@@ -172,12 +172,13 @@ class TracedStepper:
         return loops.record(places, times, stop, out)
 
     def take_worst(self) -> float:
-        """The worst residual of the samples recorded since this was last asked for."""
+        """Largest residual of the samples since the last call."""
         found = [call[0].take_worst() for (_, sampling), call in self._calls.items() if sampling]
         return found[0] if len(found) == 1 else float(np.max(found, initial=0.0))
 
     def _called_by(self, method: Any, sampling: bool) -> tuple[Any, ...]:
-        """Places and settings of a call of the loop, and what must live as long; made once."""
+        """Arguments and settings of a call of the loop, with all objects that must stay alive; made
+        once."""
         laws, (step, setting) = self.laws, settings_of(method)
         small = self.small is not None and setting[place.TOLERANCE] > 0.0
         if small and step.series is not None and getattr(laws, "variables", None) is not None:
@@ -190,7 +191,7 @@ class TracedStepper:
             getattr(laws, "velocity", None),
             laws.inside,
             laws.sample if sampling else None,
-            # a step that is one law has its errors relative to max(1, |y|)
+            # errors of a step as one law are relative to max(1, |y|)
             None if small else laws.whole(step, estimated=setting[place.TOLERANCE] > 0.0),
             laws.jacobian if laws.n <= step.implicit else None,
             getattr(laws, "back", None),
@@ -201,7 +202,7 @@ class TracedStepper:
         series, sizes, table = self._series(step, setting[place.ORDER])
         if laws.n <= step.implicit and len(self._work) == WORK_ROWS:
             self._work = np.vstack([self._work, np.zeros((3 * laws.n, laws.n))])
-            self._calls.clear()  # they have the address
+            self._calls.clear()  # they hold the old address
         called: Any = [*map(reference, (*used, *series)), step.reference]
         if not interpreted():
             called = np.array(called, dtype=np.int64)
@@ -210,21 +211,21 @@ class TracedStepper:
         arrays = called, settings, sizes, *state, table
         width = laws.width if sampling else 0
         places = loops.Places(arrays, laws.n, len(self._inputs), width)
-        # the method lives on with its number, and what an address leads to
+        # keeps the method, whose id is the key, and the arrays behind addresses alive
         call = places, settings, method, arrays
         self._calls[id(method), sampling] = call
         return call
 
     def _of_variables(self, setting: tuple[float, ...]) -> tuple[float, ...]:
-        """The setting for variables other than coordinates, whose sizes nobody knows."""
+        """The setting for a series in other variables than coordinates, whose error scales are not
+        known."""
         assert self.small is not None
         tolerance = setting[place.TOLERANCE]
         scaled = tolerance * float(self.small.within(tolerance).min())
         return (*setting[: place.TOLERANCE], scaled, *setting[place.TOLERANCE + 1 :])
 
     def _series(self, step: Step, order: float) -> tuple[Any, ...]:
-        """The laws of the series, their sizes, and a workspace for one; nothing for other
-        methods."""
+        """Laws of the series, their sizes, and a workspace; empty for methods without a series."""
         if step.series is None:
             return (None,) * 5, np.zeros(SERIES_SIZES, np.int64), np.zeros(1)
         laws, own = self.laws.series, getattr(self.laws, "variables", None)
@@ -239,13 +240,14 @@ class TracedStepper:
         return (laws.expand, laws.add, *used), np.array(sizes), self._workspaces[key]
 
     def _size(self, small: Small, tolerance: float) -> None:
-        """Set what errors are relative to; what rounds off at a coordinate's start is no error."""
+        """Set the error scales of the coordinates; rounding at their start values does not
+        count."""
         self._work[FLOOR], self._work[START] = small.within(tolerance), small.starts
         self._work[SHARE_OF_WAY] = small.shares(tolerance)
 
 
 def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
-    """The step that loops call, and STEP_LENGTH, TOLERANCE, LARGEST, ORDER."""
+    """The step that loops call, and (STEP_LENGTH, TOLERANCE, LARGEST, ORDER)."""
     from rb_sim.mechanics.methods import loop_of
 
     found = loop_of(type(method))
@@ -259,16 +261,16 @@ def settings_of(method: Any) -> tuple[Step, tuple[float, float, float, float]]:
     return step, (0.0, method.tolerance, method.largest_step, order)
 
 
-# Motion on traced laws: what every scene takes whose system can be traced and has loops.
+# Motion on traced laws, for every scene whose system can be traced.
 
 
 MOST_ROUNDS = 512
-"""Calls of the loop, of PIECE_STEPS pieces of a guide each, that one step of fixed length may take:
-a motion that blows up on a guide passes them without end."""
+"""Most calls of the loop, each of PIECE_STEPS pieces of a guide, for one fixed step: a diverging
+motion on a guide crosses pieces without end."""
 
 
 class TracedMotion(Motion):
-    """As Motion; the laws are compiled in milliseconds, the loops once for all scenes."""
+    """Motion by traced laws, compiled in milliseconds, and loops compiled once for all scenes."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         length = getattr(compiled.system, "length", 1.0)
@@ -282,7 +284,8 @@ class TracedMotion(Motion):
         super().__init__(compiled, method)
 
     def take(self, method: Any) -> Any:
-        """As of Motion; bodies that are not held keep the tolerance that they had."""
+        """As Motion.take; bodies whose errors are not relative to their motion keep their
+        tolerance."""
         before, after = (getattr(m, "tolerance", 1.0) for m in (self.method, method))
         if self._stepper.small is not None:
             self._stepper.small.hold_others(before / after)
@@ -313,7 +316,7 @@ class TracedMotion(Motion):
 
     @property
     def kept(self) -> Array:
-        """As Motion.kept; the stepper has it."""
+        """As Motion.kept."""
         return self._stepper.kept
 
     @kept.setter
@@ -346,7 +349,7 @@ class TracedMotion(Motion):
     def run_to(self, times: Sequence[float] | Array, out: Array | None = None) -> int:
         """As Motion.run_to; a grid ends at each breakpoint and a new one begins."""
         times = np.asarray(times, dtype=float)
-        if not self.compiled.breakpoints:  # a loop that asks for one instant at a time is quick
+        if not self.compiled.breakpoints:  # fast path: a loop may request one instant at a time
             self._record(times, math.inf, out)
             return len(times)
         done = 0
@@ -364,17 +367,17 @@ class TracedMotion(Motion):
         return done
 
     def take_worst(self) -> float:
-        """As Motion.take_worst: the loop keeps it."""
+        """As Motion.take_worst; the loop tracks it."""
         return self._stepper.take_worst()
 
     def sample(self) -> Array:
-        """As Motion.sample; at the end of a table its last value still counts."""
+        """As Motion.sample; at the last instant of a table its last value holds."""
         out = np.zeros((1, self.width))
         self._sample_now(out)
         return out
 
     def _sample_now(self, out: Array) -> None:
-        """Rows of the present instant; where a table ends, it still counts."""
+        """Sample the current instant; at the last instant of a table its last value holds."""
         self._stepper.change(self.system, self.time, onwards=False)
         try:
             self._record(np.full(len(out), self.time), math.inf, out)
@@ -407,7 +410,7 @@ class TracedMotion(Motion):
             raise self._failure(status)
 
     def _without_end(self) -> str:
-        """What has happened where one step has passed pieces of a guide over and over."""
+        """One line about a step that has crossed pieces of a guide without end."""
         t, passed = self.frontier[1], MOST_ROUNDS * PIECE_STEPS
         return (
             f"one step has passed {passed} pieces of a guide by t = {t:.9g} s: step "
@@ -416,15 +419,17 @@ class TracedMotion(Motion):
         )
 
     def _reached(self, times: Array, count: int) -> int:
-        """So many of the times have been reached."""
+        """Set the time after `count` of the times were reached; returns count."""
         if count:
             self.time = float(times[count - 1])
         return count
 
 
 def small_of(compiled: Compiled, method: Any) -> Small | None:
-    """The bodies that move by little from the scene's start, and those whose absolute tolerance the
-    scene gives; a fixed step needs none of it."""
+    """Error scales for small motions from the scene's start, and absolute tolerances of the scene.
+
+    None for a fixed step.
+    """
     if not getattr(method, "tolerance", 0.0):
         return None
     found, y = None, np.array(compiled.y, dtype=float)
@@ -435,5 +440,5 @@ def small_of(compiled: Compiled, method: Any) -> Small | None:
     if compiled.absolute:
         found = found or Small(len(y))
         each = np.array([value or 0.0 for value in compiled.absolute])
-        found.absolute[:] = np.repeat(each, len(y) // len(each))  # 13 of each, or those of one
+        found.absolute[:] = np.repeat(each, len(y) // len(each))  # 13 per body, or all of one
     return found

@@ -7,4 +7,5 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Vectors, linear systems, cones, complementarity, and the marks of compiled functions."""
+"""Vectors, linear systems, cone programs, complementarity problems, decorators of compiled
+functions."""

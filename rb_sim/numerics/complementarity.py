@@ -21,56 +21,59 @@ from rb_sim.numerics.kernels import entry, inline, integers, part, pointer
 from rb_sim.numerics.linear_solves import least_squares
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 
-# The equations of Alart and Curnier (1991) for a complementarity problem with friction, and
-# Newton's iteration on them with steps of least squares.
+# Equations of Alart and Curnier (1991) for a complementarity problem with friction, and Newton's
+# iteration on them with least-squares steps.
 #
-# A problem is w = A x + b with a rule for each row and each bound of friction:
+# A problem is w = A x + b with a rule for each row and each friction bound:
 #
 #     HOLDS   w = 0
 #     PUSHES  x >= least, w >= 0, one of them zero
-#     RUBS    a row of a bound: |x_t| <= bound x_n, x_t = -bound x_n w_t / |w_t| where w_t is not 0
+#     RUBS    tangential row of a bound: |x_t| <= bound x_n, and x_t = -bound x_n w_t / |w_t| unless
+#             w_t = 0
 #
-# Rows in no item are equalities; a bound of inf holds its rows where the normal pushes. Rows
-# that depend on each other do no harm. Matrices are vectors of their rows, one after another.
+# Rows in no bound are equalities; an infinite bound holds its rows while the normal row carries a
+# force. Dependent rows are allowed. Matrices are vectors of their rows, one after another.
 
 
 HOLDS, PUSHES, RUBS = 0, 1, 2
-"""Rules of rows."""
+"""Rules of rows: equality, unilateral normal force, tangential friction force."""
 FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
-"""Columns of `bounds`: the rows of a bound, the second -1 where there is none, and its normal."""
+"""Columns of `bounds`: the rows of a bound (the second is -1 if there is one only), and its normal
+row."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
 
 
 class Equations(NamedTuple):
-    """A problem of n rows and m bounds, and what its residual is measured with."""
+    """A problem of n rows and m friction bounds, with the scales of its residual."""
 
     n: int
     m: int
     A: Any
-    """(n, n)."""
+    """matrix A by rows, (n, n)."""
     b: Any
     step: Any
-    """inverse of each diagonal element, or of the largest where it is none, (n,)."""
+    """inverse of each diagonal element, or of the largest one if it is zero, (n,)."""
     rules: Any
-    """of each row, (n,)."""
+    """rule of each row, (n,)."""
     least: Any
-    """least x of each row that PUSHES, (n,)."""
+    """least x of each row with the rule PUSHES, (n,)."""
     bounds: Any
-    """rows and normal of each bound, (m, 3)."""
+    """rows and normal row of each bound, (m, 3)."""
     limits: Any
-    """each bound over its normal's x; inf: its rows hold where the normal pushes, (m,)."""
+    """each bound over x of its normal row; inf: its rows hold while the normal row carries a force,
+    (m,)."""
     blur: float
-    """residual that is but the rounding of b."""
+    """residual that is only rounding of b."""
 
 
 def workspace_of(n: int) -> int:
-    """Numbers of work space that a problem of n rows takes."""
+    """Length of the workspace of a problem of n rows."""
     return 2 * n * n + 16 * n
 
 
 @inline
 def line_times(p, k, x):
-    """w of row k."""
+    """w of row k at x."""
     s = p.b[k]
     for j in range(p.n):
         s += p.A[k * p.n + j] * x[j]
@@ -79,7 +82,7 @@ def line_times(p, k, x):
 
 @inline
 def size_of(n, a):
-    """|a|."""
+    """Euclidean norm of n numbers."""
     s = 0.0
     for i in range(n):
         s += a[i] * a[i]
@@ -88,7 +91,7 @@ def size_of(n, a):
 
 @inline
 def limit(p, i, x):
-    """The i-th bound at x."""
+    """Value of the i-th friction bound at x."""
     n = p.bounds[BOUND_WIDTH * i + PUSH]
     push = abs(x[n]) if p.rules[n] == HOLDS else max(0.0, x[n])
     if p.limits[i] == math.inf:
@@ -98,14 +101,14 @@ def limit(p, i, x):
 
 @inline
 def lines_of(p, i):
-    """(first row, second row or -1, the smaller of their steps) of the i-th bound."""
+    """(first row, second row or -1, smaller one of their steps) of the i-th bound."""
     k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
 
 
 @inline
 def equations(p, x, w, F, J):
-    """Residual and its generalised Jacobian at x into F and J, w = A x + b; returns |F|."""
+    """Write residual F and generalised Jacobian J at x, and w = A x + b; returns |F|."""
     n = p.n
     for k in range(n):
         w[k] = line_times(p, k, x)
@@ -124,7 +127,7 @@ def equations(p, x, w, F, J):
 
 @inline
 def rub(p, i, x, w, F, J):
-    """The equations of the i-th bound."""
+    """Write the equations of the i-th friction bound into F and J."""
     n, push = p.n, p.bounds[BOUND_WIDTH * i + PUSH]
     k, m, step = lines_of(p, i)
     y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
@@ -160,8 +163,8 @@ def rub(p, i, x, w, F, J):
 
 @inline
 def relative(p, error, x):
-    """Residual beyond the rounding of b, relative to the size of x, or of an x where every row
-    alone would hold."""
+    """Residual beyond the rounding of b, relative to the size of x, or of the x of a single row
+    alone."""
     natural = 1e-300
     for k in range(p.n):
         natural = max(natural, abs(p.step[k] * p.b[k]))
@@ -170,11 +173,11 @@ def relative(p, error, x):
 
 @inline
 def newton(p, x, workspace):
-    """Newton's iteration from x, in place, each step halved while it does not reduce the residual;
-    returns that residual relative to the sizes of x.
+    """Newton's iteration from x, in place, with steps halved until the residual falls; returns the
+    relative residual.
 
-    One step follows the first solution: a slip that begins where friction is at its bound has an
-    acceleration of 1e-8 of the others, whose direction takes the digits below COMPUTED_ROUNDING.
+    One more step follows after convergence: a slip that begins at the friction bound has an
+    acceleration of 1e-8 of the others, whose direction needs the digits below COMPUTED_ROUNDING.
     """
     n = p.n
     J, rest = workspace, part(workspace, n * n)
@@ -207,7 +210,7 @@ def newton(p, x, workspace):
 
 @inline
 def sweep(p, x):
-    """Into x what projected Gauss-Seidel comes to from zero."""
+    """Projected Gauss-Seidel from zero; the result is in x."""
     for k in range(p.n):
         x[k] = 0.0
     for _ in range(SWEEPS):
@@ -229,7 +232,8 @@ def sweep(p, x):
 
 @inline
 def fill_steps(n, A, terms, step):
-    """The step of each row; returns the residual that is but the rounding of such terms of b."""
+    """Write the step of each row; returns the residual that is only rounding of b with these
+    terms."""
     largest, blur = 0.0, 0.0
     for k in range(n):
         largest = max(largest, abs(A[k * n + k]))
@@ -242,24 +246,27 @@ def fill_steps(n, A, terms, step):
     return SUM_ROUNDING * blur
 
 
-# A solution of a complementarity problem with friction (see complementarity), from several starts,
-# and by proximal steps where Newton's iteration finds none from any.
+# Solution of a complementarity problem with friction from several starts, and by proximal steps if
+# Newton's iteration fails from all of them.
 
 
 CONTRADICTION = JUDGED_BY_CONTACT
-"""Relative residual that counts where none is smaller: points that touch to within that of the
-scene's length, as those at the ends of a rod that lies, contradict each other by as much."""
+"""Relative residual above which there is no solution: contact points within that of the scene's
+length, as at the ends of a lying rod, contradict each other by as much."""
 STARTS = 3
-"""Of Newton's iteration: zero, where all rows hold, and what sweeps give."""
+"""Number of starts of Newton's iteration: zero, the solution with all rows held, the result of
+sweeps."""
 SOFTER, PROXIMAL_STEPS = 1e-3, 60
-"""Part of a row's own stiffness that a proximal step adds, and the most such steps."""
+"""Added stiffness of a proximal step, relative to a row's own, and the most such steps."""
 
 
 @inline
 def search(p, x, workspace, starts):
-    """Into x a solution by Newton's iteration from x and, if there are more starts than one, from
-    where all rows hold and from what sweeps give: the first that is solved or the best; returns
-    its residual. workspace: of `workspace_of(n)` numbers."""
+    """Newton's iteration from x and, for `starts` > 1, from all rows held and from sweeps, until it
+    converges.
+
+    The best result is in x; returns its residual. workspace: `workspace_of(n)` numbers.
+    """
     n, residual = p.n, math.inf
     trial, work = workspace, part(workspace, n)
     for start in range(starts):
@@ -281,12 +288,11 @@ def search(p, x, workspace, starts):
 
 @inline
 def approach(p, x, workspace):
-    """As `search`, by proximal steps from where sweeps come to (Rockafellar 1976): each is the
-    problem with what grips a little less than rigidly around the x before, whose solution Newton's
-    method finds.
+    """As `search`, by proximal steps from the result of sweeps (Rockafellar 1976).
 
-    Where friction follows from forces that nothing else changes it is the least of a convex
-    function, and they always end; where pushes change with it, mostly.
+    Each step solves the problem with a slightly compliant friction about the previous x, by
+    Newton's method. They always converge if normal forces do not depend on friction (x minimises a
+    convex function then), otherwise usually.
     """
     n, least = p.n, math.inf
     vectors, A = np.empty(4 * n), np.empty(n * n)
@@ -330,13 +336,14 @@ def unit_of(element):
 
 @inline
 def even_out(p, terms, A, b, even_terms, limits, least, sizes):
-    """The problem and the terms of its b in units in which every row alone gives way alike, into
-    A, b, even_terms, limits and least. sizes: of those units, in those of x.
+    """Write the problem in units in which all rows have similar diagonal elements into A, b,
+    even_terms, limits and least.
 
-    A row of a turn has 1/I for its element, one of a place 1/m: in a scene of a micrometre they
-    are a billion of thousands apart, and what is none beside the one would be all of the other.
-    Powers of two change no digit; both rows of a bound have one unit, so that it stays a circle.
-    Of a row that slips the element may vanish (Painleve), its couplings do not.
+    sizes: these units, in those of x. terms: of b. Rows of rotations have elements 1/I, rows of
+    displacements 1/m: in a scene of micrometres they differ by many orders of magnitude, and a
+    negligible residual of one would be a large one of the other. Powers of two are exact; both rows
+    of a bound have one unit, so that it stays a circle. The diagonal element of a slipping row may
+    vanish (Painleve), its couplings do not.
     """
     n = p.n
     for k in range(n):
@@ -365,7 +372,7 @@ def even_out(p, terms, A, b, even_terms, limits, least, sizes):
 
 @inline
 def all_finite(n, a):
-    """True if none of n numbers is NaN or infinite."""
+    """Whether none of n numbers is NaN or infinite."""
     for i in range(n):
         if not math.isfinite(a[i]):
             return False
@@ -374,10 +381,10 @@ def all_finite(n, a):
 
 @inline
 def solution(p, terms, x):
-    """Into x a solution; returns its residual, NaN where A or b are not finite.
+    """Write a solution into x; returns its residual, NaN if A or b is not finite.
 
-    p: without `step` and `blur`; terms: sizes of what b has been summed from. A residual above
-    CONTRADICTION is no solution.
+    p: without `step` and `blur`; terms: sizes of the summands of b. A residual above CONTRADICTION
+    means that there is no solution.
     """
     n = p.n
     if not (all_finite(n * n, p.A) and all_finite(n, p.b)):
@@ -403,7 +410,7 @@ def solution(p, terms, x):
 
 @entry
 def solve(A, b, terms, rules, least, bounds, limits, x):
-    """As `solution`, of arrays: bounds (m, BOUND_WIDTH)."""
+    """As `solution`, for arrays: bounds (m, BOUND_WIDTH)."""
     none = pointer(x)
     p = Equations(
         b.shape[0], limits.shape[0], pointer(A), pointer(b), none, integers(rules), pointer(least),

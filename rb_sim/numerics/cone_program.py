@@ -31,26 +31,26 @@ from numpy.typing import NDArray
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 
-# Planes and second-order cones on a vector y, and what is minimised over them.
+# Half-spaces and second-order cones for a vector y, and the objective.
 
 
 Array = NDArray[np.float64]
 
 MIRROR = np.array([1.0, -1.0, -1.0])
-"""the quadratic form head^2 - |tail|^2."""
+"""Diagonal of the quadratic form head^2 - |tail|^2."""
 
 
 class Cones(NamedTuple):
-    """The admissible set. p half-spaces, q cones, k unknowns."""
+    """The admissible set of p half-spaces and q cones for k unknowns."""
 
     lin_h: Array
-    """(p,)."""
+    """constants of the half-spaces, (p,)."""
     lin_G: Array
-    """(p, k)."""
+    """coefficients of the half-spaces, (p, k)."""
     soc_h: Array
-    """(q, 3), [head, tail, tail]."""
+    """constants of the cones, (q, 3), [head, tail, tail]."""
     soc_G: Array
-    """(q, 3, k)."""
+    """coefficients of the cones, (q, 3, k)."""
 
     @property
     def soc_rows(self) -> Array:
@@ -62,23 +62,23 @@ class Cones(NamedTuple):
         return self.lin_h + self.lin_G @ y, self.soc_h + self.soc_G @ y
 
     def slack(self, y: Array) -> Array:
-        """a_i and head_j - |tail_j|, shape (p + q,): all >= 0 is admissible."""
+        """a_i and head_j - |tail_j|, shape (p + q,); y is admissible if all are >= 0."""
         lin, soc = self.at(y)
         return np.concatenate([lin, soc[:, 0] - np.hypot(soc[:, 1], soc[:, 2])])
 
     def admits(self, y: Array) -> bool:
-        """Whether y keeps within all bounds, but for rounding."""
+        """Whether y satisfies all bounds up to rounding."""
         least = -COMPUTED_ROUNDING * (1.0 + float(np.linalg.norm(y)))
         return bool(self.slack(y).min(initial=np.inf) >= least)
 
 
 class Objective(NamedTuple):
-    """1/2 |root y|^2 + c.y."""
+    """The objective 1/2 |root y|^2 + c.y."""
 
     root: Array
-    """(m, k); (0, k) for a linear objective."""
+    """root, (m, k); (0, k) for a linear objective."""
     c: Array
-    """(k,)."""
+    """coefficients of the linear term, (k,)."""
 
     def slope(self, y: Array) -> Array:
         """Gradient, (k,)."""
@@ -96,11 +96,11 @@ def lorentz_form(soc: Array) -> Array:
     return (soc[:, 0] - tail) * (soc[:, 0] + tail)
 
 
-# The last digits of a cone program: Newton's method on the pieces that are active.
+# Last digits of the solution of a cone program: Newton's method on the active boundary pieces.
 
 
 class Active(NamedTuple):
-    """Boundary pieces that carry a multiplier: planes (half-spaces, cone tips), round cones."""
+    """Active boundary pieces with multipliers: planes (half-spaces, cone tips), round cones."""
 
     plane_h: Array
     plane_G: Array
@@ -110,7 +110,7 @@ class Active(NamedTuple):
 
 
 def read_active(cones: Cones, y: Array, weight: float) -> Active:
-    """At the end of the path either the slack or the multiplier is large (complementarity)."""
+    """The active pieces at the end of the path, where either slack or multiplier is large."""
     threshold = 1.0 / np.sqrt(weight)
     lin, soc = cones.at(y)
     lin_force = 1.0 / (weight * lin)
@@ -135,18 +135,18 @@ class Optimality(NamedTuple):
     """The conditions  grad objective = sum multiplier grad g,  g = 0  on the active pieces."""
 
     error: Array
-    """(k + p,): what is missing from each."""
+    """errors of the conditions, (k + p,)."""
     normals: Array
-    """(p, k): grad g."""
+    """gradients grad g of the active pieces, (p, k)."""
 
     @property
     def worst(self) -> float:
-        """The largest error."""
+        """The largest absolute error."""
         return float(np.abs(self.error).max(initial=0.0))
 
 
 def optimality(objective: Objective, active: Active, point: Array, forces: Array) -> Optimality:
-    """What point (k,) and multipliers (p,) leave of them."""
+    """Errors of the conditions for a point (k,) and multipliers (p,)."""
     soc = active.round_h + active.round_G @ point
     curved = np.einsum("jak,ja->jk", active.round_G, MIRROR * soc)
     normals = np.concatenate([active.plane_G, curved])
@@ -157,7 +157,7 @@ def optimality(objective: Objective, active: Active, point: Array, forces: Array
 
 
 def newton_step(objective: Objective, active: Active, forces: Array, now: Optimality) -> np.ndarray:
-    """(k + p,): what Newton's method adds to the point and the multipliers."""
+    """Newton step of the point and the multipliers, (k + p,)."""
     bent = forces[len(active.plane_h) :]
     curve = np.einsum("jak,a,jal,j->kl", active.round_G, MIRROR, active.round_G, bent)
     blank = np.zeros((len(forces), len(forces)))
@@ -170,8 +170,8 @@ def newton_step(objective: Objective, active: Active, forces: Array, now: Optima
 def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array | None:
     """The optimum near y by Newton's method on the pieces that are active there.
 
-    None when the result is not admissible or has moved further than the path's own error allows
-    (no strict complementarity: the barrier's answer is then the better one).
+    None if the result is not admissible or is further away than the error of the path allows:
+    without strict complementarity the result of the barrier method is better.
     """
     active = read_active(cones, y, weight)
     point, forces = y, active.multipliers
@@ -189,35 +189,37 @@ def polish(objective: Objective, cones: Cones, y: Array, weight: float) -> Array
 
 
 GROWTH = 30.0
-"""factor between weights."""
+"""Factor between consecutive weights."""
 SHARPEST = GROWTH**8
-"""last weight of the objective (7e11); the duality gap is (number of barriers) / weight."""
+"""Last weight of the objective (7e11); the duality gap is (number of barriers) / weight."""
 CENTRED = 1e-2
-"""squared Newton decrement below which a point is on the path: rounding allows no better."""
+"""Squared Newton decrement below which a point is on the central path; rounding allows no
+better."""
 BALLS = (1e3, 1e6, 1e8)
-"""radii of the ball, in turn; what still presses on the last one is unbounded."""
+"""Radii of the ball, in order; a problem limited by the last one is unbounded."""
 EARLY, CLEARLY = 1e4, 1e-3
-"""from this weight on a share this large is the ball's for good: go on to the next ball."""
+"""Weight from which on, and share of the ball's force above which, the ball limits the solution:
+the next ball is tried."""
 
 
 class Optimum(NamedTuple):
-    """Answer of `minimise`."""
+    """Result of `minimise`."""
 
     y: Array
-    """(k,)."""
+    """minimiser, (k,)."""
     bounded: bool
-    """False: the objective falls beyond every ball; y is then no answer."""
+    """False: the objective decreases beyond every ball; y is not a solution then."""
     gap: float
-    """bound of the objective's error; 0 where the optimality conditions hold to round-off."""
+    """bound of the objective's error; 0 if the optimality conditions hold up to rounding."""
 
 
 FAR = 10.0
-"""Size of a y of widest margin, over the unit of force, that counts as far out."""
+"""Norm of a y of widest margin, in units of force, above which a shorter one is sought."""
 
 
 def widest(cones: Cones) -> Optimum:
-    """The y of the largest margin, at most one unit: the largest s such that y stays admissible
-    after s has been taken off every half-space and head."""
+    """The y of the largest margin s <= 1: y stays admissible after s is subtracted from every
+    half-space and head."""
     freedom = cones.lin_G.shape[1]
     start = np.zeros(freedom)
     if freedom == 0 or len(cones.lin_h) + len(cones.soc_h) == 0:
@@ -240,9 +242,11 @@ def widest(cones: Cones) -> Optimum:
 
 
 def moderate(cones: Cones, y: Array) -> Optimum:
-    """A strictly admissible y of moderate size: the shortest with half the margin of the given one.
+    """A strictly admissible y of moderate size: the shortest one with half the margin of the given
+    y.
 
-    Where something jams there are admissible states of any size, and `widest` may be far out.
+    If something jams there are admissible states of any size, and the result of `widest` may be
+    very long.
     """
     if np.linalg.norm(y) <= FAR:
         return Optimum(y, True, 0.0)
@@ -256,7 +260,7 @@ def moderate(cones: Cones, y: Array) -> Optimum:
 def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
     """The minimiser; `start` must be strictly inside the cones.
 
-    Give the objective with a slope of order one and unknowns of order one to 1e6.
+    Scaling: a slope of the objective of order one and unknowns of order one to 1e6.
     """
     barriers = len(cones.lin_h) + 2 * len(cones.soc_h) + 1
     for radius in BALLS:
@@ -273,9 +277,9 @@ def minimise(objective: Objective, cones: Cones, start: Array) -> Optimum:
 def _follow(
     objective: Objective, cones: Cones, start: Array, reach: float
 ) -> tuple[Array, float, bool]:
-    """Follow the central path to the weight SHARPEST, or as far as rounding lets it be found.
+    """Follow the central path to the weight SHARPEST, or as far as rounding allows.
 
-    Returns the point, its weight, and whether the ball presses on it.
+    Returns (the point, its weight, whether the ball limits it).
     """
     y, weight, pressed = start, 1.0, False
     while True:
@@ -295,7 +299,7 @@ def _centre(
 ) -> tuple[Array, bool]:
     """Newton's method on the barrier function, with a line search on its directional slope.
 
-    Returns the point and whether it is the minimiser, as far as it matters to the gap.
+    Returns (the point, whether it is the minimiser accurately enough for the gap).
     """
     descent = np.inf
     for _ in range(40):
@@ -318,7 +322,7 @@ def _centre(
 
 @cache
 def _triangular_solver() -> Any:
-    """LAPACK's dtrtrs; SciPy is slow to import, and few runs need it."""
+    """LAPACK's dtrtrs, loaded on first use: SciPy is slow to import, and few runs need it."""
     from scipy.linalg import get_lapack_funcs
 
     (trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
@@ -326,7 +330,7 @@ def _triangular_solver() -> Any:
 
 
 def _solve_normal(root: Array, rhs: Array) -> Array:
-    """(root^T root)^-1 rhs by a QR factorisation, which halves the digits that are lost."""
+    """(root^T root)^-1 rhs by a QR factorisation of root, which halves the loss of digits."""
     scale = 1.0 / np.linalg.norm(root, axis=0)
     upper = np.linalg.qr(root * scale, mode="r")
     trtrs = _triangular_solver()
@@ -335,7 +339,7 @@ def _solve_normal(root: Array, rhs: Array) -> Array:
 
 
 def _longest(cones: Cones, y: Array, step: Array, reach: float) -> float:
-    """The longest step up to 1 that stays strictly inside."""
+    """The longest step, up to 1, that stays strictly inside the cones and the ball."""
     length = 1.0
     for _ in range(200):
         ahead = y + length * step
@@ -358,10 +362,10 @@ def _slope(objective: Objective, cones: Cones, y: Array, weight: float, reach: f
 
 
 def _root(objective: Objective, cones: Cones, y: Array, weight: float, reach: float) -> Array:
-    """A matrix whose square root^T root is the Hessian of the barrier function, (m, k).
+    """A matrix (m, k) with root^T root the Hessian of the barrier function.
 
     Cone: the Hessian of -log(head^2 - |tail|^2) is (2 / form) V^2 with V = [[a, b], [b, 1 + b b /
-    (1 + a)]], (a, b) = (head, -tail) / sqrt(form) (Nesterov & Todd 1997). Ball: likewise a square.
+    (1 + a)]], (a, b) = (head, -tail) / sqrt(form) (Nesterov & Todd 1997). Ball: a square likewise.
     """
     lin, soc = cones.at(y)
     form = lorentz_form(soc)

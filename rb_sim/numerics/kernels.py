@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Kernels: functions marked to be compiled, called by address, dispatched by class."""
+"""Kernels: decorators of functions that are compiled, called by address, or dispatched by class."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from rb_sim.compiler.program import Entry, ForC, on_compilation
 from rb_sim.graph.machine import interpreted
 from rb_sim.graph.symbols import explored
 
-# How loops are compiled: laws and steps are called by their address, vectors are pointers.
+# Calls in compiled loops: laws and steps are called by their address, vectors are pointers.
 #
 # A pointer to double in machine code is an array in plain Python (RB_SIM_INTERPRETED=1); both are
-# indexed alike.
+# indexed in the same way.
 
 
 Function = Callable[..., Any]
 
 
 def pointer(array):
-    """Where the numbers of an array are."""
+    """Pointer to the elements of an array."""
     return array.reshape(-1)
 
 
@@ -58,7 +58,7 @@ def _pointer(f: Any, array: Value) -> Value:
 
 
 def integers(array):
-    """Where the integers of an array are; interpreted also laws, which are functions there."""
+    """Pointer to the integers of an array; if interpreted also laws, which are functions then."""
     return array.reshape(-1) if isinstance(array, np.ndarray) else array
 
 
@@ -68,7 +68,7 @@ def _integers(f: Any, array: Value) -> Value:
 
 
 def pointer_to(places, i):
-    """As `pointer`, of the array whose address is among the `places`, at i."""
+    """As `pointer`, for the array whose address is places[i]."""
     return places[i].reshape(-1)
 
 
@@ -78,7 +78,7 @@ def _pointer_to(f: Any, places: Value, i: Value) -> Value:
 
 
 def integers_to(places, i):
-    """As `integers`, of the array whose address is among the `places`, at i."""
+    """As `integers`, for the array whose address is places[i]."""
     return places[i]
 
 
@@ -101,7 +101,7 @@ def _part(f: Any, vector: Value, first: Value) -> Value:
 
 
 def view(vector, first, length):
-    """An array on `length` numbers of the vector."""
+    """An array of `length` numbers of the vector from the element `first` on."""
     return vector[first : first + length]
 
 
@@ -112,7 +112,7 @@ def _view(f: Any, vector: Value, first: Value, length: Value) -> Value:
 
 
 def call_law(law, t, y, p, out):
-    """Call the law: out = f(t, y, p)."""
+    """Call a law: out = f(t, y, p)."""
     law(t, y, p, out)
 
 
@@ -131,7 +131,7 @@ def _call_law(f: Any, law: Value, t: Value, *places: Value) -> Value:
 
 
 def call_step(step, law, jacobian, n, t, y, h, p, dy, work):
-    """Call a method's step: dy, the increment of y over h; returns its error estimate."""
+    """Call a method's step: writes the increment dy of y over h; returns its error estimate."""
     return step(law, jacobian, n, t, y, h, p, dy, work)
 
 
@@ -146,15 +146,15 @@ def _call_step(f: Any, step: Value, *arguments: Value) -> Value:
 
 
 def place_of(array: Any) -> float:
-    """Where the numbers of a contiguous array are, as an input of a law; see `table_at`.
+    """Address of a contiguous array, encoded as a float input of a law; see `table_at`.
 
-    The array must live as long as the law is called.
+    The array must stay alive as long as the law is called.
     """
     return float(np.array([array.ctypes.data], np.int64).view(np.float64)[0])
 
 
 def table_at(place, length):
-    """An array on `length` numbers at a place given by `place_of`."""
+    """An array of `length` numbers at an address from `place_of`."""
     where = int(np.array([place]).view(np.int64)[0])
     return np.ctypeslib.as_array((ctypes.c_double * int(length)).from_address(where))
 
@@ -167,19 +167,19 @@ def _table_at(f: Any, place: Value, length: Value) -> Value:
 
 
 def loop(function: Function) -> Any:
-    """Compile a function that Python calls with arrays and numbers."""
+    """Decorator of a function that Python calls with arrays and numbers: it is compiled."""
     return Entry(function)
 
 
 def helper(function: Function) -> Any:
-    """Mark a function that loops call, which is compiled with them; it stays plain Python."""
+    """Decorator of a function that loops call: it is compiled with them and stays plain Python."""
     return function
 
 
 class ForPython:
     """A loop f(places) that Python calls with the address of its integers; see `where`.
 
-    Python's lock is kept meanwhile: nobody else changes what the loop works on.
+    The GIL is held meanwhile, so that no other thread changes the data of the loop.
     """
 
     def __init__(self, function: Function) -> None:
@@ -193,7 +193,7 @@ class ForPython:
 
 
 def where(array: Any) -> Any:
-    """The address of a contiguous array; interpreted, the array as a vector."""
+    """Address of a contiguous array; if interpreted, the array as a vector."""
     return array.reshape(-1) if interpreted() else array.ctypes.data
 
 
@@ -201,7 +201,7 @@ _LOOP = ctypes.PYFUNCTYPE(ctypes.c_ssize_t, ctypes.c_void_p)
 
 
 def for_python(function: Function) -> ForPython:
-    """Compile a loop for calls from Python, see `ForPython`."""
+    """Decorator of a loop for calls from Python, see `ForPython`."""
     return ForPython(function)
 
 
@@ -213,43 +213,44 @@ class Routine(ForC):
 
 
 def routine(function: Function) -> Routine:
-    """Compile a function of two vectors for calls from traced laws."""
+    """Decorator of a function of two vectors that traced laws call: it is compiled."""
     return Routine(function)
 
 
 def by_address(function: Function) -> ForC:
-    """Compile a function void f(t, y, p, out), as laws have it, for calls by its address."""
+    """Decorator of a function f(t, y, p, out) with the signature of a law, for calls by its
+    address."""
     return ForC(function, LAW, None)
 
 
 class Step:
-    """A method's step as loops call it: `reference` is its address, or the Python function."""
+    """A method's step as loops call it; `reference` is its address, or the Python function."""
 
     series: Callable[[float], int] | None = None
-    """Of a method that steps along a Taylor series, its order for a tolerance."""
+    """order of the series for a tolerance, for a method that uses a Taylor series; else None."""
 
     def __init__(self, function: Function, stages: int, implicit: int) -> None:
         self.function, self.stages, self.implicit = function, stages, implicit
         self.traced: Function | None = None
-        """The same as plain Python on tuples, or None: f(rate, t, y, h, velocities) gives
-        (dy, error); traced together with a small law, the whole step is one function."""
+        """the step as plain Python on tuples, f(rate, t, y, h, velocities) -> (dy, error), or None;
+        traced with a small law, the whole step is one function."""
         self._for_c = ForC(function, STEP, REAL)
 
     def on_tuples(self, function: Function) -> Function:
-        """Take the function for `traced`."""
+        """Decorator that sets the function for `traced`."""
         self.traced = function
         return function
 
     @property
     def reference(self) -> Any:
-        """Compiles the step where it is not yet."""
+        """Address of the step, compiled on first use."""
         return self._for_c.address
 
 
 class SeriesStep(Step):
-    """The step along the Taylor series of the motion: the loop itself takes it.
+    """The step along the Taylor series of the motion, which the loop itself performs.
 
-    order: of the series for a tolerance.
+    order: function that returns the order of the series for a tolerance.
     """
 
     reference: Any = 0
@@ -260,31 +261,31 @@ class SeriesStep(Step):
 
 
 def step(stages: int, implicit: int = 0) -> Callable[[Function], Step]:
-    """The step of a method that calls its law about `stages` times.
+    """Decorator of the step of a method that calls its law about `stages` times.
 
-    f(law, jacobian, n, t, y, h, p, dy, work) writes dy and returns the error, relative to the
-    tolerance 1 (0 where it estimates none).  y, dy: n coordinates; work: WORK_ROWS n numbers, of
-    which the first are those of `rows`: which coordinates are velocities, and what their errors
-    are relative to; up to `implicit`
-    coordinates it gets their Jacobian (n n numbers by rows) as a law, and 3 n rows of work more;
-    otherwise 0.
+    f(law, jacobian, n, t, y, h, p, dy, work) writes dy and returns the error relative to the
+    tolerance 1 (0 without an estimate). y, dy: n coordinates; work: WORK_ROWS n numbers, of which
+    the first rows are those of `integrate.layout`: which coordinates are velocities, and the error
+    scales. For at most `implicit` coordinates it gets their Jacobian (n n numbers by rows) as a
+    law, and 3 n more rows of work; otherwise jacobian is 0.
     """
     return lambda function: Step(function, stages, implicit)
 
 
-# Functions whose kernel is chosen by the class of their first argument.
+# Functions whose kernel is selected by the class of their first argument.
 #
-# What a scene does not name is not in its machine code: the choice is made while compiling.
+# The selection is made at compile time, so that kernels that a scene does not use are not in its
+# machine code.
 
 
 Kernel = Callable[..., Any]
 
 
 def dispatch(stub: Kernel) -> Any:
-    """A function that calls the kernel registered for the class of its first argument.
+    """Decorator: the function calls the kernel registered for the class of its first argument.
 
-    Kernels are added by the decorator `name.register(*classes)`; `name.kernels` maps the classes
-    to them.  The stub gives name, arguments and meaning.
+    The decorator `name.register(*classes)` adds kernels; `name.kernels` maps the classes to them.
+    The stub gives name, arguments and meaning.
     """
     kernels: dict[type, Any] = {}
 
@@ -293,7 +294,7 @@ def dispatch(stub: Kernel) -> Any:
         return kernels[type(first)](first, *others)
 
     def chosen(kinds: list[Kind]) -> Kernel:
-        """The kernel for arguments of these kinds."""
+        """The kernel for arguments of these kinds. Raises TypeError if there is none."""
         kind = kinds[0]
         of = kind.of if isinstance(kind, Tuple) else type(kind)
         if of not in kernels:
@@ -313,22 +314,22 @@ def dispatch(stub: Kernel) -> Any:
     return call
 
 
-# How functions of catalogue and contact are marked: what is compiled, and how it is chosen.
+# Decorators of functions of catalogue and contact.
 #
-# Functions stay plain Python, which the trace of a law and RB_SIM_INTERPRETED=1 run as they are;
-# what compiled code calls is compiled with it.
+# The functions stay plain Python, which traces of laws and RB_SIM_INTERPRETED=1 run as they are;
+# those that compiled code calls are compiled with it.
 
 
 __all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation"]
 
 
 def inline(function: Kernel) -> Any:
-    """Mark a function that is compiled with its callers; called from Python it is as it is."""
+    """Decorator of a function that is compiled with its callers; unchanged in Python."""
     return function
 
 
 def branching(function: Kernel) -> Any:
-    """As `inline`, for a short function that branches on numbers: traced, every way is taken."""
+    """As `inline`, for a short function that branches on numbers: a trace follows every path."""
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
@@ -339,20 +340,20 @@ def branching(function: Kernel) -> Any:
 
 
 def entry(function: Kernel) -> Any:
-    """Compile a function for calls from Python with arrays, numbers and tuples of them."""
+    """Decorator of a function that Python calls with arrays, numbers and tuples: it is compiled."""
     return Entry(function)
 
 
 def python_of(function: Any) -> Any:
-    """The plain Python function of what is called: it compiles nothing."""
+    """The plain Python function behind a decorated one; nothing is compiled."""
     return getattr(function, "function", function)
 
 
-# Wall time without that of compiling: what a run costs, not what its first use does.
+# Wall-clock time without compiling, so that the first run of a scene is not charged for it.
 
 
 class _Compiling(threading.local):
-    """Time that a thread has spent in compiling [s]; compilations begin inside others."""
+    """Time that a thread has spent compiling [s]; compilations may be nested."""
 
     def __init__(self) -> None:
         self.total, self.since, self.depth = 0.0, 0.0, 0
@@ -370,13 +371,13 @@ class _Compiling(threading.local):
 
 _COMPILING = _Compiling()
 _LISTENING = on_compilation(_COMPILING.begin, _COMPILING.end)
-_LISTENING.__enter__()  # for good: it costs nothing where nothing is compiled
+_LISTENING.__enter__()  # never left: it costs nothing without compilations
 
 
 def own_time() -> float:
-    """As `time.monotonic`, but it stands still while the calling thread compiles [s].
+    """As `time.monotonic`, without the time that the calling thread has spent compiling [s].
 
-    Called where nothing compiles: a compilation that never ended was broken off by a signal.
+    Must not be called within a compilation: one that is still open was interrupted by a signal.
     """
     if _COMPILING.depth:
         _COMPILING.depth = 1

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Small linear systems: symmetric semidefinite, unsymmetric, least squares of any rank."""
+"""Small linear systems: least squares of any rank, symmetric semidefinite, unsymmetric."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ import numpy as np
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 
-# The x of least norm among those with the least |A x - b|, for small square matrices of any rank.
+# The x of minimum norm among those with the least |A x - b|, for small square matrices of any rank,
+# by a complete orthogonal decomposition A P = Q (T 0; 0 0) Z^T (Golub and Van Loan, Matrix
+# Computations, section 5.5) with Householder reflections I - 2 v v^T / |v|^2; a tenth of the cost
+# of a singular value decomposition.
 #
-# A complete orthogonal decomposition A P = Q (T 0; 0 0) Z^T (Golub and Van Loan, Matrix
-# Computations, section 5.5) by Householder's reflections I - 2 v v^T / |v|^2; it costs a tenth of
-# one into singular values.  Matrices are vectors of their rows, one after the other.
+# Matrices are vectors of their rows, one after another.
 
 
 @inline
 def column_size(R, n, k, j):
-    """Size of column j from row k on."""
+    """Norm of column j from row k on."""
     s = 0.0
     for i in range(k, n):
         s += R[i * n + j] * R[i * n + j]
@@ -34,15 +35,18 @@ def column_size(R, n, k, j):
 
 @inline
 def reflect_columns(R, n, k, c):
-    """Take column k of R, from row k on, to its first element, and with it the columns behind it
-    and c; what is below it does not count any more."""
+    """Householder reflection that zeroes column k of R below row k, applied to the later columns
+    and c.
+
+    The entries of column k below row k are invalid afterwards.
+    """
     if column_size(R, n, k + 1, k) == 0.0:
         return
     size = column_size(R, n, k, k)
     if R[k * n + k] > 0.0:
         size = -size
     head = R[k * n + k] - size
-    R[k * n + k] = head  # now the column is v, |v|^2 = -2 size head
+    R[k * n + k] = head  # the column is v now, |v|^2 = -2 size head
     for j in range(k + 1, n):
         s = 0.0
         for i in range(k, n):
@@ -61,8 +65,11 @@ def reflect_columns(R, n, k, c):
 
 @inline
 def triangular(R, n, c, order, least):
-    """R becomes the triangle of A P = Q R, c becomes Q^T c, order tells P; returns the rank: of
-    how many columns those before leave more than `least` times the longest."""
+    """Triangular factor R of A P = Q R in place of A, Q^T c in place of c, P in order; returns the
+    rank.
+
+    The rank counts pivot columns longer than `least` times the longest one.
+    """
     largest = 0.0
     for j in range(n):
         order[j] = j
@@ -85,9 +92,12 @@ def triangular(R, n, c, order, least):
 
 @inline
 def reflect_row(R, n, rank, k, v):
-    """Take row k of R, behind its element k and from column `rank` on, into that element, and with
-    it the rows above; v: the first element of the reflection's direction, the rest is in the row;
-    returns |v|^2 / 2."""
+    """Householder reflection that zeroes row k of R from column `rank` on, applied to the rows
+    above.
+
+    v[k]: first component of the reflection's direction, the others stay in the row; returns |v|^2 /
+    2.
+    """
     size = 0.0
     for j in range(rank, n):
         size += R[k * n + j] * R[k * n + j]
@@ -112,14 +122,14 @@ def reflect_row(R, n, rank, k, v):
 
 @inline
 def least_squares(A, b, n, x, work):
-    """Into x the solution; A and b are finite; work: n (n + 4) numbers."""
+    """Write the solution into x; A and b must be finite; work: n (n + 4) numbers."""
     copy_system(A, b, n, work)
     decomposed(work, part(work, n * n), n, n, LEAST_SINGULAR, part(work, n * (n + 1)), x)
 
 
 @inline
 def of_rank(A, b, n, rank, x, work):
-    """As `least_squares`, of a matrix whose rank is known; NaN where A or b is not finite."""
+    """As `least_squares`, for a matrix of known rank; NaN if A or b is not finite."""
     total = 0.0
     for i in range(n):
         total += b[i]
@@ -135,7 +145,7 @@ def of_rank(A, b, n, rank, x, work):
 
 @inline
 def copy_system(A, b, n, work):
-    """A, then b, into the work space."""
+    """Copy A, then b, into the workspace."""
     for i in range(n * n):
         work[i] = A[i]
     for i in range(n):
@@ -144,7 +154,7 @@ def copy_system(A, b, n, work):
 
 @inline
 def decomposed(R, c, n, most, least, work, x):
-    """As `least_squares`, in place of A = R and b = c; most: rank at the most; least: see
+    """As `least_squares`, overwriting R = A and c = b; most: largest rank; least: see
     `triangular`."""
     order, v, halves = work, part(work, n), part(work, 2 * n)
     rank = min(triangular(R, n, c, order, least), most)
@@ -169,15 +179,15 @@ def decomposed(R, c, n, most, least, work, x):
         x[int(order[j])] = c[j]
 
 
-# Linear systems A x = b with a symmetric positive semidefinite A, as constraints make them.
+# Linear systems A x = b with a symmetric positive semidefinite A, as from constraints.
 
 
 @inline
 def solve_semidefinite(A, b, x, L, order, n):
-    """Some solution x of A x = b and the rank of A, by pivoted Cholesky on the scaled matrix.
+    """A solution x of A x = b, by pivoted Cholesky on the scaled matrix; returns the rank of A.
 
-    A: (n, n), b, x: (n,); L: (n, n) and order: (n,) are work space.  Rows that depend on others
-    get x = 0; for a consistent b the product A x is unique all the same.  Nothing is allocated.
+    A: (n, n), b, x: (n,); L: (n, n) and order: (n,) are workspace. Dependent rows get x = 0; for a
+    consistent b the product A x is unique nevertheless. Nothing is allocated.
     """
     for i in range(n):
         order[i] = i
@@ -224,18 +234,17 @@ def solve_semidefinite(A, b, x, L, order, n):
     return rank
 
 
-# Small linear systems A x = b whose matrix is neither symmetric nor of full rank.
-#
-# Friction makes them: the reaction of a slipping contact is not along the row that it enforces.
+# Small linear systems A x = b with an unsymmetric matrix, possibly rank deficient, as from
+# friction: the reaction of a slipping contact is not along its constraint row.
 
 
 @inline
 def solve_unsymmetric(A, b, x, L, columns, n):
-    """Some solution of A x = b and the rank of A, by elimination with complete pivoting.
+    """A solution of A x = b, by elimination with complete pivoting; returns the rank of A.
 
-    A: (n, n), b, x: (n,); L: (n, n), columns: (n,) are work space.  Rows and columns that vanish
-    are left out (x = 0 there).  Reflections would cost as much, but mix the small numbers of one
-    row with the large ones of another: a slip that begins would lose its direction.
+    A: (n, n), b, x: (n,); L: (n, n), columns: (n,) are workspace. Rows and columns that vanish are
+    omitted (x = 0 there). Reflections would cost as much, but mix small numbers of one row with
+    large ones of another: a slip that begins would lose its direction.
     """
     for i in range(n):
         columns[i] = i
@@ -285,9 +294,9 @@ def solve_unsymmetric(A, b, x, L, columns, n):
 
 @inline
 def least_norm(A, b, x, rank, n):
-    """The solution of A x = b of least |x|, A of the given rank; NaN where they are not finite.
+    """The minimum-norm solution of A x = b for A of the given rank; NaN if A or b is not finite.
 
-    Only the first n rows and columns count.
+    Only the first n rows and columns are used.
     """
     workspace = np.empty(n * (2 * n + 4))
     square, work = pointer(workspace), part(pointer(workspace), n * n)

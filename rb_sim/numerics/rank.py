@@ -7,12 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The one rank rule: rows scaled to length 1, then one threshold.
+"""The rank rule: rows scaled to length 1, then one threshold.
 
-Whether rows depend on each other is decided here: by eigenvalues or singular values, and, in
-compiled code, by the pivots of `linear_solves`, which take their
-threshold from here. Loads and lengths are scaled away before, so that neither units nor mass ratios
-decide.
+Whether rows depend on each other is decided here: by eigenvalues or singular values, and in
+compiled code by the pivots of `linear_solves`, which use the threshold defined here. Loads and
+lengths are scaled first, so that neither units nor mass ratios decide.
 """
 
 from __future__ import annotations
@@ -23,33 +22,34 @@ import numpy as np
 
 RANK_TOLERANCE = 1e-11
 """Pivot or eigenvalue of a symmetric matrix, relative to its diagonal elements, at or below which a
-row depends on others; above it the row is one of its own. Eigenvalues: times their number."""
+row depends on others (eigenvalues: times their number)."""
 LEAST_SINGULAR = 1e-12
-"""Singular value, relative to the largest, at or below which it is round-off and its direction
-belongs to the null space; singular values are roots of eigenvalues, and known more exactly."""
+"""Singular value, relative to the largest, at or below which it is rounding and its direction
+belongs to the null space; singular values are square roots of eigenvalues, and known more
+accurately."""
 JUDGED_BY_CONTACT = 1e-10
-"""As LEAST_SINGULAR, for rows of contacts, whose places are known to that only: points that touch
-are within this of each other (see TOUCHING)."""
+"""As LEAST_SINGULAR, for rows of contacts, whose positions are known with this accuracy only:
+points that touch are within this distance (see TOUCHING)."""
 
 
 class Ranked(NamedTuple):
-    """A symmetric positive semidefinite matrix A = G M^-1 G^T, its rank decided."""
+    """Rank, null space and pseudo-inverse of a symmetric positive semidefinite A = G M^-1 G^T."""
 
     rank: int
     null: np.ndarray
-    """orthonormal basis of what A maps to zero: what vanishes of the rows; (n, n - rank)."""
+    """orthonormal basis of the null space of A, (n, n - rank)."""
     inverse: np.ndarray
-    """A^+ b is the solution of least norm of A x = b, for a consistent b; (n, n)."""
+    """pseudo-inverse: A^+ b is the minimum-norm solution of A x = b for a consistent b; (n, n)."""
 
     def least(self, b: np.ndarray) -> np.ndarray:
-        """The x of least norm with A x = b."""
+        """The minimum-norm x with A x = b."""
         return self.inverse @ b
 
 
 def ranked(a: np.ndarray) -> Ranked:
     """Rank, null space and pseudo-inverse of a symmetric positive semidefinite matrix (n, n).
 
-    Each row is scaled by the root of its diagonal element; of the scaled matrix eigenvalues up to
+    Each row is scaled by the root of its diagonal element; eigenvalues of the scaled matrix up to
     RANK_TOLERANCE times n count as zero, so that neither units nor mass ratios decide.
     """
     n = len(a)
@@ -69,59 +69,60 @@ def ranked(a: np.ndarray) -> Ranked:
 
 
 def rank_of(a: np.ndarray) -> int:
-    """The rank that `ranked` gives, in a fifth of the time."""
+    """The rank as from `ranked`, five times as fast."""
     scale = _scale(a)
     values = np.linalg.eigvalsh(a * np.outer(scale, scale))
     return int((values > RANK_TOLERANCE * len(a)).sum())
 
 
 def _scale(a: np.ndarray) -> np.ndarray:
-    """One over the root of each diagonal element; 0 where that is 0."""
+    """One over the square root of each diagonal element; 0 for an element of 0."""
     diagonal = np.diag(a)
     return np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
 
 
 class Split(NamedTuple):
-    """A matrix A = U diag(s) V^T by what it keeps and what it maps to zero."""
+    """Singular value decomposition A = U diag(s) V^T of a matrix, with its rank."""
 
     rank: int
     singular: np.ndarray
-    """s that are not zero, the largest first, (rank,)."""
+    """nonzero singular values, the largest first, (rank,)."""
     left: np.ndarray
-    """U, all of it: (m, m); its columns from `rank` on are combinations of rows that vanish."""
+    """the whole U, (m, m); its columns from `rank` on are combinations of rows that vanish."""
     right: np.ndarray
-    """V^T, all of it: (n, n); its rows from `rank` on are what A maps to zero."""
+    """the whole V^T, (n, n); its rows from `rank` on span the null space."""
 
     @property
     def null(self) -> np.ndarray:
-        """Orthonormal basis of what A maps to zero, (n, n - rank)."""
+        """Orthonormal basis of the null space, (n, n - rank)."""
         return self.right[self.rank :].T
 
     def least(self, b: np.ndarray) -> np.ndarray:
-        """The x of least norm among those with the least |A x - b|."""
+        """The minimum-norm x among those with the least |A x - b|."""
         on_left = self.left[:, : self.rank].T @ b
         return self.right[: self.rank].T @ (on_left / self.singular)
 
 
 def split(u: np.ndarray, s: np.ndarray, vt: np.ndarray, least: float = LEAST_SINGULAR) -> Split:
-    """The rank of a matrix from its singular values; `least` where they are less exact."""
+    """The decomposition with its rank; least: relative threshold, larger for less accurate
+    values."""
     rank = int(np.sum(s > least * s.max(initial=0.0)))
     return Split(rank, s[:rank], u, vt)
 
 
 def scaled_rows(rows: np.ndarray) -> np.ndarray:
-    """The rows (m, n) at length 1; those that vanish stay zero."""
+    """The rows (m, n) normalised; rows that vanish stay zero."""
     sizes = np.linalg.norm(rows, axis=1)
     return rows / np.where(sizes > 0.0, sizes, 1.0)[:, None]
 
 
 def null_space(rows: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of what the rows (m, n) map to zero, (n, dimension)."""
+    """Orthonormal basis of the null space of the rows (m, n), (n, dimension)."""
     scaled = scaled_rows(rows)
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     return vectors[:, values <= RANK_TOLERANCE * max(len(values), len(rows))]
 
 
 def solved(rows: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The x of least norm among those with the least |rows x - right|."""
+    """The minimum-norm x among those with the least |rows x - right|."""
     return np.linalg.lstsq(rows, right, rcond=RANK_TOLERANCE)[0]

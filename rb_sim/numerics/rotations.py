@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Vectors (..., 3) and quaternions [x, y, z, w] (..., 4) in arrays, body to world; all broadcast.
+"""Arrays of vectors (..., 3) and quaternions [x, y, z, w] (..., 4), body to world; all broadcast.
 
-`vectors` has the same for tuples of numbers, which kernels and laws take.
+`vectors` has the same functions for tuples of numbers, for kernels and laws.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def norms(vectors: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b: as np.cross, which takes ten times longer on one pair."""
+    """a x b, as np.cross; for a single pair ten times as fast."""
     a_0, a_1, a_2 = a[..., 0], a[..., 1], a[..., 2]
     b_0, b_1, b_2 = b[..., 0], b[..., 1], b[..., 2]
     parts = (a_1 * b_2 - a_2 * b_1, a_2 * b_0 - a_0 * b_2, a_0 * b_1 - a_1 * b_0)
@@ -41,7 +41,7 @@ def cross(a: Array, b: Array) -> Array:
 def rotate(quaternion: Array, vector: Array) -> Array:
     """R(quaternion) vector.
 
-    A rotation to round-off, however far the quaternion is from unit length, so it can be undone.
+    A rotation up to rounding for a quaternion of any length, so that it can be undone.
     """
     axis, scalar = quaternion[..., :3], quaternion[..., 3:]
     x, y, z, w = (quaternion[..., k : k + 1] for k in range(4))
@@ -50,30 +50,30 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 
 
 def conjugate(quaternion: Array) -> Array:
-    """The inverse rotation."""
+    """The conjugate: the inverse rotation."""
     return quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
 
 
 def product(a: Array, b: Array) -> Array:
-    """The rotation a after b."""
+    """The product of rotations: first b, then a."""
     parts = (np.moveaxis(q, -1, 0) for q in (a, b))
     return np.stack(quaternion_product(*parts), axis=-1)
 
 
 def unit(quaternion: Array) -> Array:
-    """Of length 1."""
+    """The quaternion normalised."""
     return quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
 
 
 def from_rotation_vector(vector: Array) -> Array:
-    """The quaternion of a turn about the vector, by its length [rad]."""
+    """The quaternion of a rotation about the vector by its length [rad]."""
     angle = norms(vector)[..., None]
     half_sine = 0.5 * np.sinc(0.5 / np.pi * angle)  # sin(angle / 2) / angle
     return np.concatenate([half_sine * vector, np.cos(0.5 * angle)], axis=-1)
 
 
 def from_z(axis: Array) -> Array:
-    """The quaternion that turns z into the unit vector `axis`, shape (3,)."""
+    """The quaternion that rotates z to the unit vector `axis`, shape (3,)."""
     if axis[2] < -1.0 + 1e-12:
         return np.array([1.0, 0.0, 0.0, 0.0])
     q = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
@@ -81,20 +81,20 @@ def from_z(axis: Array) -> Array:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Quaternions (n, 4), each of the sign that is nearest to the one before."""
+    """Quaternions (n, 4), each with the sign that is closer to the previous one."""
     signs = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0, -1.0, 1.0)
     return quaternion * np.cumprod(np.concatenate([[1.0], signs]))[:, None]
 
 
 def turn_between(p: Array, q: Array) -> Array:
-    """The rotation from p to q, unit quaternions of either sign: axis times 2 sin(angle / 2), in
-    the axes of p."""
+    """Rotation from p to q, unit quaternions of either sign: axis times 2 sin(angle / 2), in axes
+    of p."""
     turn = product(conjugate(p), q)
     return np.where(turn[..., 3:] < 0.0, -2.0, 2.0) * turn[..., :3]
 
 
 def angle_between(p: Array, q: Array) -> Array:
-    """Its angle [rad], exact near 0 and near half a turn; shape (...)."""
+    """Angle between p and q [rad], accurate near 0 and near half a turn; shape (...)."""
     apart = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4.0 * np.arcsin(np.minimum(0.5 * apart, 1.0))
 
@@ -102,7 +102,7 @@ def angle_between(p: Array, q: Array) -> Array:
 def roll_pitch_yaw(quaternion: Array) -> Array:
     """Angles about the fixed axes x, y, z, in that order [rad], shapes (..., 4) and (..., 3).
 
-    Where roll and yaw turn about the same axis, at a pitch of a quarter turn, all of it is yaw.
+    At a pitch of a quarter turn, where roll and yaw have the same axis, roll is 0.
     """
     x, y, z, w = np.moveaxis(np.asarray(quaternion, dtype=float), -1, 0)
     sine = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
@@ -115,15 +115,17 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
 
 
 def other_triple(angles: Array) -> Array:
-    """The other roll, pitch and yaw of the same attitude: roll + pi, pi - pitch, yaw + pi."""
+    """The second triple of roll, pitch and yaw of the same attitude: roll + pi, pi - pitch, yaw +
+    pi."""
     return np.pi + angles * np.array([1.0, -1.0, 1.0])
 
 
 def without_jumps(angles: Array, before: Array | None = None) -> Array:
-    """Roll, pitch and yaw over time [rad], shape (n, ..., 3), as angles that go on beyond a turn.
+    """Continuous roll, pitch and yaw over time [rad], shape (n, ..., 3), beyond half a turn if
+    necessary.
 
-    At each sample that of the two triples is taken which is nearer to the sample before.
-    before: the last angles so far, shape (..., 3).
+    For each sample the one of both triples is taken that is closer to the previous sample. before:
+    the last earlier angles, shape (..., 3).
     """
     if not len(angles):
         return angles

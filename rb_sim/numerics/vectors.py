@@ -9,7 +9,7 @@
 
 """3-vectors, unit quaternions [x, y, z, w] and symmetric 3x3 matrices as tuples of floats.
 
-A symmetric matrix is (xx, yy, zz, xy, xz, yz).  Tuples live in registers: no allocation.
+A symmetric matrix is (xx, yy, zz, xy, xz, yz). Compiled, tuples are in registers: no allocation.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from __future__ import annotations
 from rb_sim.graph.symbols import atan2, cos, maximum, rarely, sin, sqrt, where
 from rb_sim.numerics.kernels import inline
 
-# Functions of numbers that kernels call, for floats, compiled code and the symbols of a trace.
-#
-# `where(condition, a, b)` takes the place of a branch on the state; both sides are computed.
+# Functions of numbers for floats, compiled code and symbols of a trace. `where(condition, a, b)`
+# replaces a branch on the state; both sides are computed.
 
 
 __all__ = ["atan2", "cos", "maximum", "rarely", "sin", "sqrt", "where"]
@@ -81,7 +80,7 @@ def unrotate(q, a):
 
 @inline
 def quaternion_product(a, b):
-    """a b: first turn by b, then by a."""
+    """a b: rotation by b first, then by a."""
     return (
         a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
         a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
@@ -109,7 +108,7 @@ def quaternion_rate(q, w):
 
 @inline
 def quaternion_unit(q):
-    """q / |q|; one Newton step would do near 1, the root also mends a large error."""
+    """q / |q|, accurate for any length of q."""
     s = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (s * q[0], s * q[1], s * q[2], s * q[3])
 
@@ -125,10 +124,10 @@ def symmetric_times(s, a):
 
 @inline
 def gyroscopic(s, w):
-    """w x S w, by differences of the moments.
+    """w x S w, from differences of the moments.
 
-    Exactly zero about the axis of a body of revolution: with an axial moment of 1e-9 of the others
-    the rounding of the plain product would already spin it up.
+    Exactly zero about the axis of a body of revolution: with an axial moment of 1e-9 of the others,
+    rounding of the plain product would accelerate the spin.
     """
     x, y, z = w
     return (
@@ -154,7 +153,7 @@ def shifted_inertia(inertia, mass, r):
 
 @inline
 def symmetric_solve(s, b):
-    """x with S x = b for a positive definite S, by its square-root-free Cholesky factors."""
+    """x with S x = b for a positive definite S, by L D L^T factors."""
     l10 = s[3] / s[0]
     l20 = s[4] / s[0]
     d1 = s[1] - l10 * s[3]
@@ -169,7 +168,7 @@ def symmetric_solve(s, b):
 
 @inline
 def perpendicular(n):
-    """Two unit vectors that complete the unit vector n to a right-handed frame (t1, t2, n)."""
+    """Unit vectors t1, t2 that complete the unit vector n to a right-handed frame (t1, t2, n)."""
     sign = where(n[2] >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""From a scene file to the compiled system: reading, checking, compiling, the initial state."""
+"""From a scene file to the compiled system: reading, validation, compilation, the initial state."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Scene -> compiled arrays: the system that kernels integrate, its start, and what samples mean."""
+"""Compile a scene: the system that kernels integrate, its initial coordinates and sample layout."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from rb_sim.scene.schema import Scene, SimulationOptions
 
 
 def compile_method(options: SimulationOptions, duration: float) -> Any:
-    """The method named by the options; for `auto` it must have been chosen before."""
+    """The method named by the options; `auto` must have been replaced by a method before."""
     return methods.build(
         options.method, step=options.step, tolerance=options.tolerance, largest_step=duration
     )
@@ -48,18 +48,19 @@ def compile_method(options: SimulationOptions, duration: float) -> Any:
 def compile_scene(
     scene: Scene, *, coordinates: str = "auto", place: InitialPlace | None = None
 ) -> Compiled:
-    """Compile the scene; coordinates "auto" prefers reduced ones, "maximal" forces the general.
+    """Compile the scene; coordinates "auto" prefers reduced ones, "maximal" forces maximal ones.
 
-    place: with another start, which maximal coordinates take; None: the scene's own.
+    place: initial place with another start of the motion (maximal coordinates only); None: the
+    scene's own.
 
-    Raises SceneError if the initial state violates a constraint and the scene does not ask to
-    project it, or if a kind or the method cannot be used as it stands.
+    Raises SceneError if the initial state violates a constraint and `project_initial` is false, or
+    if a constraint, an effect or the method cannot be used in this scene.
     """
     compiled = compile_motion(scene, coordinates, place)
     if absolute := absolute_tolerances(scene, compiled):
         compiled = replace(compiled, absolute=absolute)
     name = scene.simulation.method
-    method = methods.METHODS.get(name)  # none for auto
+    method = methods.METHODS.get(name)  # None for auto
     if method is not None and not method.suits(compiled.system):
         raise SceneError(
             f"got {name!r}; must be dopri853 or auto here, since {name} takes only {method.domain}",
@@ -70,7 +71,8 @@ def compile_scene(
 
 
 def absolute_tolerances(scene: Scene, compiled: Compiled) -> tuple[float | None, ...]:
-    """Of the bodies, () where none is given. Raises SceneError in contact."""
+    """Absolute tolerance of each body, () if none is given. Raises SceneError in a scene with
+    contacts."""
     given = tuple(body.absolute_tolerance for body in scene.bodies.values())
     if not any(given):
         return ()
@@ -83,7 +85,7 @@ def absolute_tolerances(scene: Scene, compiled: Compiled) -> tuple[float | None,
 
 
 def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = None) -> Compiled:
-    """As compile_scene, whatever the method."""
+    """As compile_scene, without checks of the method."""
     place = place or InitialPlace(scene)
     placed, commands, breakpoints = compile_effects(scene, place)
     rows = tuple(effect.row for effect in placed)
@@ -116,7 +118,7 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
 
 
 def named(scene: Scene, key: str, action: Any) -> Any:
-    """Run a spec's compile step; what it refuses becomes a SceneError at `key`."""
+    """Run a spec's compile step; its errors become a SceneError at `key`."""
     try:
         return action()
     except (PydanticCustomError, ValueError) as error:
@@ -127,7 +129,7 @@ def named(scene: Scene, key: str, action: Any) -> Any:
 def compile_effects(
     scene: Scene, place: InitialPlace
 ) -> tuple[list[Placed], dict[str, tuple[int, ...]], tuple[float, ...]]:
-    """Effects as placed rows, the command rows of each body, and the breakpoints."""
+    """(effects as placed rows, command rows of each body, breakpoints [s])."""
     index = {name: i for i, name in enumerate(scene.bodies)}
     placed: list[Placed] = []
     commands: dict[str, tuple[int, ...]] = {}
@@ -149,7 +151,8 @@ def compile_effects(
 
 
 def contact_names(scene: Scene, place: InitialPlace) -> tuple[str, ...]:
-    """Every point of contact: NAME, or NAME/1, NAME/2 ... where a contact has several."""
+    """Names of all contact points: NAME, or NAME/1, NAME/2 ... for a contact with several
+    points."""
     return tuple(
         f"{name}/{suffix}" if suffix else name
         for name, spec in scene.constraints.items()
@@ -209,7 +212,8 @@ def compile_maximal(
 
 
 def initial_coordinates(scene: Scene, place: InitialPlace) -> np.ndarray:
-    """Where the bodies start in maximal coordinates, those with one joint on it if asked for."""
+    """Initial maximal coordinates; with project_initial, bodies with a single joint are moved onto
+    it."""
     starts = {name: place.start(name) for name in scene.bodies}
     if scene.simulation.project_initial:
         starts |= projected_alone(place, list(scene.constraints.values()))

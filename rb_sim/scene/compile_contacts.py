@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Scenes with contacts, compiled: joints first, then every point of contact."""
+"""Compile scenes with contacts: joints first, then every contact point."""
 
 from __future__ import annotations
 
@@ -75,18 +75,18 @@ from rb_sim.scene.place import (
 )
 from rb_sim.scene.schema import Scene
 
-# The points of contact of a scene, those of one kind side by side, and the table of them.
+# The contact points of a scene, grouped by kind, and their table.
 
 
 def kind_of(row: Any) -> str:
-    """What decides the compiled code of a point of contact."""
+    """Key of the compiled code of a contact point: the classes of its geometry and laws."""
     classes = (row.pair, getattr(row.pair, "surface", None), row.friction, row.resistance)
     names = [type(field).__name__ for field in (*classes, row.carrier)]
     return " ".join([*names, str(len(row.spring))])
 
 
 def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Touching, Any, str]]:
-    """(constraint, spec, part, name of the point), those of one kind one after the other."""
+    """(constraint, spec, part, name of the point) of each contact point, grouped by kind."""
     found = []
     for name, spec in scene.constraints.items():
         if isinstance(spec, Touching):
@@ -98,13 +98,15 @@ def grouped_contacts(scene: Scene, place: InitialPlace) -> list[tuple[str, Touch
 
 
 def groups_of(contacts: list[Placed]) -> tuple[tuple[Placed, ...], ...]:
-    """Neighbours of one kind together."""
+    """Consecutive contact points of one kind as groups."""
     return tuple(tuple(group) for _, group in groupby(contacts, key=lambda c: kind_of(c.row)))
 
 
 def rims_of_points(contacts: list[Placed]) -> list[float]:
-    """For each contact the first that is a point of the same rim on a plane or a cylinder, or
-    itself where a face holds it; -1 for others."""
+    """Index of the rim of each contact: the first contact on the same rim of a plane or cylinder.
+
+    For a point held by a face it is its own index; -1 for all others.
+    """
     rims: dict[Any, float] = {}
     found = []
     for c, placed in enumerate(contacts):
@@ -125,7 +127,7 @@ def rims_of_points(contacts: list[Placed]) -> list[float]:
 
 
 def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
-    """The table of contacts at the start: all open."""
+    """The table of contacts at the start: all are open."""
     touch = np.zeros((len(laws), TOUCH_WIDTH))
     touch[:, RIM] = rims_of_points(contacts)
     for c, law in enumerate(laws):
@@ -140,8 +142,8 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
     return touch
 
 
-# The initial state against the laws of contact: checked, moved apart where the scene asks for a
-# projection, or refused.
+# Check of the initial state against the contact laws: overlaps are moved apart if the scene asks
+# for a projection, else refused.
 
 
 def check_contacts(
@@ -152,8 +154,10 @@ def check_contacts(
     laws: list[ContactLaw],
     t: float,
 ) -> None:
-    """Refuse a start in which bodies overlap or a perfectly rough contact slips; with
-    `project_initial` move the bodies apart, in place."""
+    """Refuse a start with overlapping bodies or with slip at a perfectly rough contact.
+
+    With `project_initial` overlapping bodies are moved apart instead; y changes in place.
+    """
     try:
         write_rows(system, t, y)
     except ZeroDivisionError:
@@ -186,8 +190,8 @@ def check_contacts(
 def refuse_middle(
     scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], t: float
 ) -> None:
-    """Raise SceneError where a body that is not round is in the very middle of a hollow support:
-    no direction tells where its nearest point has to be sought."""
+    """Raise SceneError if a body that is not round is at the centre of a hollow support: its
+    nearest point is undefined there."""
     for c, placed in enumerate(one for group in system.contacts for one in group):
         try:
             write_contact(placed, t, system, y, c)
@@ -203,11 +207,11 @@ def refuse_middle(
 
 
 def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: float) -> bool:
-    """Move bodies that overlap, by the least mass-weighted way and with the joints holding, until
-    they touch; y changes in place.  False if there is no such way.
+    """Move overlapping bodies apart until they touch; y changes in place. False if impossible.
 
-    The deepest contact is held at its gap of zero, then the one that is deepest after that as
-    well, until none is left; what the contacts' velocities are is not touched.
+    The displacement is the least one in the mass metric that keeps the joints. The deepest contact
+    is held at gap zero, then also the deepest of the others, until none overlaps; velocities at the
+    contacts stay unchanged.
     """
     held: list[int] = []
     for _ in range(len(laws) + 1):
@@ -222,14 +226,14 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
         python_of(bring_positions)(system, t, y)
         system.touch[held, CLOSED] = 0.0
         write_rows(system, t, y)
-    if held:  # velocities that the joints do not allow where the bodies are now
+    if held:  # project velocities onto the joints in the new positions
         python_of(bring_to_manifold)(system, t, y)
         write_rows(system, t, y)
     return bool(np.isfinite(y).all())
 
 
 def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
-    """The gap of each rigid contact that can touch [m], 0 of others, (contacts,)."""
+    """Gap of each rigid contact that exists [m], 0 for all others, (contacts,)."""
     compliant = np.array([law.compliant for law in laws], dtype=bool)
     counts = ~compliant & (system.touch[:, LEAN_SIGN] != ABSENT)
     return np.where(counts, system.touch[:, GAP], 0.0)
@@ -244,7 +248,8 @@ def compile_contacts(
     layout: SampleLayout,
     outputs: list[tuple[str, str, str]],
 ) -> Compiled:
-    """The scene in maximal coordinates with contacts; y ends with their work.
+    """The scene in maximal coordinates with contacts; the last entry of y is the work of the
+    contacts.
 
     Raises SceneError if bodies overlap, or a perfectly rough contact slips, at the start.
     """
@@ -281,14 +286,14 @@ def compile_contacts(
 
 
 def start_of(scene: Scene, place: InitialPlace) -> np.ndarray:
-    """The coordinates at the start; no work is done yet."""
+    """The initial coordinates; the last one, the work of the contacts [J], is zero."""
     fields = [np.array(field) for name in scene.bodies for field in place.start(name)]
     return np.concatenate([*fields, [0.0]])
 
 
 def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray) -> ContactBodies:
-    """The system with those rows of joints marked that follow from others; alone: the system
-    without its contacts."""
+    """The system with the dependent rows of joints marked; alone: the system without its
+    contacts."""
     found = dependent_rows(along_parents(alone), y)
     system.row_table[changing_in(along_parents(alone), found), DEPENDENT] += CHANGING
     system.row_table[list(found.rows), DEPENDENT] += AMONG_ROWS
@@ -297,22 +302,22 @@ def without_dependent(system: ContactBodies, alone: ContactBodies, y: np.ndarray
 
 
 class Parts(NamedTuple):
-    """What holds the bodies: joints first, then the points of contact, each list in that order."""
+    """Constraint parts of a scene: joints first, then contact points, in every list."""
 
     joints: list[Placed]
     contacts: list[Placed]
     owned: list[tuple[str, Any]]
-    """(constraint, part of it) of every joint and point."""
+    """(constraint, part) of every joint and contact point."""
     laws: list[ContactLaw]
     labels: list[str]
-    """laws and names of the points."""
+    """laws and names of the contact points."""
     boxes: dict[str, BoxPair]
     sides: dict[str, Sides]
-    """of the constraints that are a pair of boxes, or have sides that points may sink into."""
+    """by constraint: box-box pairs, and contacts whose edges may penetrate between the points."""
 
 
 def parts_of(scene: Scene, place: InitialPlace, index: dict[str, int]) -> Parts:
-    """The joints and contacts of a scene; index: of the bodies."""
+    """The joints and contact points of a scene; index: of each body by name."""
     parts = Parts([], [], [], [], [], {}, {})
     for name, spec in scene.constraints.items():
         if not isinstance(spec, Touching):
@@ -335,7 +340,7 @@ def parts_of(scene: Scene, place: InitialPlace, index: dict[str, int]) -> Parts:
 def system_of(
     scene: Scene, place: InitialPlace, parts: Parts, placed: list[Placed], members: np.ndarray
 ) -> ContactBodies:
-    """The tables of the system, all contacts open; placed: effects."""
+    """The tables of the system with all contacts open; placed: rows of the effects."""
     joints, contacts = parts.joints, parts.contacts
     rows: list[Any] = [c.row for c in contacts]
     counts = [COUNT[type(c.row)] for c in joints] + [contact_rows(row) for row in rows]
@@ -373,7 +378,7 @@ def system_of(
 
 
 def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
-    """The system with its joints alone: before the start all contacts are open and have no say."""
+    """The system with its joints only: all contacts are open before the start."""
     n = int(system.first_row[joints])
     return system._replace(
         contacts=(),
@@ -389,7 +394,7 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
 
 
 def placed_part(spec: Any, part: Any, index: dict[str, int]) -> Placed:
-    """A part of a constraint with the numbers of its body and parent; -1: the world."""
+    """A part of a constraint with the indices of its body and parent; -1: the world."""
     parent = getattr(spec, "parent", None)
     return Placed(part.row, index[spec.body], -1 if parent is None else index[parent])
 
@@ -400,14 +405,18 @@ def members_of(
     scene: Scene,
     index: dict[str, int],
 ) -> np.ndarray:
-    """Which parts count in each reaction; a total over several points is taken about C."""
+    """Table of the parts in each reaction, after the part (or -1 - body) that gives its reference
+    point.
+
+    A total over several points is taken about C.
+    """
     members = np.zeros((len(outputs), 1 + len(owned)), np.int64)
     for o, (_, base, suffix) in enumerate(outputs):
         parts = [
             i for i, (name, part) in enumerate(owned) if name == base and suffix in part.outputs
         ]
         spec = scene.constraints[base]
-        several = isinstance(spec, Touching) and len(parts) != 1  # none: see contact.between
+        several = isinstance(spec, Touching) and len(parts) != 1  # `between` has no parts
         members[o, 0] = -1 - index[spec.body] if several else parts[0]  # type: ignore[attr-defined]
         members[o, [1 + part for part in parts]] = 1
     return members

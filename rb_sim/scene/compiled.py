@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a scene is compiled into: the system that kernels integrate, its start, its samples."""
+"""A compiled scene: the system that kernels integrate, its initial coordinates, its samples."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ if TYPE_CHECKING:
     from rb_sim.scene.pairs_of_bodies import Between
 
 
-# The laws of systems that were met lately: whoever runs the same scene again, with another method
-# or tolerance, traces, writes and loads nothing anew.
+# Cache of the laws of recent systems: running the same scene again, with another method or
+# tolerance, needs no tracing, compiling or loading.
 
 
 KEPT = 32
-"""Systems whose laws are kept; those of one body take 0.3 MB of memory, of ten 1 MB."""
+"""Number of systems whose laws are cached; those of one body take 0.3 MB of memory, of ten 1 MB."""
 
 _LAWS: OrderedDict[Hashable, Any] = OrderedDict()
 _LOCK = threading.Lock()
 
 
 def recent_laws(system: Any, others: Hashable, make: Callable[[Any], Any]) -> Any:
-    """make(system), or what it gave for an equal system and equal `others`.
+    """make(system), or its cached result for an equal system and equal `others`.
 
-    The laws get a system of their own, without what steps left in its workspace.
+    The laws get their own copy of the system, with a cleared workspace.
     """
     own = cleared(system)
     try:
-        # classes by name, every float to the last bit
+        # classes by name, floats bit by bit
         content = hashlib.sha256(pickle.dumps(own)).digest()
-    except (pickle.PicklingError, AttributeError, TypeError):  # a class that nobody else can name
+    except (pickle.PicklingError, AttributeError, TypeError):  # a class that cannot be imported
         return make(own)
     key = content, others, interpreted(), cache_root()
     with _LOCK:
@@ -71,23 +71,24 @@ def recent_laws(system: Any, others: Hashable, make: Callable[[Any], Any]) -> An
 
 
 def forget() -> None:
-    """Drop all of them."""
+    """Empty the cache of laws."""
     with _LOCK:
         _LAWS.clear()
 
 
 class BoxPair(NamedTuple):
-    """A box on a box: both sizes, for methods that look for where their surfaces meet."""
+    """Contact of a box with a box: both sizes, for methods that intersect their surfaces."""
 
     first: int
-    """number of the first of its points among the points of contact."""
+    """index of its first point among the contact points."""
     sizes: list[float]
     """centre (from C) and half edges of the body's box, then of the parent's; 12 numbers [m]."""
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """What the outer loop needs: nothing in it is a string that kernels would see."""
+    """A compiled scene as the outer loop needs it; no field holds a string that kernels would
+    see."""
 
     system: Any
     y: Any
@@ -98,21 +99,21 @@ class Compiled:
     breakpoints: tuple[float, ...]
     """instants that no step may cross, increasing [s]."""
     indeterminate: tuple[str, ...]
-    """reactions that statics alone does not determine."""
+    """reactions whose values equilibrium alone does not determine."""
     rows: int
     degrees_of_freedom: int
     contact_laws: tuple[ContactLaw, ...] = ()
-    """of each point of contact; () where the scene has none."""
+    """law of each contact point; () without contacts."""
     box_pairs: tuple[BoxPair, ...] = ()
-    """contacts of a box with a box, whose points are those of one contact."""
+    """contacts of a box with a box: their points form one contact."""
     sides: tuple[Sides, ...] = ()
-    """edges that may sink in between the points with which a body touches."""
+    """edges that may penetrate between the contact points of a body."""
     one_by_one: bool = False
-    """whether contacts that strike at once do so one after the other."""
+    """whether simultaneous impacts are solved one after the other."""
     between: Between | None = None
-    """pairs of bodies that touch without a constraint of their own; None where there are none."""
+    """pairs of bodies in contact through `between`; None without such contacts."""
     absolute: tuple[float | None, ...] = ()
-    """absolute tolerances of the bodies; () where none is given."""
+    """absolute tolerance of each body; () if none is given."""
 
     @property
     def reduced(self) -> bool:
@@ -126,26 +127,26 @@ class Compiled:
 
     @cached_property
     def dependent(self) -> Dependent:
-        """The rows that depend on others from the start on, for good."""
+        """The rows that depend on others at the start and in all later positions."""
         if not self.redundant or not isinstance(self.y, np.ndarray):
             return INDEPENDENT
         return dependent_rows(self.system, self.y)
 
     @cached_property
     def laws(self) -> ReducedLaws | MultiBodyLaws | None:
-        """The traced laws of the system; None for what goes through the compiler of types."""
+        """The traced laws of the system; None if it is compiled by inference of types instead."""
         if not traceable(self.system):
             return None
         others = type(self.system), len(self.y), row_width(self.layout), self._lost
         return recent_laws(self.system, others, lambda system: self._laws_of(system, ()))
 
     def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
-        """The traced laws with the constants at these places as inputs."""
+        """The traced laws with the constants at these places as inputs instead of constants."""
         return self._laws_of(self.system, varied)
 
     @property
     def _lost(self) -> tuple[bool, Dependent]:
-        """What laws take for granted about rows that depend on others."""
+        """(redundant, dependent rows), which the laws take as fixed."""
         return self.redundant, self.dependent
 
     def _laws_of(self, system: Any, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
@@ -160,19 +161,19 @@ class Compiled:
         return ReducedLaws(system, len(self.y), width, varied)
 
     def sharing(self, family: Family) -> Compiled:
-        """The same with the laws of the family, where the system is one of it."""
+        """The same scene with the laws of the family; unchanged if its system is not a member."""
         laws: Any = family.laws
         if isinstance(laws, MultiBodyLaws) and (laws.redundant, laws.dependent) != self._lost:
             return self
         if not family.has(self.system):
             return self
         shared = replace(self)
-        shared.__dict__["laws"] = family.laws  # where cached_property keeps it
+        shared.__dict__["laws"] = family.laws  # where cached_property looks
         return shared
 
 
 def family_of(members: Sequence[Compiled]) -> Family | None:
-    """What scenes share that differ only in numbers; None for what cannot be traced."""
+    """Laws shared by scenes that differ in numbers only; None if they cannot be traced."""
     first = members[0]
     if not traceable(first.system):
         return None

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The initial state on the constraints: checked, projected where the scene asks, or refused."""
+"""Check of the initial state against the constraints: accepted, projected or refused."""
 
 from __future__ import annotations
 
@@ -35,45 +35,48 @@ from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.reduced import misfit, rolling_spin
 from rb_sim.scene.schema import Scene
 
-# Constraint rows that depend on each other: for good (redundant) or in one position only.
+# Linearly dependent constraint rows: permanently (redundant) or in one position only (singular).
 #
 # A combination nu of rows with nu^T G = 0 stays one along every motion u that the rows allow if
-# nu^T dG/dt u = 0 for all such u.  Otherwise the position is singular, a dead centre: the rows
-# stop a motion that their first order allows, or let it branch, and neither accelerations nor
-# reactions are determined there.
+# nu^T dG/dt u = 0 for all such u. Otherwise the position is singular, a dead centre: the rows stop
+# a motion that they allow to first order, or let it branch, and accelerations and reactions are not
+# unique.
 
 
 CHANGES = 1e-7
-"""Rate at which a combination changes, relative to that at which its rows turn with the bodies."""
+"""Rate at which a combination of rows changes, relative to the rate of the rows themselves, above
+which the dependence is only momentary."""
 
 INDEPENDENT = 1e-6
-"""Smallest singular value of rows of length 1, relative to the largest, of a joint that is none of
-the doubtful ones."""
+"""Smallest singular value of the normalised rows, relative to the largest, above which they are
+clearly independent."""
 
 WIDE = 1e9
-"""Ratio of masses from which on it is asked whether it hides rows."""
+"""Ratio of masses above which the check for rows hidden by masses is made."""
 
 HIDDEN = 8e-12
-"""Smallest eigenvalue of A, scaled to a diagonal of ones and relative to the largest, below which
-its solution keeps some five digits at most: constraints are then lost from step to step."""
+"""Smallest eigenvalue of A (scaled to a unit diagonal), relative to the largest, below which a
+solution keeps about five digits at most: constraints then drift from step to step."""
 
 MOTIONS = 4
-"""Allowed motions that are tried; one that happens to hide a dead centre has no neighbours."""
+"""Number of random allowed motions that are tried; a motion that misses a dead centre is
+isolated."""
 
 
 def joint_lines(system: Any) -> int:
-    """Rows of the constraints that always hold; contacts come after them."""
+    """Number of rows of the joints; rows of contacts follow them."""
     return int(system.first_row[len(system.constraints)])
 
 
 def rank_of_joints(system: Any, t: float, y: np.ndarray) -> Ranked:
-    """Of A = G M^-1 G^T at (t, y)."""
+    """Rank decomposition of A = G M^-1 G^T of the joints at (t, y)."""
     n = joint_lines(system)
     return ranked(rows_matrix(system, t, y)[:n, :n])
 
 
 def jacobian(system: Any) -> np.ndarray:
-    """G on u = (v_C world, w body) of all bodies, (n, 6 N), as written last."""
+    """G with respect to u = (v_C world, w body) of all bodies, (n, 6 N), from the rows last
+    written."""
     n, bodies = joint_lines(system), len(system.bodies)
     G = np.zeros((n, 6 * bodies))
     for k in range(n):
@@ -84,7 +87,7 @@ def jacobian(system: Any) -> np.ndarray:
 
 
 def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
-    """The rows that depend on each other at (t, y), but not beside it; indices, maybe none.
+    """Indices of the rows that depend on each other at (t, y) but not in neighbouring positions.
 
     Overwrites the rows in `system`.
     """
@@ -113,7 +116,7 @@ def dead_centre(system: Any, t: float, y: np.ndarray) -> np.ndarray:
 
 
 def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """|dG/dt u| of each row if it turned with the fastest body: its size times v^2 / length."""
+    """Scale of |dG/dt u| for each row, as if it turned with the fastest body: size v^2 / length."""
     length = system.length
     speed = (np.linalg.norm(u[:, :3], axis=1) + length * np.linalg.norm(u[:, 3:], axis=1)).max()
     parts = G.reshape(len(G), -1, 6)
@@ -124,9 +127,10 @@ def rates(system: Any, G: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def hidden_by_masses(system: Any, t: float, y: np.ndarray) -> np.ndarray:
-    """Rows that are independent, but that A at (t, y) cannot tell from dependent ones; indices.
+    """Indices of independent rows that A at (t, y) cannot distinguish from dependent ones.
 
-    A heavy body that hangs by a light one makes two rows alike but for the ratio of their masses.
+    A heavy body that hangs on a light one makes two rows of A equal up to the ratio of their
+    masses.
     """
     masses, n = system.bodies[:, MASS], joint_lines(system)
     if not n or not masses.max() > WIDE * masses.min():
@@ -145,7 +149,7 @@ def hidden_by_masses(system: Any, t: float, y: np.ndarray) -> np.ndarray:
 
 
 def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
-    """Orthonormal basis, in the metric of M, of the u with G u = 0; (6 N, dimension)."""
+    """Basis of the u with G u = 0, orthonormal in the metric of M; (6 N, dimension)."""
     roots = []
     for body in system.bodies:
         xx, yy, zz, xy, xz, yz = body[INERTIA : INERTIA + 6]
@@ -157,9 +161,9 @@ def allowed_motions(system: Any, G: np.ndarray) -> np.ndarray:
 
 
 def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> tuple[str, ...]:
-    """Reactions whose rows take part in a linear dependence of the constraint rows.
+    """Names of the reactions with a row in a linear dependence of the constraint rows.
 
-    Contacts are left out: whether they hold changes.
+    Contacts are omitted, since they open and close.
     """
     null = rank_of_joints(system, t, y).null
     if null.shape[1] == 0:
@@ -175,10 +179,10 @@ def undetermined(system: Any, layout: SampleLayout, t: float, y: np.ndarray) -> 
 
 
 MISFIT = 1e-6
-"""Relative violation of a constraint up to which an initial state is taken as rounded."""
+"""Relative constraint violation up to which an initial state counts as rounded."""
 
 UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s")}
-"""Of what a start violates: of a length, of an angle."""
+"""Units of an initial violation: (of a length, of an angle)."""
 
 
 def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
@@ -200,7 +204,7 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
 def refuse_initial(
     scene: Scene, constraint: str, problem: str, cure: str = "correct it"
 ) -> NoReturn:
-    """Raise SceneError: the start violates a constraint. problem: the quantity and its amount."""
+    """Raise SceneError for a start that violates a constraint; problem: quantity and its amount."""
     raise SceneError(
         f"{problem} (must be 0); {cure} or set simulation.project_initial: true",
         key=f"constraints.{constraint}",
@@ -216,12 +220,12 @@ def check_maximal(
     t: float,
     scales: tuple[float, float],
 ) -> tuple[int, int]:
-    """Refuse or project an initial state off the manifold, in place; (rank, rows).
+    """Refuse or project an initial state off the manifold, in place; returns (rank, rows).
 
-    scales: length [m] and speed [m/s] of which a misfit is a share, see `start_scales`.
+    scales: length [m] and speed [m/s] to which violations are relative, see `start_scales`.
     """
     try:
-        with np.errstate(all="ignore"):  # what does not stay finite is refused below
+        with np.errstate(all="ignore"):  # non-finite results are refused below
             before, after, rank = start_on_manifold(system, t, y)
     except ZeroDivisionError:
         _refuse_lines(scene, "have no direction: points that must be apart coincide")
@@ -236,7 +240,7 @@ def check_maximal(
             problem = f"the initial {what} violates it by {amount}"
             refuse_initial(scene, owners[part_of(system, line)], problem)
     left = relative(system, after, system.length, system.speed)
-    if not (left <= WRITTEN_ROUNDING).all():  # nor NaN
+    if not (left <= WRITTEN_ROUNDING).all():  # also true for NaN
         raise SceneError(
             "they contradict each other: no state near the initial one satisfies all of them",
             key="constraints",
@@ -281,5 +285,5 @@ def _refuse_masses(scene: Scene, constraints: str) -> None:
 
 
 def part_of(system: Any, line: int) -> int:
-    """The part of a constraint that owns a row."""
+    """Index of the constraint part that owns a row."""
     return int(np.searchsorted(system.first_row, line, side="right")) - 1

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The scenes that come with rb_sim: in a source checkout, a pip installation or a colcon one."""
+"""List of the scenes shipped with rb_sim: in a checkout, a pip or a colcon installation."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from rb_sim.scene import yaml_reader
 from rb_sim.scene.yaml_reader import scene_error
 
 SHARE = Path("share", "rb_sim", "config")
-"""Where setup.py installs the scenes, below the prefix."""
+"""Folder in which setup.py installs the scenes, relative to the prefix."""
 
 STATICS = "statics"
-"""Folder of the scenes of bodies at rest, among the shipped ones."""
+"""Folder of the scenes of bodies at rest, within the folder of shipped scenes."""
 
 
 class ListedScene(NamedTuple):
-    """One line of `rb_sim scenes`."""
+    """One row of `rb_sim scenes`."""
 
     name: str
     path: Path
     description: str
-    """the scene's own, or what is wrong with the file."""
+    """description in the scene file, or the error of a file that cannot be read."""
 
 
 def scene_folders(package: Path | None = None) -> Iterator[Path]:
-    """Existing folders of shipped scenes, the one that belongs to this very package first.
+    """Existing folders of shipped scenes; first the one of the imported package.
 
     package: folder of the imported rb_sim (tests give another).
     """
@@ -82,7 +82,7 @@ def list_scenes(directory: str | PathLike[str] | None = None) -> list[ListedScen
 
 
 def statics_folder() -> Path | None:
-    """Where the shipped scenes of bodies at rest are; None if they were not installed."""
+    """Folder of the shipped scenes of bodies at rest; None if they are not installed."""
     return next((f / STATICS for f in scene_folders() if (f / STATICS).is_dir()), None)
 
 
@@ -93,7 +93,7 @@ def shipped_statics() -> dict[str, Path]:
 
 
 def find_scene(name_or_path: str | PathLike[str]) -> Path:
-    """Path of a scene given by its file, or by the bare name of a shipped scene.
+    """Path of a scene given by its file, or by the name of a shipped scene.
 
     Raises SceneError with the shipped scene that was probably meant.
     """
@@ -112,7 +112,7 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
 
 
 def _description(path: Path) -> str | None:
-    """The scene's description, or its error; None for a YAML file without bodies: no scene."""
+    """The scene's description, or its error; None for a YAML file without bodies (not a scene)."""
     try:
         data: Any = yaml_reader.parse(yaml_reader.read_text(path), str(path))
     except SceneError as error:

@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Scene files and mappings -> Scene. Whatever is wrong comes out as one SceneError of one line."""
+"""Load and validate scenes from files and mappings; all errors of a scene form one SceneError of
+one line."""
 
 from __future__ import annotations
 
@@ -36,24 +37,26 @@ from rb_sim.scene.schema import (
 )
 from rb_sim.scene.yaml_reader import render, scene_error, validated
 
-# Values that a scene may hold but that are often meant otherwise: a line each, for a warning.
+# Warnings about valid values that often mean something else, one line each.
 
 
 SHOWN = 12
-"""Names that one line lists."""
+"""Most names listed in one line."""
 
 DENSEST = 3e5
-"""Density [kg/m^3] beyond which a mass is taken for grams: osmium has 2.3e4, water in grams 1e6."""
+"""Density [kg/m^3] above which a mass is probably given in grams: osmium has 2.3e4, water in grams
+1e6."""
 
 ANGLES = {"phase", "rest_angle"}
 """Keys of effects that hold an angle [rad]."""
 
 FAR_FROM_UNIT = 1e-2
-"""Of the length of a quaternion: two digits of each component leave less."""
+"""Deviation of a quaternion's length from 1 that rounding to two digits does not explain."""
 
 
 def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
-    """One line for each: key, value, how it is read, what to write for the other meaning."""
+    """Warnings for values that may be misread: key, value, its meaning, and how to write the other
+    one."""
     for name in scene.bodies:
         given = data["bodies"][name]
         written = given.get("orientation") if isinstance(given, Mapping) else None
@@ -97,7 +100,7 @@ def _quaternion(key: str, q: list[float]) -> Iterator[str]:
 
 
 def _angle(key: str, angle: Any) -> Iterator[str]:
-    """A whole number beyond half a turn: as radians nobody writes it, as degrees many do."""
+    """Warn of a whole number above half a turn: it is likely in degrees, not radians."""
     if isinstance(angle, (int, float)) and abs(angle) > math.pi and angle == round(angle):
         yield (
             f"{key}: {angle:g} is in radians ({math.degrees(angle):.4g} degrees); use "
@@ -107,7 +110,7 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
 
 
 def _grams(name: str, body: Body) -> Iterator[str]:
-    """A mass of more than any solid has in the ball around the body's shape."""
+    """Warn of a mass that no solid has within the radius of the body's shape."""
     reach = 0.0 if body.shape is None else body.shape.reach
     if reach > 0.0 and body.mass > DENSEST * 4.0 / 3.0 * math.pi * reach**3:
         yield (
@@ -129,21 +132,21 @@ def _plane(key: str, spec: Any, scene: Scene) -> Iterator[str]:
 
 
 def _pushes(effect: Any) -> bool:
-    """Whether an effect acts on a body at rest: drag and damping only if their medium flows."""
+    """Whether an effect acts on a body at rest: drag and damping do only if their medium flows."""
     resists = effect.type in ("linear_drag", "quadratic_drag", "angular_damping")
     return not resists or any(getattr(effect, "medium_velocity", ()))
 
 
 def _drives(spec: Any) -> bool:
-    """Whether a constraint moves what it holds."""
+    """Whether a constraint prescribes a motion."""
     return bool(getattr(spec, "rate", 0.0)) or getattr(spec, "motion", None) is not None
 
 
 OVERRIDES = ("duration", "method", "rate", "step", "tolerance")
-"""Values of `simulation` that a caller may replace."""
+"""Keys of `simulation` that a caller may override."""
 
 IN_MEMORY = "<scene>"
-"""Stands for the file of a scene that was made in memory."""
+"""Name in place of a file for a scene made in memory."""
 
 
 def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any) -> Scene:
@@ -171,7 +174,7 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
 
 
 def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
-    """Load and check a scene of bodies at rest, which need neither mass nor inertia.
+    """Load and check a scene of bodies at rest; mass and inertia may be omitted.
 
     Args:
         source: As in `load_scene`.
@@ -193,16 +196,16 @@ def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScen
 
 
 def is_statics(path: Path) -> bool:
-    """Whether a file is of bodies at rest: it has supports or loads.
+    """Whether a file is a scene of bodies at rest: it has supports or loads.
 
-    Raises SceneError if it is no YAML file.
+    Raises SceneError if it is not a YAML file.
     """
     data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
     return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
 
 
 def _path_of(source: str | PathLike[str]) -> Path:
-    """The file meant: a bare name that is no file is one of the shipped scenes."""
+    """Path of a scene: a name without a suffix that is not a file is that of a shipped scene."""
     path = Path(source)
     if isinstance(source, str) and path.name == source and not path.suffix and not path.exists():
         return find_scene(source)
@@ -212,9 +215,9 @@ def _path_of(source: str | PathLike[str]) -> Path:
 def scene_from_mapping(
     data: Mapping[str, Any] | str, *, name: str = "scene", file: str = IN_MEMORY, **overrides: Any
 ) -> Scene:
-    """Scene of a mapping (numpy arrays and scalars allowed) or of YAML text; as `load_scene`.
+    """Scene from a mapping (numpy arrays and scalars allowed) or YAML text; as `load_scene`.
 
-    name, file: what the scene and its errors are called.
+    name, file: names of the scene, also in its errors.
     """
     if isinstance(data, str):
         return _build(yaml_reader.parse(data, file), data, name, file, overrides)
@@ -230,11 +233,11 @@ def scene_from_plain(
     text: Callable[[], str] | None = None,
     **overrides: Any,
 ) -> Scene:
-    """As `scene_from_mapping`, of data that a program made: it has the types of YAML only, and
-    nobody is warned of habits.
+    """As `scene_from_mapping`, for data that a program made: YAML types only, no warnings about
+    values.
 
-    Bodies, constraints and effects may be checked ones, which are not checked again; text writes
-    the YAML then.
+    Bodies, constraints and effects may be validated specs, which are not validated again; `text`
+    writes the YAML then.
     """
     text_of = text or partial(yaml_reader.write, data)
     return _build(data, text_of, name, file, overrides, by_hand=False)
@@ -243,7 +246,7 @@ def scene_from_plain(
 def as_run_text(scene: Scene) -> str:
     """The scene as YAML text with the values of `simulation` as run, overrides included.
 
-    The text of the scene itself if that cannot be read again.
+    The text of the scene itself if that text cannot be parsed.
     """
     options = scene.simulation.model_dump(mode="json", exclude_none=True)
     try:
@@ -276,7 +279,7 @@ def _build(
 
 
 def _overridden(own: Mapping[str, Any], given: dict[str, Any], file: str) -> SimulationOptions:
-    """The scene's `own` simulation values with the `given` ones in their place."""
+    """The scene's `own` simulation values, replaced by the `given` ones."""
     for key, value in given.items():
         if key not in OVERRIDES:
             message = f"got {render(value)}; the override must be {one_of(key, OVERRIDES)}"
@@ -286,7 +289,7 @@ def _overridden(own: Mapping[str, Any], given: dict[str, Any], file: str) -> Sim
 
 
 def _dropped(given: Mapping[str, Any]) -> set[str]:
-    """Values of the scene that make no sense with the given ones."""
+    """Keys of the scene that conflict with the given ones."""
     dropped = set()
     if "step" in given or given.get("method") in FIXED_STEP_METHODS:
         dropped.add("tolerance")
@@ -296,7 +299,8 @@ def _dropped(given: Mapping[str, Any]) -> set[str]:
 
 
 def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
-    """`value` in the types that YAML has; refuses other types, keys that are not text, depth."""
+    """`value` in YAML types; refuses other types, keys that are not text, and nesting that is too
+    deep."""
     if isinstance(value, np.generic):
         value = value.item()
     elif isinstance(value, np.ndarray):
@@ -319,7 +323,7 @@ def _plain(value: Any, file: str, path: tuple[str | int, ...] = ()) -> Any:
     raise scene_error(f"got {render(value)}; must be {allowed}", path, file)
 
 
-# A scene in code, entry by entry: a short way to the mapping that `load_scene` takes.
+# SceneBuilder: a scene in code, entry by entry, as the mapping that `load_scene` takes.
 
 
 class SceneBuilder:

@@ -7,10 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Contact between many bodies: pairs found as they come near, not written one by one.
+"""Contacts between many bodies: pairs are found as they come close, without an entry for each.
 
-Each body lies in a ball about its centre of mass.  Pairs whose balls come nearer than a margin are
-the neighbours; a list of them serves until a body has moved by half of the margin (Verlet 1967).
+A bounding ball about the centre of mass encloses each body. Pairs whose balls are closer than a
+margin are neighbours; the list of neighbours is valid until a body has moved by half the margin
+(Verlet 1967).
 """
 
 from __future__ import annotations
@@ -31,25 +32,25 @@ Pair = tuple[int, int]
 
 
 class PairRows(NamedTuple):
-    """The points of contact of a pair of bodies; the same of all pairs of equal shapes."""
+    """Contact points of a pair of bodies, the same for all pairs of equal shapes."""
 
     swapped: bool
-    """whether the second body of the pair touches the first one's surface, or the other way."""
+    """whether the first body of the pair touches the surface of the second one, not the reverse."""
     rows: tuple[Any, ...]
     law: ContactLaw
     boxes: list[float] | None
-    """of two boxes centres and half edges, see scene.compiled.BoxPair."""
+    """centres and half edge lengths of two boxes, see scene.compiled.BoxPair; else None."""
 
 
 class Between:
-    """The pairs of bodies of a scene that may touch without a constraint of their own."""
+    """Pairs of bodies in contact through `between`, without an own constraint for each pair."""
 
     def __init__(self, scene: Scene, place: InitialPlace) -> None:
         self.scene, self._place = scene, place
         self.names = tuple(scene.bodies)
         index = {name: i for i, name in enumerate(self.names)}
         self.groups: dict[str, dict[int, str]] = {}
-        """of each group its bodies, with the names of their constraints."""
+        """bodies of each group, with the names of their constraints."""
         self._specs: dict[str, Contact] = {}
         self._joined: set[frozenset[int]] = set()
         for name, spec in scene.constraints.items():
@@ -71,7 +72,7 @@ class Between:
 
     @property
     def radii(self) -> np.ndarray:
-        """Of the balls about the centres of mass that the bodies lie in [m]; 0 without shape."""
+        """Radii of the bounding balls about the centres of mass [m]; 0 without a shape."""
         return self._balls
 
     def _ball(self, name: str) -> float:
@@ -81,14 +82,16 @@ class Between:
         return norm(self._place.from_com(name, shape.center_B)) + float(shape.reach)
 
     def _kind(self, name: str) -> Any:
-        """What decides the points of contact of a body with others."""
+        """Key of the contact geometry of a body: bodies with an equal key have equal contact
+        points."""
         shape = self._place.shape(name)
         if shape is None:
             return None
         return (self._place.from_com(name, shape.center_B), shape.model_dump_json())
 
     def _check(self) -> None:
-        """Refuse a group of one body, a pair in two groups, shapes that cannot touch."""
+        """Refuse a group of one body, a pair in two groups, and shapes that cannot touch each
+        other."""
         for group, members in self.groups.items():
             names = {self.names[i] for i in members}
             between = self._specs[group].between
@@ -117,7 +120,7 @@ class Between:
                     raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
 
     def rows_of(self, group: str, pair: Pair) -> PairRows:
-        """The points of contact of a pair (i < j), j on i where its shapes allow that."""
+        """The contact points of a pair (i < j), on j if its shape allows that, else on i."""
         key = (group, self._kinds[pair[0]], self._kinds[pair[1]])
         if key not in self._made:
             self._made[key] = self._make(group, pair)
@@ -145,14 +148,15 @@ class Between:
         raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
 
     def near(self, y: np.ndarray, margin: float) -> list[tuple[str, Pair]]:
-        """The pairs (i < j) whose balls are nearer than the margin at y, in order."""
+        """(group, pair) of the pairs (i < j) whose balls are closer than the margin [m] at y, in
+        order."""
         found = []
         centres = y[:-1].reshape(-1, 13)[:, :3]
         for group, members in self.groups.items():
             of = np.array(sorted(members))
             radii = self._balls[of]
-            # each body looks for those that are not larger: its own radius twice reaches them
-            from scipy.spatial import KDTree  # loads when it is used
+            # each body queries bodies that are not larger: twice its own radius reaches them
+            from scipy.spatial import KDTree  # imported when it is used
 
             tree = KDTree(centres[of])
             seen = tree.query_ball_point(centres[of], 2.0 * radii + margin)
@@ -169,18 +173,20 @@ class Between:
         return [one for one in found if frozenset(one[1]) not in self._joined]
 
     def placed(self, group: str, pair: Pair) -> tuple[PairRows, int, int]:
-        """The points of a pair, the body that they are on and its parent."""
+        """(contact points of a pair, index of the body that carries them, index of its parent)."""
         made = self.rows_of(group, pair)
         return (made, pair[0], pair[1]) if made.swapped else (made, pair[1], pair[0])
 
 
 def touches_everywhere(shapes: list[str]) -> bool:
-    """Whether two shapes touch wherever their surfaces meet, not with some points alone."""
+    """Whether the contact geometry of two shapes covers their whole surfaces, not only some
+    points."""
     return "sphere" in shapes or shapes == ["box", "box"]
 
 
 def box_sizes(spec: Touching, place: InitialPlace) -> list[float] | None:
-    """Centre and half edges of both boxes of a contact of a box with a box; None of others."""
+    """Centre and half edge lengths of both boxes of a box-box contact [m]; None for other
+    contacts."""
     if not isinstance(spec, Contact) or not isinstance(spec.surface, BodySurface):
         return None
     if spec.points is not None:

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The initial situation of a scene, as specs ask for it, and the scene's scales.
+"""Initial state of a scene as specs use it, and the characteristic scales of the scene.
 
-A local error is held to tolerance * max(1, |y_i|), which for a motion over a nanometre is the
-whole of it. Where everything that a scene names is SMALL in SI, its tolerance is made smaller by
-that much; else nothing changes.
+The local error is limited to tolerance * max(1, |y_i|); for a motion of a nanometre that would
+allow an error as large as the motion. If all lengths and speeds of a scene are below SMALL in SI
+units, its tolerance is reduced accordingly.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ from rb_sim.scene.schema import SMALLEST_TOLERANCE, Body, Scene
 
 
 def vector(values: Any) -> Vec3:
-    """Three Python floats."""
+    """A vector as three Python floats."""
     x, y, z = map(float, values)
     return x, y, z
 
 
 def quaternion(values: Any) -> Quaternion:
-    """Four Python floats."""
+    """A quaternion as four Python floats."""
     x, y, z, w = map(float, values)
     return x, y, z, w
 
 
 def symmetric(values: Any) -> Symmetric:
-    """Six Python floats."""
+    """A symmetric tensor as six Python floats."""
     xx, yy, zz, xy, xz, yz = map(float, values)
     return xx, yy, zz, xy, xz, yz
 
 
 def inertial_of(body: Body) -> Inertial:
-    """Constants of one body as kernels take them."""
+    """Mass, inertia and centre of mass of a body as kernels take them."""
     i = np.asarray(body.inertia)
     six = symmetric((i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
     return Inertial(float(body.mass), six, vector(body.center_of_mass))
 
 
 def initial_state(body: Body) -> BodyState:
-    """State of the centre of mass from that of the body origin."""
+    """State of the centre of mass, from the scene's state of the body origin."""
     q, w, r = (
         quaternion(body.orientation),
         vector(body.angular_velocity),
@@ -68,10 +68,10 @@ def initial_state(body: Body) -> BodyState:
 
 
 class InitialPlace:
-    """Implements `Place` for a scene.
+    """`Place` of a scene: its initial state.
 
-    starts: states of centres of mass from which the motion starts at `time` [s] instead of the
-    scene's; what the scene takes from its initial pose is still taken from there.
+    starts: states of centres of mass at which the motion starts at `time` [s] instead of the
+    scene's; data that specs derive from the initial pose still refer to the scene's own.
     """
 
     def __init__(
@@ -91,11 +91,11 @@ class InitialPlace:
         return self.inertials[body]
 
     def state(self, body: str | None) -> BodyState:
-        """The scene's own initial state of a body; None: the world."""
+        """The scene's own initial state of a body; for None that of the world."""
         return WORLD if body is None else self.states[body]
 
     def start(self, body: str) -> BodyState:
-        """From which the motion starts."""
+        """State of a body at which the motion starts."""
         return self._starts.get(body) or self.states[body]
 
     def shape(self, body: str) -> Any:
@@ -103,13 +103,14 @@ class InitialPlace:
         return self.scene.bodies[body].shape
 
     def from_com(self, body: str | None, point: Vec3) -> Vec3:
-        """A point of the body, given from its origin, from its centre of mass [m]; None: world."""
+        """Vector [m] from the centre of mass to a point given from the origin; unchanged for the
+        world."""
         return vector(point) if body is None else sub(vector(point), self.inertials[body].r_OC)
 
     def partner_point(
         self, parent: str | None, point: Vec3 | None, body: str | None, point_B: Vec3
     ) -> Vec3:
-        """The parent's point of a joint [m]: as given, or where point_B lies at the start."""
+        """The parent's joint point from its C [m]: as given, or the initial position of point_B."""
         if point is not None:
             return self.from_com(parent, point)
         B, A = self.state(body), self.state(parent)
@@ -119,42 +120,41 @@ class InitialPlace:
     def partner_axis(
         self, parent: str | None, axis: Vec3 | None, body: str | None, axis_B: Vec3
     ) -> Vec3:
-        """The parent's axis of a joint: as given, or as axis_B lies at the start."""
+        """The parent's joint axis: as given, or the initial direction of axis_B."""
         if axis is not None:
             return vector(axis)
         return unrotate(self.state(parent).q_WB, rotate(self.state(body).q_WB, vector(axis_B)))
 
 
-# Points held between bodies, with rows along the world's axes or along the parent's.
+# Joint points between bodies, with rows along the world's axes or along the parent's.
 #
-# On the manifold of the constraints both ask for the same.  Off it, in the stages of a step, rows
-# along the world's axes ask for other accelerations than rows that turn with the parent, and a
-# body that has one of each close to each other is tilted by their difference over their distance.
+# On the manifold both are equivalent. Off it, in the stages of a step, rows along the world's axes
+# demand other accelerations than rows that turn with the parent, and a body with one of each, close
+# to each other, is tilted by their difference over their distance.
 
 
 CLOSE = 0.1
-"""Of its arms: a point held between two bodies that is closer to what else holds a point of the
-same two has its rows along the parent's axes, a fifth more operations. The square of their
-distance is in an error of the motion, at a tenth a twentieth of what rk4 errs by."""
+"""Distance of a joint point between two bodies from another constraint point of the same two, over
+its arms, below which its rows are along the parent's axes (a fifth more operations). The error of
+the motion contains the square of that distance: at a tenth, a twentieth of the error of rk4."""
 
 TURNING = (SlotRow, PlaneRow, DistanceRow)
-"""Rows that hold a point of a body as seen from its parent."""
+"""Row classes that constrain a point of a body in the frame of its parent."""
 
 
 def along_parents(system: Any) -> Any:
-    """The same system, all points held between two bodies with rows along the parent's axes.
+    """The same system with the rows of all joint points between two bodies along the parent's axes.
 
-    For scenes with rows that depend on each other.  Those that are left out are chosen at the
-    start; along the world's axes the choice is a bad one as soon as a loop of bodies has turned as
-    a whole: the row along x cannot be left out once the direction that is held twice is normal to
-    x.  Seen from the bodies that direction stays where it is.
+    For scenes with dependent rows. The rows to omit are chosen at the start; along the world's axes
+    that choice fails once a loop of bodies has turned as a whole: the row along x cannot be omitted
+    when the redundant direction is normal to x. In the bodies' axes that direction stays the same.
     """
     return system._replace(constraints=tuple(_seated(c) for c in system.constraints))
 
 
 def along_parents_if_close(constraints: Sequence[Placed]) -> tuple[Placed, ...]:
-    """The constraints, points with rows along the parent's axes where other rows on the same two
-    bodies are CLOSE."""
+    """The constraints, with the rows of a joint point along the parent's axes if another row on the
+    same two bodies is CLOSE."""
     of_pair: dict[tuple[int, int], list[Any]] = defaultdict(list)
     for c in constraints:
         of_pair[c.body, c.parent].append(c.row)
@@ -163,7 +163,7 @@ def along_parents_if_close(constraints: Sequence[Placed]) -> tuple[Placed, ...]:
 
 
 def _close(rows: Sequence[Any]) -> bool:
-    """Whether one of the points is close to what turns with the parent."""
+    """Whether one of the joint points is close to a row that turns with the parent."""
     points = [row for row in rows if isinstance(row, PointRow)]
     others = [row.r_B for row in rows if isinstance(row, TURNING)]
     return any(
@@ -174,22 +174,23 @@ def _close(rows: Sequence[Any]) -> bool:
 
 
 def _seated(c: Placed) -> Placed:
-    """A point between two bodies with rows along the parent's axes; all else as it is."""
+    """A joint point between two bodies with rows along the parent's axes; all else unchanged."""
     return c._replace(row=SeatRow(*c.row)) if isinstance(c.row, PointRow) and c.parent >= 0 else c
 
 
 LENGTHS = ("point", "length", "radius", "distance", "size", "anchor")
-"""Parts of the names of parameters that are lengths [m]."""
+"""Parts of parameter names that denote lengths [m]."""
 
 SMALL = 1e-3
-"""[m] or [m/s]."""
+"""Length [m] or speed [m/s] of a scene below which its tolerance is scaled."""
 
 LEAST = 1e-20
-"""Of the factor: below, a scene is taken to say nothing about its size."""
+"""Smallest scale factor: a scene below it has no meaningful size."""
 
 
 def scaled_tolerance(scene: Scene, tolerance: float) -> float:
-    """The tolerance for coordinates in SI that is `tolerance` relative to the scene's own size."""
+    """Tolerance for coordinates in SI units that equals `tolerance` relative to the scene's own
+    size."""
     small = size_of(scene)
     if not LEAST <= small < SMALL:
         return tolerance
@@ -198,7 +199,7 @@ def scaled_tolerance(scene: Scene, tolerance: float) -> float:
 
 
 def at_its_size(scene: Scene) -> Scene:
-    """The scene with its tolerance, if it has one, as coordinates in SI need it."""
+    """The scene with its tolerance, if any, scaled to coordinates in SI units."""
     options = scene.simulation
     if options.tolerance is None:
         return scene
@@ -225,7 +226,7 @@ def size_of(scene: Scene) -> float:
 
 
 def lengths(scene: Scene) -> Iterator[float]:
-    """Distances that the scene names: of bodies and centres of mass, of points, of joints."""
+    """All lengths in a scene [m]: positions, centres of mass, points and dimensions of joints."""
     for body in scene.bodies.values():
         yield math.hypot(*body.position)
         yield math.hypot(*body.center_of_mass)
@@ -237,12 +238,12 @@ def lengths(scene: Scene) -> Iterator[float]:
 
 @cache
 def length_fields(kind: Any) -> tuple[str, ...]:
-    """The parameters of a kind of constraint or effect that are lengths."""
+    """Names of the parameters of a kind of constraint or effect that are lengths."""
     return tuple(name for name in kind.model_fields if any(part in name for part in LENGTHS))
 
 
 def sizes(value: Any) -> Iterator[float]:
-    """The numbers and the lengths of the vectors in a parameter."""
+    """Absolute values of the numbers, and lengths of the vectors, in a parameter."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         yield abs(float(value))
     elif isinstance(value, tuple | list):
@@ -254,7 +255,7 @@ def sizes(value: Any) -> Iterator[float]:
 
 
 def turns(scene: Scene) -> bool:
-    """Whether a body may turn: it spins, is held by anything, or something may twist it."""
+    """Whether a body may rotate: it spins, has a constraint, or an effect may twist it."""
     steady = {"gravity"}
     twisted = any(
         effect.type not in steady and not central(effect) for effect in scene.effects.values()
@@ -280,7 +281,7 @@ def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
     gyration = [
         (max(b.inertia[:3]) / b.mass) ** 0.5
         for b in (place.inertial(name) for name in names)
-        if b.mass > 0.0  # of a body at rest it may be left out
+        if b.mass > 0.0  # a body at rest may have none
     ]
     length = max([norm(p) for p in points] + gyration, default=0.0)
     speeds = [norm(s.v_WC) + length * norm(s.w_WB_B) for s in (place.state(name) for name in names)]
@@ -288,10 +289,10 @@ def scene_scales(place: InitialPlace, parts: list[Any]) -> tuple[float, float]:
 
 
 def start_scales(place: InitialPlace, owned: list[tuple[str, Any]]) -> tuple[float, float]:
-    """As `scene_scales`, for what a start may be off by: joints count by where they are.
+    """As `scene_scales`, for initial violations: a constraint counts by its first part only.
 
-    How far apart bearings are, a metre if left out, says nothing about the size of the bodies.
-    owned: the parts of constraints with the name of theirs, the first of each says where it is.
+    The distance of bearings, by default a metre, says nothing about the size of the bodies. owned:
+    (name of the constraint, part); the first part of each locates it.
     """
     first: dict[str, Any] = {}
     for name, part in owned:

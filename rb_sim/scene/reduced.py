@@ -7,11 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Reduced coordinates for scenes of one body with at most one joint: the system and its y.
+"""Reduced coordinates of scenes with one body and at most one joint: the system and its y.
 
-`reduce_scene` returns None where no such coordinates are known; the scene is then integrated in
-maximal coordinates.  An initial state off the joint is moved onto it: position along the joint's
-own free direction, velocity to the nearest admissible one in the metric of the kinetic energy.
+`reduce_scene` returns None if no such coordinates are known; the scene is then integrated in
+maximal coordinates. An initial state off the joint is projected onto it: its position along the
+joint's own free direction, its velocity to the nearest admissible one in the metric of the kinetic
+energy.
 """
 
 from __future__ import annotations
@@ -60,10 +61,10 @@ from rb_sim.numerics.vectors import (
 )
 from rb_sim.scene.place import InitialPlace, quaternion, symmetric, vector
 
-# Principal axes of an inertia tensor (LL 32), by Jacobi's rotations in long doubles.
+# Principal axes of an inertia tensor (LL 32), by Jacobi rotations in long double.
 #
-# The small moment of a slender body keeps its digits: a rounding of the tensor, of the size of its
-# largest moment, is what the usual routines in doubles leave.
+# That keeps the digits of the small moment of a slender body: the usual routines in double
+# precision leave errors of the size of a rounding of the largest moment.
 
 
 SWEEPS = 12
@@ -98,7 +99,8 @@ def principal_axes(inertia: Symmetric) -> tuple[Vec3, Quaternion]:
 
 
 def together(moments: tuple[float, ...]) -> Vec3:
-    """The moments, those equal but for rounding made equal: their difference would be a torque."""
+    """The moments, with those equal up to rounding made equal: their difference would be a
+    torque."""
     a, b, c = moments
     near = TWO_ULPS * max(moments)
     if abs(a - b) <= near:
@@ -117,14 +119,14 @@ class Reduced(NamedTuple):
     y: tuple[float, ...]
     state: BodyState
     length: float
-    """of the joint, to compare a misfit with [m]."""
+    """length of the joint, to which an initial violation is relative [m]."""
     indeterminate: bool = False
 
 
 def reduce_scene(
     place: InitialPlace, specs: Sequence[ConstraintKind], effects: tuple[Any, ...]
 ) -> Reduced | None:
-    """Reduced coordinates of the scene, or None."""
+    """Reduced coordinates of the scene; None if no such coordinates are known."""
     names = place.body_names()
     joints = [spec for spec in specs if not isinstance(spec, Free)]
     if len(names) != 1 or len(joints) > 1:
@@ -141,8 +143,8 @@ def reduce_scene(
 
 
 def projected_alone(place: InitialPlace, specs: Sequence[ConstraintKind]) -> dict[str, BodyState]:
-    """States on their joint of the bodies that one joint to the world holds and nothing else: where
-    they are brought is the same whether or not other bodies are in the scene."""
+    """States, projected onto their joint, of the bodies with one joint to the world and no other
+    constraint: the same as if the body were alone in the scene."""
     held: dict[str, list[ConstraintKind]] = {}
     for spec in specs:
         parent = getattr(spec, "parent", None)
@@ -160,7 +162,7 @@ def projected_alone(place: InitialPlace, specs: Sequence[ConstraintKind]) -> dic
 
 
 def nearest_speeds(body: Inertial, B: BodyState, columns: list[tuple[Vec3, Vec3]]) -> np.ndarray:
-    """Speeds s of the motion sum s_i (V_i, w_i) nearest to that of B in the metric of M."""
+    """Speeds s of the motion sum s_i (V_i, w_i) closest to that of B in the metric of M."""
     metric = np.zeros((6, 6))
     metric[:3, :3] = body.mass * np.eye(3)
     for j in range(3):
@@ -172,12 +174,12 @@ def nearest_speeds(body: Inertial, B: BodyState, columns: list[tuple[Vec3, Vec3]
 
 
 def spin_about(q: Any, rho: Vec3, w: Vec3) -> tuple[Vec3, Vec3]:
-    """(V, w) of a turn w (body axes) about the point at C - rho."""
+    """(V, w) of a rotation w (body axes) about the point at C - rho; V in world axes."""
     return rotate(q, cross(w, rho)), w
 
 
 def gyration(body: Inertial) -> float:
-    """The largest radius of gyration [m], about: of inertias about the axes of the body."""
+    """Largest radius of gyration about the body axes [m]."""
     return math.sqrt(max(body.inertia[:3]) / body.mass)
 
 
@@ -214,13 +216,13 @@ def _reduce_fixed_axis(
     system = FixedAxisBody(body, rho, point, n, q, 1.0 / J, distance, share, effects)
     v, w = spin_about(q, rho, scale(omega, n))
     state = BodyState(add(point, rotate(q, rho)), q, v, w)
-    # not the distance of the bearings, a metre if left out, which no micrometre measures up to
+    # not the bearing distance (a metre by default), which may be far larger than the body
     size = max(norm(rho), gyration(body))
     return Reduced(system, (0.0, omega), state, size, spec.floating == "none")
 
 
 def aligned(q: Any, a_B: Vec3, a_W: Vec3) -> Any:
-    """q turned by the least angle that brings the body's axis a_B along a_W."""
+    """q rotated by the smallest angle that brings the body's axis a_B to the direction a_W."""
     a = rotate(q, a_B)
     if norm(sub(a, a_W)) == 0.0:
         return q
@@ -276,8 +278,10 @@ MAKERS: dict[type, Any] = {
 
 
 def rolling_spin(system: Any, B: BodyState, misfit: float) -> tuple[float, Vec3 | None]:
-    """Slip of the contact point [m/s], and the nearest angular velocity (body axes) without slip;
-    None if more than the part `misfit` of the slip remains at every angular velocity."""
+    """(slip of the contact point [m/s], nearest angular velocity without slip, body axes, or None).
+
+    None if more than the fraction `misfit` of the slip remains at every angular velocity.
+    """
     surface: Any = system.surface
     arm = support(surface, unrotate(B.q_WB, system.normal))
     slip = add(unrotate(B.q_WB, B.v_WC), cross(B.w_WB_B, arm))
@@ -291,7 +295,8 @@ def rolling_spin(system: Any, B: BodyState, misfit: float) -> tuple[float, Vec3 
 
 
 def misfit(given: BodyState, admissible: BodyState, length: float) -> tuple[float, str, str]:
-    """The largest difference: relative to the state's scale, what differs, how much in SI units."""
+    """(largest difference relative to the state's scale, quantity that differs, its amount with
+    unit)."""
     turn = abs(sum(a * b for a, b in zip(given.q_WB, admissible.q_WB, strict=True)))
     arm = max(length, 1e-12)
     speed = norm(given.v_WC) + arm * norm(given.w_WB_B)

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a scene says: bodies, constraints, effects and how to integrate them. SI units, frozen.
+"""Data model of a scene: bodies, constraints, effects and integration options. SI units, frozen.
 
 Frames: W world, B the body, with its origin O anywhere fixed in the body and its centre of mass C.
-Quaternions are [x, y, z, w], body to world. The models only describe; `load` reads files and turns
-what they refuse into one line.
+Quaternions are [x, y, z, w], body to world. The models only describe a scene; `load` reads files
+and turns validation errors into one line.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from rb_sim.mechanics import methods
 from rb_sim.scene.shapes import AnyShape, SymmetricInertia
 
 METHODS: tuple[str, ...] = (*methods.METHODS, "auto")
-"""Methods that a scene may name; auto chooses one that keeps the tolerance."""
+"""Methods that a scene may name; auto selects one that keeps the tolerance."""
 
 
 def _known_method(name: Any) -> str:
@@ -69,13 +69,14 @@ Method = Annotated[str, PlainValidator(_known_method)]
 FIXED_STEP_METHODS = tuple(k for k, e in methods.METHODS.items() if e.adaptive is None)
 ADAPTIVE_METHODS = (*(k for k, e in methods.METHODS.items() if e.adaptive is not None), "auto")
 TOLERANCE_METHODS = (*(k for k, e in methods.METHODS.items() if e.fixed is None), "auto")
-"""Of the adaptive ones, those that take no fixed step."""
+"""Adaptive methods that take no fixed step."""
 DEFAULT_STEP = 1e-3
-"""[s], for the fixed-step methods."""
+"""Default step of the fixed-step methods [s]."""
 SMALLEST_TOLERANCE = 1e-16
-"""Half an ulp of 1: no double tells a smaller error; the step would shrink towards nothing."""
+"""Half an ulp of 1: a smaller error cannot be resolved in double precision, and steps would shrink
+to zero."""
 DEFAULT_TOLERANCE = 1e-10
-"""For dopri853 and taylor."""
+"""Default tolerance of adaptive methods other than auto."""
 
 
 _inertia_check = TypeAdapter(SymmetricInertia)
@@ -86,10 +87,10 @@ class Body(Spec):
 
     mass: Positive = Field(description="mass [kg]")
     shape: AnyShape | None = None
-    """shape of uniform density: it is drawn, touches, and gives the inertia."""
+    """shape of uniform density: for pictures, contacts and the inertia."""
     given_inertia: SymmetricInertia | None = Field(default=None, alias="inertia")
-    """3 principal moments or 3 rows, about the centre of mass, body axes [kg m^2]; replaces that of
-    the shape."""
+    """inertia: 3 principal moments or 3 rows, about the centre of mass, body axes [kg m^2];
+    replaces that of the shape."""
     center_of_mass: Vector3 = (0.0, 0.0, 0.0)
     """position of the centre of mass from the body origin O, body axes [m]."""
     position: State3 = (0.0, 0.0, 0.0)
@@ -101,8 +102,8 @@ class Body(Spec):
     angular_velocity: State3 = (0.0, 0.0, 0.0)
     """initial angular velocity, body axes [rad/s]."""
     absolute_tolerance: Positive | None = None
-    """error that a step may have however small the motion, in m, m/s and rad/s; default: from the
-    amplitude of the motion."""
+    """absolute local error of this body, in m, m/s and rad/s; default: from the amplitude of the
+    motion."""
 
     @property
     def inertia(self) -> np.ndarray:
@@ -117,7 +118,7 @@ class Body(Spec):
 
     @model_validator(mode="after")
     def _has_inertia(self) -> Body:
-        """Refuse a body without inertia, or with a shape whose inertia is not about its C."""
+        """Refuse a body without inertia, or with a shape whose centre is not the centre of mass."""
         if self.given_inertia is not None:
             return self
         if self.shape is None:
@@ -139,7 +140,7 @@ class Body(Spec):
 
 
 def _options_for(method: object) -> dict[str, float]:
-    """What is meant when a scene gives neither step nor tolerance."""
+    """Default step or tolerance of a method."""
     if method in FIXED_STEP_METHODS:
         return {"step": DEFAULT_STEP}
     chosen_by_tolerance = method in ADAPTIVE_METHODS and method != "auto"
@@ -147,7 +148,7 @@ def _options_for(method: object) -> dict[str, float]:
 
 
 class SimulationOptions(Spec):
-    """How to integrate. Exactly one of `step` and `tolerance` is set (the default included)."""
+    """Integration options. Exactly one of `step` and `tolerance` is set (the default included)."""
 
     duration: Positive = 10.0
     """simulated time [s]."""
@@ -156,18 +157,18 @@ class SimulationOptions(Spec):
     method: Method = "dopri853"
     """euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping or auto."""
     step: Positive | None = None
-    """fixed step [s]; 0.001 for methods without a tolerance."""
+    """fixed step [s]; default: 0.001 for methods without a tolerance."""
     tolerance: Positive | None = None
-    """local error of an adaptive step, relative, 1e-10 by default; for auto the global error of the
+    """relative local error of an adaptive step, default 1e-10; for auto the global error of the
     pose [m, rad]."""
     project_initial: bool = False
-    """whether an initial state that violates a constraint is moved onto it."""
+    """whether an initial state that violates a constraint is projected onto it."""
     impacts: Literal["together", "one_by_one"] = "together"
     """simultaneous impacts: solved together, or one contact after the other."""
 
     @property
     def adaptive(self) -> bool:
-        """True if the step follows from a tolerance."""
+        """True if the step length follows from a tolerance."""
         return self.tolerance is not None
 
     @model_validator(mode="before")
@@ -254,13 +255,13 @@ SupportSpec = Annotated[
 
 
 SECTIONS = ("constraints", "effects", "supports", "loads")
-"""Of a scene: what acts on its bodies."""
+"""Sections of a scene: constraints and effects on its bodies."""
 
 
 class Scene(Spec):
-    """A whole scene, checked. `name`, `file` and `text` say where it came from.
+    """A whole validated scene; `name`, `file` and `text` give its origin.
 
-    What the short form lists, `supports` and `loads`, is in `constraints` and `effects`.
+    Entries in the short form, `supports` and `loads`, are part of `constraints` and `effects`.
     """
 
     description: Annotated[str, AfterValidator(lambda text: " ".join(text.split()))] = ""
@@ -270,11 +271,11 @@ class Scene(Spec):
     supports: dict[Name, SupportSpec] = Field(default_factory=dict, exclude=True)
     """constraints in the short form."""
     loads: dict[Name, EffectSpec] = Field(default_factory=dict, exclude=True)
-    """effects."""
+    """effects in the short form."""
     simulation: SimulationOptions = SimulationOptions()
 
     at_rest: ClassVar[bool] = False
-    """whether bodies need neither mass nor inertia, since none moves."""
+    """whether mass and inertia may be omitted since no body moves."""
 
     _name: str = PrivateAttr(default="scene")
     _file: str = PrivateAttr(default="<scene>")
@@ -282,24 +283,24 @@ class Scene(Spec):
 
     @property
     def name(self) -> str:
-        """Name of the scene: the file's without its extension."""
+        """Name of the scene: the file name without its extension."""
         return self._name
 
     @property
     def file(self) -> str:
-        """Path of the file as it was given, or "<scene>"."""
+        """Path of the file as given, or "<scene>" for a scene made in memory."""
         return self._file
 
     @property
     def text(self) -> str:
-        """The YAML text as it was read; overrides are not in it.
+        """The YAML text as read; overrides are not in it.
 
-        Of a scene made in memory it is written when it is asked for: in a sweep nobody does.
+        For a scene made in memory it is written on access (a sweep does not need it).
         """
         return self._text if isinstance(self._text, str) else self._text()
 
     def from_source(self, name: str, file: str, text: str | Callable[[], str]) -> Scene:
-        """The same scene with its origin noted."""
+        """The same scene with its origin set."""
         scene = self.model_copy()
         scene._name, scene._file, scene._text = name, file, text
         return scene
@@ -307,7 +308,7 @@ class Scene(Spec):
     @model_validator(mode="before")
     @classmethod
     def _empty_sections(cls, data: Any) -> Any:
-        """A heading with nothing below it (null in YAML) says nothing."""
+        """Drop sections without entries (null in YAML)."""
         if isinstance(data, Mapping):
             optional = ("description", "simulation", *SECTIONS)
             data = {k: v for k, v in data.items() if v is not None or k not in optional}
@@ -317,8 +318,8 @@ class Scene(Spec):
     @model_validator(mode="wrap")  # type: ignore[arg-type]  # pydantic takes class methods
     @classmethod
     def _names_fit(cls, data: Any, validate: Callable[[Any], Scene]) -> Scene:
-        """Refuse names that topics call alike, and constraints and effects on bodies that do not
-        exist or on one body twice: also beside what else is wrong with the scene."""
+        """Refuse names that coincide in topics, and constraints and effects on bodies that do not
+        exist, or on one body twice; reported together with all other errors of the scene."""
         try:
             scene = validate(data)
         except ValidationError as error:
@@ -332,7 +333,7 @@ class Scene(Spec):
 
     @model_validator(mode="after")
     def _written_out(self) -> Scene:
-        """Put supports among the constraints and loads among the effects."""
+        """Move supports to the constraints and loads to the effects."""
         for short, long in (("supports", "constraints"), ("loads", "effects")):
             given = getattr(self, short)
             if twice := [name for name in given if name in getattr(self, long)]:
@@ -348,11 +349,11 @@ class Scene(Spec):
             "loads": {},
         }
         for section, entries in finished.items():
-            object.__setattr__(self, section, entries)  # frozen once it is validated
+            object.__setattr__(self, section, entries)  # the model is frozen once validated
         return self
 
     def _support(self, name: str, spec: Any) -> Any:
-        """The constraint that a support is."""
+        """The constraint equivalent to a support."""
         from rb_sim.catalogue.constraints.supports import PointContact, Pose
 
         if not isinstance(spec, PointContact):
@@ -374,24 +375,25 @@ class Scene(Spec):
 
 
 class BodyAtRest(Body):
-    """A rigid body that stands: mass and inertia are as good as none where they are left out."""
+    """A rigid body at rest; mass and inertia default to zero."""
 
     mass: NonNegative = 0.0  # type: ignore[assignment]
-    """[kg]; 0 is a body whose weight does not count."""
+    """mass [kg]; 0 is a body without weight."""
 
     @property
     def inertia(self) -> np.ndarray:
-        """As of a body that moves; zero where nothing gives it."""
+        """Inertia tensor about the centre of mass, (3, 3) [kg m^2]; zero if the scene gives
+        none."""
         return np.zeros((3, 3)) if self.given_inertia is self.shape is None else super().inertia
 
     @model_validator(mode="after")
     def _has_inertia(self) -> BodyAtRest:
-        """Nothing to refuse."""
+        """No check: a body at rest needs no inertia."""
         return self
 
 
 class StaticsScene(Scene):
-    """A scene whose bodies stand."""
+    """A scene of bodies at rest."""
 
     bodies: Annotated[dict[BodyName, BodyAtRest], BeforeValidator(_some_body)]  # type: ignore[assignment]
 
@@ -399,8 +401,11 @@ class StaticsScene(Scene):
 
 
 def _each_body(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The constraints with a contact of its own for each body of one that is of all, or between
-    several; {} where there is none.  What is wrong with it stays under its own name."""
+    """{"constraints": ...} in which a contact of all bodies, or between several, is one for each
+    body.
+
+    {} if there is nothing to expand. An entry with errors keeps its own name.
+    """
     bodies, constraints = data.get("bodies"), data.get("constraints")
     if not isinstance(bodies, Mapping) or not isinstance(constraints, Mapping):
         return {}
@@ -417,7 +422,7 @@ def _each_body(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
-    """The bodies for each of which a contact is written once; None of other constraints."""
+    """Names of the bodies for which a contact is expanded; None for other constraints."""
     if not isinstance(value, Mapping) or value.get("type") != "contact":
         return None
     between = value.get("between")
@@ -437,7 +442,7 @@ def _shape_of(body: Any) -> Any:
 def _spread(
     name: str, value: Mapping[str, Any], names: list[str], bodies: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """One contact per body, or one that cannot be, under its own name."""
+    """One contact per body; an invalid contact stays a single entry under its own name."""
     if value.get("between") == "all" and len(names) < 2:
         allowed = refuse("omitted unless two bodies have a shape")
         raise refuse_at((("constraints", name, "between"), "all", allowed))
@@ -452,19 +457,19 @@ def _spread(
 
 
 def _as_given(data: Any) -> dict[str, Any]:
-    """The sections of a scene that is not valid, as far as they are mappings."""
+    """The sections of an invalid scene that are mappings."""
     if not isinstance(data, Mapping):
         return {}
     try:
         data = {**data, **_each_body(data)}
     except ValidationError:
-        pass  # said already
+        pass  # reported already
     sections = {name: data.get(name) for name in ("bodies", *SECTIONS)}
     return {name: of for name, of in sections.items() if isinstance(of, Mapping)}
 
 
 def _misnamed(sections: Mapping[str, Mapping[str, Any]]) -> list[Problem]:
-    """What is wrong with names that topics call alike, and of bodies named wrongly."""
+    """Problems of names that coincide in topics, and of references to bodies."""
     found: list[Problem] = []
     for section, taken in (("bodies", "world"), ("constraints", ""), ("supports", "")):
         for name, other, called in clashes(map(str, sections.get(section, ())), taken):
@@ -479,7 +484,7 @@ def _misnamed(sections: Mapping[str, Mapping[str, Any]]) -> list[Problem]:
 
 
 def _bad_references(entry: Any, bodies: Mapping[str, Any]) -> Iterator[Problem]:
-    """Each body that `entry`, checked or as given, names wrongly."""
+    """Invalid references of `entry` (validated or as given) to bodies."""
     named = dict(body_references(entry)) if isinstance(entry, (Spec, Mapping)) else {}
     for path, name in named.items():
         if name not in bodies:

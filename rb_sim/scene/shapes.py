@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Shapes of uniform density: what a body looks like, and the inertia tensor that follows.
+"""Shapes of uniform density: geometry of a body and its inertia tensor.
 
 Each shape gives `unit_inertia`: the tensor about its own centre in body axes, per unit of mass
 [m^2]. For a body of revolution about the unit vector n it is  t (1 - n n) + a n n  with the axial
@@ -35,7 +35,7 @@ from rb_sim.catalogue.spec import (
     spec_of_type,
 )
 
-# The inertia tensor as a scene gives it: three moments or a matrix, of a body that can exist.
+# The inertia tensor as a scene gives it: three moments or a matrix, physically admissible.
 
 
 Rows3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -46,7 +46,8 @@ def _is_triple(value: Any) -> bool:
 
 
 def from_principal_moments(value: Any) -> Any:
-    """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass; the rest is refused."""
+    """[Ixx, Iyy, Izz] -> the diagonal 3x3; three rows of three pass unchanged; all else is
+    refused."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if _is_triple(value):
@@ -58,9 +59,9 @@ def from_principal_moments(value: Any) -> Any:
     raise refuse("3 principal moments [Ixx, Iyy, Izz] or 3 rows of 3 numbers")
 
 
-@lru_cache(maxsize=256)  # in a sweep it is the same in most runs
+@lru_cache(maxsize=256)  # the same in most runs of a sweep
 def inertia_of_some_body(rows: Rows3) -> Rows3:
-    """Refuse what is no inertia tensor; symmetrise what is one up to round-off.
+    """Refuse an inadmissible inertia tensor; symmetrise one that is symmetric up to rounding.
 
     Some mass distribution has the tensor I if and only if its principal moments are positive and
     none exceeds the sum of the two others (equality: a plane body).
@@ -97,10 +98,9 @@ SymmetricInertia = Annotated[
 Z_AXIS = (0.0, 0.0, 1.0)
 
 THIN_ROD = 1e-3
-"""Radius of a rod that gives none, as a fraction of its length.
+"""Default radius of a rod, as a fraction of its length.
 
-It enters the axial moment only, which must not be zero: a thin rod's spin about itself would have
-no inertia.
+It affects the axial moment only, which must not be zero: a rod could not spin about its axis.
 """
 
 
@@ -129,7 +129,7 @@ def _revolution(axial: float, transverse: float, axis: tuple[float, float, float
 
 
 def _diagonal(x2: float, y2: float, z2: float) -> np.ndarray:
-    """Tensor of a body with mean squares x2, y2, z2 of its coordinates and no mean products."""
+    """Tensor of a body with mean squares x2, y2, z2 of its coordinates and zero mean products."""
     return np.diag([y2 + z2, z2 + x2, x2 + y2])
 
 
@@ -160,7 +160,7 @@ class Disk(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
-        """a^2/2 about the axis, a^2/4 across."""
+        """a^2/2 about the axis, a^2/4 about a diameter."""
         square = self.radius**2
         return _revolution(0.5 * square, 0.25 * square, self.axis_B)
 
@@ -171,7 +171,7 @@ class Disk(Shape):
 
 
 class Cylinder(Shape):
-    """Solid cylinder: moment a^2/2 per unit mass about its axis, a^2/4 + h^2/12 across."""
+    """Solid cylinder: per unit mass a^2/2 about its axis, a^2/4 + h^2/12 about a diameter."""
 
     type: Literal["cylinder"] = "cylinder"
     radius: Positive = Field(description="radius [m]")
@@ -181,13 +181,13 @@ class Cylinder(Shape):
 
     @property
     def unit_inertia(self) -> np.ndarray:
-        """a^2/2 about the axis, a^2/4 + h^2/12 across."""
+        """a^2/2 about the axis, a^2/4 + h^2/12 about a diameter."""
         square = self.radius**2
         return _revolution(0.5 * square, 0.25 * square + self.length**2 / 12.0, self.axis_B)
 
     @property
     def reach(self) -> float:
-        """The distance of the edge of an end from the centre."""
+        """Distance from the centre to the edge of an end."""
         return float(np.hypot(self.radius, 0.5 * self.length))
 
 
@@ -210,18 +210,19 @@ class Box(Shape):
 
 
 class Rod(Shape):
-    """Thin rod: moment l^2/12 per unit mass across; with `radius` a solid cylinder."""
+    """Thin rod: l^2/12 per unit mass about a normal to it; with `radius` a solid cylinder."""
 
     type: Literal["rod"] = "rod"
     length: Positive = Field(description="length [m]")
     radius: Positive | None = None
-    """radius [m]; without it the inertia about the axis is that of 0.001 of the length."""
+    """radius [m]; default: 0.001 of the length, for the inertia about the axis only."""
     axis_B: UnitVector3 = Z_AXIS
     """axis of the shape, body axes."""
 
     @property
     def unit_inertia(self) -> np.ndarray:
-        """l^2/12 across the axis; about it a cylinder's, of radius THIN_ROD l if none is given."""
+        """l^2/12 about a normal to the axis; about the axis that of a cylinder, by default of
+        radius THIN_ROD l."""
         thin = self.length**2 / 12.0
         if self.radius is None:
             return _revolution(0.5 * (THIN_ROD * self.length) ** 2, thin, self.axis_B)
@@ -230,7 +231,7 @@ class Rod(Shape):
 
     @property
     def reach(self) -> float:
-        """The distance of the edge of an end from the centre."""
+        """Distance from the centre to the edge of an end."""
         return float(np.hypot(self.radius or 0.0, 0.5 * self.length))
 
 

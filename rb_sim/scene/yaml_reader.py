@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""YAML text -> plain data (dict, list, str, int, float, bool, None), safely; errors of a scene.
+"""Safe YAML reader (text -> dict, list, str, int, float, bool, None) and wording of scene errors.
 
-Built on the parser's events alone: no tag constructs an object, keys are unique strings, and what
-aliases expand to is counted before it exists. Plain scalars follow the core schema of YAML 1.2:
-`1e-6` is a number, `no`, `1:30` and `2024-01-01` are text. Errors of a scene are worded with the
-lines of their keys.
+It uses the parser's events only: no tag constructs an object, keys are unique strings, and the size
+of expanded aliases is counted before they are expanded. Plain scalars follow the core schema of
+YAML 1.2: `1e-6` is a number; `no`, `1:30` and `2024-01-01` are text. Errors name the line of their
+key.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Model = TypeVar("Model", bound=BaseModel)
 MISSING = "is missing"
 
 MOST_ERRORS = 9
-"""Failures after the first that are spelled out."""
+"""Most errors listed in full after the first."""
 
 _MISSING = object()
 
@@ -60,7 +60,7 @@ _ALLOWED = {
     "too_short": "a list of at least {min_length} entries",
     "too_long": "a list of at most {max_length} entries",
 }
-"""What is allowed, by pydantic's type of error; filled in from the error's context."""
+"""Allowed values by pydantic's type of error, with fields from the error's context."""
 
 NAME_RULES = {
     "name": "a name: a letter or digit, then letters, digits, spaces or _-.:+() (at most 64)",
@@ -69,9 +69,9 @@ NAME_RULES = {
 
 
 def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
-    """`data` as a `model`; raises SceneError with all failures in one line.
+    """`data` validated as a `model`; raises SceneError with all errors in one line.
 
-    key: where `data` stands in the scene, put in front of the keys in the message.
+    key: location of `data` in the scene, a prefix of the keys in the message.
     """
     try:
         return model.model_validate(data)
@@ -80,7 +80,7 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
     by_path: dict[Keys, list[Any]] = {}
     for detail in details:
         by_path.setdefault(_path_in(data, detail), []).append(detail)
-    by_line: dict[str, list[Keys]] = {}  # what is wrong at several places alike is said once
+    by_line: dict[str, list[Keys]] = {}  # the same error at several places is listed once
     for path, same in by_path.items():
         by_line.setdefault(_line(model, data, path, same), []).append(path)
     (message, (first, *alike)), *others = by_line.items()
@@ -93,26 +93,26 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
 
 
 def _keys_text(paths: list[Keys]) -> str:
-    """The first of them, and how many more."""
+    """The first of the paths, and the number of further ones."""
     texts = [key_text(path) for path in paths[:MOST_ERRORS]]
     more = len(paths) - len(texts)
     return ", ".join(texts) + (f" and {more} more" if more else "")
 
 
 def _line(model: type[BaseModel], data: Any, path: Keys, same: list[Any]) -> str:
-    """What is wrong at one path, and what is allowed there."""
+    """Error at one path and the values allowed there."""
     absent = same[0]["type"] in ("missing", "union_tag_not_found")
     phrases = _phrases_for_missing(model, data, path) if absent else []
     return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
 
 
 def _phrases(details: list[Any]) -> list[str]:
-    """What each failed alternative allows, without repetition."""
+    """Values allowed by each failed alternative, without repetition."""
     return list(dict.fromkeys(_allowed(detail) for detail in details))
 
 
 def _phrases_for_missing(model: type[BaseModel], data: Any, path: Keys) -> list[str]:
-    """What the missing key allows: found by validating with a value there that nothing allows."""
+    """Values allowed for a missing key, found by validating with an impossible value there."""
     try:
         model.model_validate(_with_value(data, path, object()))
     except ValidationError as error:
@@ -122,7 +122,7 @@ def _phrases_for_missing(model: type[BaseModel], data: Any, path: Keys) -> list[
 
 
 def _with_value(data: Any, path: Keys, value: Any) -> Any:
-    """A copy of `data` that has `value` at `path`."""
+    """A copy of `data` with `value` at `path`."""
     if not path:
         return value
     entries = data.items() if isinstance(data, Mapping) else enumerate(data)
@@ -132,7 +132,7 @@ def _with_value(data: Any, path: Keys, value: Any) -> Any:
 
 
 def _path_in(data: Any, detail: Mapping[str, Any]) -> Keys:
-    """The error's location as keys that exist in `data` (and the missing one at the end)."""
+    """Location of an error as keys that exist in `data` (a missing key only as the last one)."""
     path: list[str | int] = []
     at = data
     parts = [part for part in detail["loc"] if part != "[key]"]
@@ -158,7 +158,7 @@ def _below(at: Any, part: str | int) -> Any:
 
 
 def _found(data: Any, path: Keys, detail: Mapping[str, Any]) -> str:
-    """What is there: the value, or that the key is missing or unknown."""
+    """The value found, or that the key is missing or unknown."""
     if detail["type"] == "rb_sim_key":
         return "unknown key"
     at = data
@@ -190,14 +190,14 @@ def _allowed(detail: Mapping[str, Any]) -> str:
 
 
 def _in_our_words(message: str) -> str:
-    """Pydantic's or a validator's own message as a phrase after "must be"."""
+    """A message of pydantic or of a validator as a phrase after "must be"."""
     for start in ("Value error, ", "Assertion failed, ", "Input should be ", "must be "):
         message = message.removeprefix(start)
     return message
 
 
 def render(value: Any) -> str:
-    """A value as the user wrote it, on one line and short."""
+    """A value as the user wrote it, shortened to one line."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -215,7 +215,7 @@ def render(value: Any) -> str:
 
 
 def _first(entries: Any) -> list[Any]:
-    """The few entries that can be shown."""
+    """The first 12 entries."""
     return [entry for _, entry in zip(range(12), entries, strict=False)]
 
 
@@ -227,7 +227,8 @@ def _number_text(value: float) -> str:
 
 
 def key_text(path: Keys) -> str:
-    """Keys as `keys_of` reads it: ("bodies", "ball", "position", 2) -> bodies.ball.position[2]."""
+    """Text of a path of keys, which `keys_of` parses: ("bodies", "ball", "position", 2) ->
+    bodies.ball.position[2]."""
     key = ""
     for part in path:
         text = f"[{part}]" if isinstance(part, int) else shorten(part)
@@ -244,17 +245,18 @@ def shorten(text: str, width: int = 60) -> str:
 
 
 def scene_error(message: str, path: Keys, file: str) -> SceneError:
-    """SceneError whose text is one line, whatever the user's names hold."""
+    """SceneError with a text of one line, for any names in the scene."""
     return SceneError(shorten(message, 2000), key=key_text(path), file=shorten(file, 1000))
 
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 32
 MAX_VALUES = 1_000_000
-"""Values in the document after aliases are expanded."""
+"""Most values in a document after expansion of aliases."""
 
 MAX_DIGITS = 300
-"""A whole number longer than this is beyond the largest double, 1.8e308, within a few digits."""
+"""Most digits of a whole number: a longer one exceeds the largest double, 1.8e308, within a few
+digits."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -273,7 +275,7 @@ _NAN = re.compile(r"\.(nan|NaN|NAN)")
 def read_text(path: Path) -> str:
     """Text of a scene file.
 
-    Raises SceneError: missing, not a file, unreadable, empty, above MAX_BYTES, not UTF-8.
+    Raises SceneError if it is missing, not a file, unreadable, empty, above MAX_BYTES or not UTF-8.
     """
     file = str(path)
     try:
@@ -301,8 +303,9 @@ def read_text(path: Path) -> str:
 def parse(text: str, file: str) -> Any:
     """Plain data of one YAML document.
 
-    Raises SceneError: no document or several, a syntax error (with its line), a tag, a key given
-    twice or not text, nesting beyond MAX_DEPTH, more than MAX_VALUES values, an alias of nothing.
+    Raises SceneError for no document or several, a syntax error (with its line), a tag, a key that
+    is repeated or not text, nesting beyond MAX_DEPTH, more than MAX_VALUES values, an undefined
+    alias.
     """
     if len(text) > MAX_BYTES:
         raise scene_error(f"is larger than {MAX_BYTES // 1024**2} MiB, the most allowed", (), file)
@@ -312,7 +315,7 @@ def parse(text: str, file: str) -> Any:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         problem = error.problem or error.context or "syntax error"
-        if "nesting depth" in problem:  # of PyYAML 6.0.4, which looks ahead before it tells us
+        if "nesting depth" in problem:  # PyYAML 6.0.4 checks the depth itself
             raise scene_error(f"is nested deeper than {MAX_DEPTH} levels", (), file) from None
         lines = text.split("\n")
         if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
@@ -346,7 +349,7 @@ def write(data: Any) -> str:
 
 
 class _Writer(yaml.SafeDumper):
-    """PyYAML's writer (YAML 1.1), which also quotes text that YAML 1.2 takes for a number."""
+    """PyYAML's writer (YAML 1.1), which also quotes text that YAML 1.2 would read as a number."""
 
 
 _Writer.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list(_NUMBER_STARTS))
@@ -354,7 +357,7 @@ _Writer.add_implicit_resolver("tag:yaml.org,2002:int", _HEX, ["0"])
 
 
 class _Anchor(NamedTuple):
-    """What an alias stands for: the data, the values in it and the levels below it."""
+    """Anchored data, with its number of values and of nested levels."""
 
     data: Any
     values: int
@@ -362,7 +365,7 @@ class _Anchor(NamedTuple):
 
 
 class _Builder:
-    """Turns parser events into data and keeps count of what the aliases expand to."""
+    """Builds data from parser events and counts values, including those of expanded aliases."""
 
     def __init__(self, events: Iterator[Any], file: str) -> None:
         self._events = events
@@ -372,7 +375,7 @@ class _Builder:
         self._deepest = 0
 
     def document(self) -> Any:
-        """Read the one document of the stream."""
+        """The one document of the stream."""
         next(self._events)  # stream start
         if isinstance(next(self._events), yaml.StreamEndEvent):
             raise scene_error("is empty; a scene needs at least bodies", (), self._file)

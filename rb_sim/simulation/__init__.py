@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Simulation: a scene in motion, its commands, and what surrounds a run."""
+"""Simulation: a scene in motion, its commands, outputs, signals and derivatives."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a run writes into its folder: bag, recording, plots; one may fail without the others."""
+"""Outputs of a run in its folder: bag, recording, plots; one may fail without the others."""
 
 from __future__ import annotations
 
@@ -27,24 +27,26 @@ Say = Callable[[str], None]
 
 
 class Output:
-    """A sink, dropped at its first failure, which is said in one line; what is lost is counted."""
+    """A sink that is dropped at its first failure, which is reported in one line; lost samples are
+    counted."""
 
     def __init__(self, sink: Sink, path: Path, say: Say) -> None:
         self.path = path
         self.lost = 0
-        """samples that came with or after the failure; what the sink held back is lost too."""
+        """number of samples lost with or after the failure; those buffered in the sink are lost,
+        too."""
         self.failure = ""
         self.left_out = ""
-        """why there is no file though nothing failed."""
+        """reason why no file was written although nothing failed."""
         self._sink = sink
         self._say = say
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Errors here are for the user to mend before the start: they are not caught."""
+        """Open the sink. Errors are not caught: the user must correct them before the start."""
         self._sink.open(scene, layout)
 
     def write(self, block: SampleBlock) -> None:
-        """Pass the samples on, or count them."""
+        """Write the samples, or count them as lost after a failure."""
         if self.failure:
             self.lost += len(block)
             return
@@ -55,7 +57,7 @@ class Output:
             self._fail(error, f"; the run continues without {self.path.name}")
 
     def note_state(self, state: str) -> None:
-        """Record the state of the node in a bag."""
+        """Record the state of the node, in a bag."""
         try:
             if not self.failure:
                 self._sink.note_state(state)  # type: ignore[attr-defined]  # bags have it
@@ -63,11 +65,11 @@ class Output:
             self._fail(error, f"; the run goes on without {self.path.name}")
 
     def leave_out(self, reason: str) -> None:
-        """Close without a file that only closing would write. reason: in words, for the summary."""
+        """Skip the file, which would only be written on closing. reason: text for the summary."""
         self.left_out = reason
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Finish the file; what was written so far is to be readable."""
+        """Finish the file; samples written so far shall be readable."""
         if self.left_out:
             return
         try:
@@ -77,7 +79,7 @@ class Output:
                 self._fail(error)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: where it is and what it lost."""
+        """Path and losses as JSON data."""
         return {
             "path": str(self.path),
             "failure": self.failure or None,
@@ -103,12 +105,13 @@ def choose(
     options: Mapping[str, Any] | None = None,
     split: Mapping[str, Any] | None = None,
 ) -> dict[str, Output]:
-    """The outputs wanted, not yet open. folder: None writes nothing; start_ns: see BagSink.
+    """The requested outputs, not yet opened. folder: None writes nothing; start_ns: see BagSink.
 
-    accelerations: record and draw them, too. options: of the command line, for the bag. split:
-    where to split it, as BagSink has it.
-    rerun: None records if rerun-sdk is there, and says so if it is not; True insists.
-    Raises RbSimError for a folder that cannot be made; MissingExtraError.
+    accelerations: record and draw them, too. options: of the command line, stored in the bag.
+    split: size and duration of bag files, as in BagSink. rerun: None records if rerun-sdk is
+    installed and prints a note otherwise; True requires it.
+
+    Raises RbSimError for a folder that cannot be created; MissingExtraError.
     """
     if folder is None:
         return {}
@@ -148,16 +151,18 @@ def choose(
 
 
 def folder_logs(folder: Path) -> list[str]:
-    """Names of the logs that are in the folder."""
+    """Names of the logs that exist in the folder."""
     return [name for name in ("bag", "recording.rrd", "plots.png") if (folder / name).exists()]
 
 
 def refuse_logs(folder: Path, what: str, instead: str) -> None:
-    """Raise RbSimError if the folder has the logs of another run. what: that names the folder;
-    instead: what can be done besides naming another one."""
+    """Raise RbSimError if the folder has logs of another run.
+
+    what: option that names the folder; instead: alternative to another folder, for the message.
+    """
     try:
         there = folder_logs(folder)
-    except OSError as error:  # a name of 300 characters, say
+    except OSError as error:  # e.g. a name of 300 characters
         raise RbSimError(f"{what}: {folder}: cannot be read: {error.strerror}") from None
     if there:
         raise RbSimError(
@@ -166,7 +171,7 @@ def refuse_logs(folder: Path, what: str, instead: str) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of the outputs and see that files can be made there."""
+    """Create the folder of the outputs and check that it is writable. Raises RbSimError."""
     if folder.is_file():
         raise RbSimError(f"--out {folder}: is a file; must be a folder, or a name for a new one")
     try:
@@ -180,7 +185,8 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Makes the folder; RbSimError where it or a file in it cannot be written: a full disk."""
+    """Context that creates the folder and turns OSError within it into RbSimError, e.g. for a full
+    disk."""
     make_folder(folder)
     try:
         yield

@@ -9,8 +9,8 @@
 
 """Ranges of reactions that the equations of motion do not determine, at a sample of a run.
 
-By d'Alembert's principle inertia counts as a load (LL 38.2). The reactions of the sample balance it
-already; so do all others with the same resultant on every body, within the laws of contact.
+By d'Alembert's principle inertia forces are loads (LL 38.2). The reactions of the sample balance
+them; so do all other reactions with the same resultant on every body that satisfy the contact laws.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from rb_sim.trajectory.trajectory import Trajectory
 
 OPEN, SLIP = 0, 1
-"""Of Trajectory.contact_state."""
+"""Values of Trajectory.contact_state."""
 
 BALANCED = 1e-8
-"""Band of the balance of a sample, relative to the largest load: its pose has the error of a run,
-and contacts are found closed within some 1e-9."""
+"""Tolerance of the balance of a sample, relative to the largest load: its pose has the error of a
+run, and contacts are closed within about 1e-9."""
 
 
 def reaction_ranges(run: Trajectory, sample: int = -1) -> dict[str, ReactionRange]:
@@ -62,7 +62,7 @@ def reaction_ranges(run: Trajectory, sample: int = -1) -> dict[str, ReactionRang
         raise RbSimError("reaction_ranges: the scene of the run is not known")
     if run.scene.simulation.method == "time_stepping":
         raise RbSimError("reaction_ranges: method time_stepping reports averages over a step")
-    run.state(sample)  # refuses what is no sample
+    run.state(sample)  # refuses an invalid sample
     found: dict[str, ReactionRange] = {}
     for whole in (True, False) if any("/" in name for name in run.layout.reactions) else (False,):
         result = solved(equilibrium_at(run, sample, whole), tolerance=BALANCED)
@@ -76,9 +76,10 @@ def reaction_ranges(run: Trajectory, sample: int = -1) -> dict[str, ReactionRang
 
 
 def equilibrium_at(run: Trajectory, sample: int, whole: bool) -> Equilibrium:
-    """The supports as they stand at a sample, loaded by the resultant of its reactions.
+    """Statics problem of the supports in their pose at a sample, loaded by the resultant of its
+    reactions.
 
-    whole: a joint with several reactions is one support, by its total.
+    whole: a joint with several reactions is one support, represented by its total.
     """
     bodies, states = run.layout.bodies, states_at(run, sample)
     elements = tuple(elements_at(run, sample, states, whole))
@@ -102,7 +103,7 @@ def equilibrium_at(run: Trajectory, sample: int, whole: bool) -> Equilibrium:
 
 
 def states_at(run: Trajectory, sample: int) -> dict[str, BodyState]:
-    """The poses of the bodies, at rest."""
+    """The poses of the bodies at a sample, with zero velocities."""
     block, none = run.block, (0.0, 0.0, 0.0)
     return {
         name: still(BodyState(
@@ -115,7 +116,7 @@ def states_at(run: Trajectory, sample: int) -> dict[str, BodyState]:
 def elements_at(
     run: Trajectory, sample: int, states: dict[str, BodyState], whole: bool
 ) -> Iterator[Element]:
-    """Joints, and contacts that are closed."""
+    """Support elements of a sample: joints, and contacts that are closed."""
     place, constraints = InitialPlace(run.scene), dict[str, Any](run.scene.constraints)
     length = float(max(np.abs(run.block.position).max(initial=0.0), 1.0))
     for name, spec in constraints.items():
@@ -133,7 +134,7 @@ def elements_at(
 
 
 def sliding(element: Element, force: Array) -> Element:
-    """A contact whose friction is at its bound: one unknown, along the force that it has."""
+    """The element of a slipping contact: one unknown, along the contact force of the sample."""
     normal = element.force_W[:, :1] if element.normal_W is None else None
     push = None if normal is None else float(force @ normal[:, 0])
     if not push:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A scene in motion: the compiled scene, its state, and what comes from outside while it moves."""
+"""A scene in motion: the compiled scene, its state, commands and other inputs."""
 
 from __future__ import annotations
 
@@ -54,26 +54,26 @@ if TYPE_CHECKING:
     from rb_sim.contact.grid_motion import LeftOpen
 
 
-# Says that machine code is being made, which takes seconds, once for each simulation.
+# Announcement of compilations, which take seconds, once per simulation.
 
 
 Announce = Callable[[str], None]
 
 
 def tell(line: str) -> None:
-    """To standard error."""
+    """Print a line to standard error."""
     print(f"rb_sim: {line}", file=sys.stderr, flush=True)
 
 
 def compiling(name: str) -> str:
-    """The line about a scene."""
+    """The line that announces the compilation of a scene."""
     return f"compiling {name} (first use only; takes some seconds, later runs use the cache)"
 
 
 class Announced:
-    """A context in which compiling is announced when it is first entered; later it costs nothing.
+    """Context that announces a compilation within it, only once.
 
-    name: of the scene. announce: gets the line; None tells nobody.
+    name: of the scene. announce: function that gets the line; None for no announcement.
     """
 
     def __init__(self, name: str, announce: Announce | None) -> None:
@@ -88,7 +88,7 @@ class Announced:
 
     def __exit__(self, *_: Any) -> None:
         if self._entered:
-            self._announce, self._entered = None, False  # what is called again is compiled
+            self._announce, self._entered = None, False  # a second call needs no compilation
             self._stack.close()
 
     def _say(self) -> None:
@@ -97,95 +97,111 @@ class Announced:
             announce(compiling(self._name))
 
 
-# How a motion has been integrated so far: what its steps cost and what they had to leave.
+# Statistics of the integration so far: number of steps and their errors.
 
 
 class InSteps:
-    """Counts of the steps of a motion since its start."""
+    """Statistics of the steps of a motion since its start."""
 
     _motion: Motion
 
     @property
     def steps(self) -> int:
-        """Steps taken since the start, those not needed for a sample included."""
+        """Number of steps since the start, including those beyond the last sample."""
         return self._motion.steps
 
     @property
     def rejected_steps(self) -> int:
-        """Attempts that an adaptive method gave up since the start."""
+        """Number of rejected attempts of an adaptive method since the start."""
         return self._motion.rejected_steps
 
     @property
     def cut_steps(self) -> int:
-        """Of these the ones within the tolerance, which only went beyond the end of a piece of a
-        spline."""
+        """Number of rejected attempts within the tolerance, which only crossed the end of a spline
+        piece."""
         return self._motion.cut_steps
 
     @property
     def unsolved_steps(self) -> tuple[int, float]:
-        """Steps of time stepping whose friction problem was not solved within their bound of work,
-        and the worst of their residuals, relative to the largest impulse; (0, 0.0) of others."""
+        """(number of time-stepping steps with an unsolved friction problem, largest relative
+        residual).
+
+        The residual is relative to the largest impulse; (0, 0.0) for other methods.
+        """
         return self._motion.unsolved_steps, self._motion.solver_residual
 
     @property
     def solver_give(self) -> float:
-        """How far time stepping let the law of a contact of a moving heap give way at most, as
-        natural map relative to the largest impulse of its step: a heap that wedges itself has no
-        solution nearer by.  Above 1e-2 the step counts as unsolved; 0.0 of other methods."""
+        """Largest violation of a contact law accepted by time stepping in a moving heap.
+
+        Natural map relative to the largest impulse of its step: a jammed heap has no closer
+        solution. Above 1e-2 the step counts as unsolved; 0.0 for other methods.
+        """
         return self._motion.solver_give
 
     @property
     def circling_steps(self) -> int:
-        """Steps of time stepping in which a contact point ran around its body, as of a disk that
-        falls flat: they lose energy that shorter steps keep; 0 of other methods."""
+        """Number of time-stepping steps in which a contact point ran around its body, as under a
+        disk that falls flat.
+
+        They lose energy that shorter steps keep; 0 for other methods.
+        """
         return self._motion.circling_steps
 
     @property
     def restruck_energy(self) -> float:
-        """Energy lost by time stepping in spurious impacts of contacts that were closed [J]: an
-        error, which a shorter step makes smaller; 0.0 of other methods."""
+        """Energy lost by time stepping in spurious impacts of contacts that were already closed
+        [J].
+
+        An error that decreases with the step; 0.0 for other methods.
+        """
         return self._motion.restruck_energy
 
     @property
     def made_energy(self) -> float:
         """Energy gained in rigid contacts under time stepping, if a slip stops or reverses within a
-        step [J]: an error, which a shorter step makes smaller; 0.0 of other methods."""
+        step [J].
+
+        An error that decreases with the step; 0.0 for other methods.
+        """
         return self._motion.made_energy
 
     @property
     def astray(self) -> tuple[float, float, str]:
-        """The largest velocity that an impulse of time stepping gave in a direction which the
-        normal had left by the end of its step, over the scene's speed; when [s], and which contact:
-        what passes a round surface in few steps is sent off where a shorter step would not; 0.0 of
-        other methods."""
+        """(speed, time [s], contact) of the largest velocity given along a normal that rotated
+        within the step.
+
+        Time stepping only; the speed is relative to the scene's. A body that passes a round surface
+        in few steps is deflected where a shorter step would not deflect it. 0.0 for other methods.
+        """
         figure, t, c = self._motion.astray
         return figure, t, self._motion.layout.contacts[c] if figure > 0.0 else ""
 
     @property
     def paradox_steps(self) -> int:
-        """Steps of time stepping in which a contact that slips has Painleve's paradox, so that
-        several impulses fit its laws, or none; 0 of others."""
+        """Number of time-stepping steps with Painleve's paradox in a slipping contact: several
+        impulses satisfy its laws, or none; 0 for other methods."""
         return self._motion.paradox_steps
 
     @property
     def slipping_steps(self) -> int:
-        """Steps of time stepping in which a perfectly rough contact slipped, since friction would
-        have lifted it; 0 of others."""
+        """Number of time-stepping steps in which a perfectly rough contact slipped, since friction
+        would have lifted it; 0 for other methods."""
         return self._motion.slipping_steps
 
     @property
     def left_open(self) -> LeftOpen | None:
-        """The widest choice that the laws of contact left: how far two motions that both obey them
-        are apart, when, and where; None of what has no contacts."""
+        """Largest non-uniqueness of the contact laws so far: distance of two admissible motions,
+        time and contact; None without contacts."""
         return self._motion.left_open
 
     @property
     def held_bodies(self) -> frozenset[str]:
-        """Bodies whose errors are held to their own small motion, not to max(1, |y|)."""
+        """Bodies whose errors are relative to their own small motion, not to max(1, |y|)."""
         return self._motion.held
 
 
-# Commands: the wrenches that bodies are commanded, held until the next one comes.
+# Commands: wrenches commanded on bodies, held until the next command.
 
 
 Vector = tuple[float, float, float]
@@ -193,18 +209,18 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class HeldWrench(NamedTuple):
-    """What a body is commanded, about its origin: in world axes (W), or in its own (B)."""
+    """Commanded wrench on a body, about its origin: in world axes (W), or in body axes (B)."""
 
     force_W: Vector
-    """[N]."""
+    """force [N]."""
     torque_W: Vector
-    """[N m]."""
+    """torque [N m]."""
     force_B: Vector
     torque_B: Vector
 
     @property
     def in_body(self) -> bool:
-        """Whether it turns with the body."""
+        """Whether the wrench turns with the body."""
         return any(self.force_B) or any(self.torque_B)
 
 
@@ -212,7 +228,7 @@ NOTHING = HeldWrench(ZERO, ZERO, ZERO, ZERO)
 
 
 class Commands:
-    """What the bodies of a compiled scene are commanded; nothing at first."""
+    """The commanded wrenches of the bodies of a compiled scene; initially zero."""
 
     def __init__(self, compiled: Compiled) -> None:
         self._effects = compiled.commands
@@ -220,18 +236,18 @@ class Commands:
         self.clear()
 
     def clear(self) -> None:
-        """Nothing is commanded any more."""
+        """Set all commands to zero."""
         self._held = dict.fromkeys(self._layout.commanded, NOTHING)
         self.any = False
-        """whether one of them is not zero."""
+        """whether any command is not zero."""
 
     def read(
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str
     ) -> HeldWrench:
         """A command in the axes of "world" or "body".
 
-        Raises RbSimError for a body that takes no command, an unknown frame, a value not finite
-        or beyond STRONGEST.
+        Raises RbSimError for a body that takes no command, an unknown frame, or a value that is not
+        finite or exceeds STRONGEST.
         """
         if body not in self._effects:
             allowed = ", ".join(self._held) or "none (no commanded_wrench effect)"
@@ -244,7 +260,7 @@ class Commands:
         )
 
     def hold(self, body: str, held: HeldWrench) -> bool:
-        """Command a body what `read` gave; whether that is another command than before."""
+        """Set the command of a body to a result of `read`; returns whether it has changed."""
         if held == self._held[body]:
             return False
         self._held[body] = held
@@ -252,8 +268,10 @@ class Commands:
         return True
 
     def in_law(self, system: Any, effects: dict[str, tuple[int, ...]] | None = None) -> Any:
-        """The system under these commands. effects: of each body, the indices of those that take
-        its command; None: as in the compiled scene."""
+        """The system under these commands.
+
+        effects: indices of the command rows of each body; None: those of the compiled scene.
+        """
         rows = list(system.effects)
         for body, indices in (self._effects if effects is None else effects).items():
             for i in indices:
@@ -261,8 +279,8 @@ class Commands:
         return system._replace(effects=tuple(rows))
 
     def applied(self, body: Array) -> Array:
-        """Commanded wrenches in world axes, shape (n, M, 6), where the bodies are in `body`: poses
-        and twists, shape (n, N, 13)."""
+        """Commanded wrenches in world axes, shape (n, M, 6), for poses and twists of all bodies,
+        shape (n, N, 13)."""
         names = self._layout.commanded
         command = np.zeros((len(body), len(names), 6))
         if not self.any:
@@ -278,7 +296,7 @@ class Commands:
 
 
 def _vector(name: str, value: Sequence[float]) -> Vector:
-    """Raises RbSimError unless it is three numbers, none beyond STRONGEST."""
+    """Three numbers as a vector. Raises RbSimError if they are not finite or exceed STRONGEST."""
     try:
         x, y, z = np.asarray(value, dtype=float).tolist()
         if max(abs(x), abs(y), abs(z)) <= STRONGEST and not isnan(x + y + z):
@@ -289,25 +307,25 @@ def _vector(name: str, value: Sequence[float]) -> Vector:
 
 
 def _with_command(effect: Any, held: HeldWrench) -> Any:
-    """The command row (or the placed one) with new held wrenches."""
+    """The command row (or the placed one) with another wrench."""
     if isinstance(effect, Placed):
         return effect._replace(row=_with_command(effect.row, held))
     return effect._replace(**held._asdict())
 
 
 def _turned(q: Array, a: Array) -> Array:
-    """R(q) a for quaternions (n, 4) and one vector (3,)."""
+    """R(q) a for quaternions (n, 4) and one vector a (3,), shape (n, 3)."""
     u, w = q[:, :3], q[:, 3:]
     t = 2.0 * np.cross(u, a)
     return a + w * t + np.cross(u, t)
 
 
 MOST_INPUTS = 1 << 16
-"""Commands and resets that are kept for the next sample."""
+"""Most commands and resets stored for the next sample."""
 
 
 class SceneInMotion(InSteps):
-    """A compiled scene with its state: what `Simulation` is between two runs.
+    """A compiled scene with its state: the base of `Simulation`, without runs.
 
     Arguments and errors are those of `Simulation`.
     """
@@ -332,7 +350,7 @@ class SceneInMotion(InSteps):
         self.layout: SampleLayout = self.compiled.layout
         options = scene.simulation
         self.choice: Choice | None = None
-        """why this method and setting, where the scene says `method: auto`."""
+        """reason for the chosen method and setting with `method: auto`; else None."""
         if options.method == "auto":
             with Announced(scene.name, announce):
                 self.choice = remembered_choice(scene, self.compiled)
@@ -348,7 +366,7 @@ class SceneInMotion(InSteps):
         self._history: deque[Input] = deque(maxlen=MOST_INPUTS)
         self._commands = Commands(self.compiled)
         self.stepping_time = 0.0
-        """what runs have taken so far, compiling left out [s]."""
+        """wall-clock time of all runs so far, without compiling [s]."""
         self._start_anew()
 
     def __repr__(self) -> str:
@@ -357,7 +375,7 @@ class SceneInMotion(InSteps):
 
     @property
     def setting(self) -> Setting:
-        """The method with the step or the tolerance that it works with."""
+        """The method with its step or tolerance."""
         if self.choice is not None:
             return self.choice.setting
         method = self.method
@@ -366,19 +384,19 @@ class SceneInMotion(InSteps):
 
     @property
     def _how(self) -> str:
-        """Method and setting, in words."""
+        """Method and setting as text."""
         if self.choice is None:
             return method_text(self.scene.simulation)
         return f"auto: {method_text(self.choice)}"
 
     def reset(self) -> None:
-        """Back to the initial state at time 0; commands are zero again."""
+        """Back to the initial state at time 0; commands become zero."""
         self._first.reset()
         self._start_anew()
         self._inputs.append(Input(0, 0.0, ""))
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Set the state of bodies; time and commands go on, earlier events are dropped.
+        """Set the state of bodies; time and commands are kept, earlier events are dropped.
 
         From here until a reset one body with a joint moves in maximal coordinates, too.
 
@@ -413,10 +431,11 @@ class SceneInMotion(InSteps):
             self._note_input(given)
 
     def moved(self, other: Motion, inputs: Sequence[Input]) -> Motion:
-        """Another motion of the scene, with the states that were given to bodies of this one at the
-        time [s] at which it stands; one in reduced coordinates goes on in maximal ones.
+        """Another motion of the scene at its current time [s], with states that were set on bodies
+        of this one.
 
-        Raises RbSimError where its other bodies cannot be with these states.
+        A motion in reduced coordinates continues in maximal ones. Raises RbSimError if its other
+        bodies are not compatible with these states.
         """
         time, block = other.time, self._block(np.array([other.time]), other.sample())
         states = present_states(self.scene, self.layout, block)
@@ -429,8 +448,7 @@ class SceneInMotion(InSteps):
         return other
 
     def _start_anew(self) -> None:
-        """Go on with the motion that begins at the scene's initial state, as it was made or reset;
-        what happened so far is forgotten."""
+        """Return to the motion from the scene's initial state, and forget the past."""
         self._motion = self._first
         self._events_taken = 0
         self._history.clear()
@@ -438,7 +456,7 @@ class SceneInMotion(InSteps):
 
     @property
     def motion(self) -> Motion:
-        """What is carried from instant to instant."""
+        """The motion that is integrated."""
         return self._motion
 
     @property
@@ -448,11 +466,11 @@ class SceneInMotion(InSteps):
 
     @property
     def events(self) -> tuple[ContactEvent, ...]:
-        """Events of contacts since the start, by time; at least the last 100,000."""
+        """Contact events since the start, by time; at least the last 100,000."""
         return in_order(self._motion.events)
 
     def take_events(self) -> tuple[ContactEvent, ...]:
-        """The events since the last call; `run` and `blocks` put them into their blocks."""
+        """Contact events since the last call; `run` and `blocks` put them into their blocks."""
         motion = self._motion
         new = motion.events[max(0, self._events_taken - motion.forgotten) :]
         self._events_taken = motion.forgotten + len(motion.events)
@@ -466,11 +484,11 @@ class SceneInMotion(InSteps):
 
     @property
     def state(self) -> State:
-        """State of all bodies at the present time."""
+        """State of all bodies at the current time."""
         return self.sample().state(0)
 
     def warm(self) -> None:
-        """Compile everything that `advance` and `run` will call."""
+        """Compile everything that `advance` and `run` call."""
         with self._announced:
             self._motion.warm()
 
@@ -486,7 +504,7 @@ class SceneInMotion(InSteps):
             limits: Largest number of steps and wall-clock time.
 
         Returns:
-            False if `watch` ended the integration: `state` is still that before the call.
+            False if `watch` ended the integration; `state` is then that before the call.
 
         Raises:
             SimulationError: The integration cannot go on, or exceeds `limits`.
@@ -497,11 +515,11 @@ class SceneInMotion(InSteps):
     def _carried(
         self, times: Array, watch: Watch | None, limits: Limits, out: Array | None
     ) -> bool:
-        """Integrate to the times and sample there into the rows of `out`; False if the watch ended
+        """Integrate to the times and sample into the rows of `out`; False if the watch stopped
         it."""
         motion = self._motion
         with self._announced:
-            if watch is None and limits is NO_LIMITS:  # nobody to ask, and nothing to hold
+            if watch is None and limits is NO_LIMITS:  # fast path without a watch
                 motion.run_to(times, out)
                 return True
             duration = float(times[-1]) - motion.time
@@ -513,8 +531,8 @@ class SceneInMotion(InSteps):
     ) -> SampleRow | None:
         """`advance` over `duration` [s], then `sample_row`, in one call of the kernel.
 
-        For loops that sample after every step, where the two calls cost more than the step. None
-        where the watch ended it. Raises as `advance` does.
+        For loops that sample after every step, where two calls cost more than the step. None if the
+        watch stopped it. Raises the errors of `advance`.
         """
         _check_duration(duration)
         rows = self.step_rows(np.array([self._motion.time + duration]), watch, limits)
@@ -523,19 +541,22 @@ class SceneInMotion(InSteps):
     def step_rows(
         self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
     ) -> list[SampleRow]:
-        """As `step_row` to each of the times [s], which increase; none where the watch ended it."""
+        """As `step_row`, to each of the increasing times [s]; empty if the watch stopped it."""
         out = np.zeros((len(times), self._motion.width))
         if not self._carried(times, watch, limits, out):
             return []
         return list(map(SampleRow, times.tolist(), out, self._applied(out)))
 
     def keep(self) -> Any:
-        """What `back_to` takes to come back to this instant, to the last bit; None: there is no way
-        back, as with contacts. Not across a command, a reset or a state that is set."""
+        """State for `back_to`, exact to the last bit; None if that is not supported, as with
+        contacts.
+
+        Not valid across a command, a reset or a state that is set.
+        """
         return self._motion.keep()
 
     def back_to(self, kept: Any) -> None:
-        """The motion as it was when this was kept."""
+        """Restore a state from `keep`."""
         self._motion.back_to(kept)
 
     def sample(self) -> Trajectory:
@@ -545,7 +566,7 @@ class SceneInMotion(InSteps):
         return self._trajectory([self._block(np.array([self.time]), row)])
 
     def sample_row(self) -> SampleRow:
-        """What `sample` has, at the present time, as the kernel leaves it: cheap to make."""
+        """The sample at the current time as a row of the kernel, which is cheap."""
         with self._announced:
             out = self._motion.sample()
         return SampleRow(self.time, out[0], self._applied(out)[0])
@@ -567,7 +588,7 @@ class SceneInMotion(InSteps):
         held = self._commands.read(body, force, torque, frame)
         frame, wrench = ("body", held[2:]) if held.in_body else ("world", held[:2])
         self._note_input(Input(0, self.time, body, frame, *wrench))
-        if self._commands.hold(body, held):  # one that is in force already changes no law
+        if self._commands.hold(body, held):  # an unchanged command changes no law
             self._change_law()
 
     def _note_input(self, given: Input) -> None:
@@ -575,15 +596,15 @@ class SceneInMotion(InSteps):
         self._history.append(given)
 
     def _change_law(self) -> None:
-        """Let the motion go on under the commands that are held."""
+        """Continue the motion under the current commands."""
         self._motion.change_law(self._commands.in_law(self._motion.system))
 
     def _block(self, t: Array, out: Array) -> SampleBlock:
-        """Rows of the kernel as a block, with the commands in force."""
+        """Rows of the kernel as a block, with the current commands."""
         return block_of(t, out, self.layout, self._applied(out))
 
     def _applied(self, out: Array) -> Array:
-        """The commands in force at rows of the kernel, in world axes, shape (n, M, 6)."""
+        """The current commands for rows of the kernel, in world axes, shape (n, M, 6)."""
         bodies = out[:, : 13 * len(self.layout.bodies)]
         return self._commands.applied(bodies.reshape(len(out), -1, 13))
 
@@ -595,6 +616,6 @@ class SceneInMotion(InSteps):
 
 
 def _check_duration(duration: float) -> None:
-    """Raises RbSimError."""
+    """Raise RbSimError for an invalid duration."""
     if not (is_finite(duration) and duration >= 0.0):
         raise RbSimError(f"duration: got {duration!r}; must be a finite number >= 0 [s]")

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A simulation that carries the derivatives of its motion by numbers of the scene.
+"""A simulation that carries the derivatives of its motion with respect to numbers of the scene.
 
-Along the motion they are exact (see rb_sim.simulation.sensitivity).  How the initial state and the
-constants of the laws depend on the numbers is a short calculation of its own for every scene; its
-derivative is taken by central differences of order six, whose error is below 1e-11.
+They are exact along the motion (variational equations). The initial state and the constants of the
+laws depend on the numbers by a short calculation specific to each scene; its derivative is taken by
+central differences of order six, with an error below 1e-11.
 """
 
 from __future__ import annotations
@@ -37,22 +37,23 @@ from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.simulation.state_override import Placement
 
-# The laws of a motion together with its derivatives by parameters: the variational equations.
+# The laws of a motion with its derivatives by parameters: the variational equations.
 #
-# With s = dy/dk for a number k of the scene, ds/dt = (df/dy) s + (df/dp) dp/dk.  Every law is
-# differentiated along s exactly, the way back to the manifold too, so that a method of fixed steps
-# gives the derivative of the very numbers that it gives (Hairer, Norsett & Wanner I, section I.14).
+# With s = dy/dk for a number k of the scene, ds/dt = (df/dy) s + (df/dp) dp/dk. Every law is
+# differentiated exactly along s, including the projection onto the manifold, so that a method of
+# fixed steps gives the exact derivative of its own results (Hairer, Norsett & Wanner I, section
+# I.14).
 
 
 Weighted = Sequence[tuple[float, Any]]
-"""Systems with the weights that make of their numbers a derivative."""
+"""(weight, system) pairs whose weighted numbers sum up to a derivative."""
 
 
 def with_tangents(outputs: list[Any], n: int, given: int, count: int) -> list[Any]:
     """The outputs of a law and their derivatives along `count` directions.
 
     y: n coordinates, then n for each direction; p likewise, with `given` inputs. A law of a single
-    number (a gap, a domain) stays as it is.
+    number (a gap, a domain) stays unchanged.
     """
     graph = graph_of(outputs)
     if len(outputs) == 1 or graph is None:
@@ -67,7 +68,7 @@ def with_tangents(outputs: list[Any], n: int, given: int, count: int) -> list[An
 
 
 class _Reduced(ReducedLaws):
-    """The laws of one body with their derivatives."""
+    """The laws of one body, with their derivatives."""
 
     given = directions = 0
 
@@ -77,14 +78,14 @@ class _Reduced(ReducedLaws):
 
 
 class _MultiBody(MultiBodyLaws):
-    """The laws of N bodies with their derivatives."""
+    """The laws of N bodies, with their derivatives."""
 
     given = directions = 0
 
     @cached_property
     def back(self) -> None:
-        """None: its coordinates would not lie beside their derivatives, since it gives a number
-        more."""
+        """None: this law returns one more number, which would separate coordinates and
+        derivatives."""
 
     def outputs(self, kernel: Callable[..., list[Any]]) -> list[Any]:
         return with_tangents(super().outputs(kernel), self.n, self.given, self.directions)
@@ -93,20 +94,21 @@ class _MultiBody(MultiBodyLaws):
 class TangentInputs:
     """The inputs of the laws and their derivatives.
 
-    directions: for each number the systems beside the one that moves, with weights.
+    directions: for each number of the scene the neighbouring systems, with weights.
     """
 
     def __init__(self, inputs: Inputs, directions: Sequence[Weighted]) -> None:
         self._inputs, self._directions = inputs, directions
 
     def kept(self, system: Any) -> list[int]:
-        """Places of what is kept from step to step, but for derivatives."""
+        """Indices of inputs that are carried over from step to step, without derivatives."""
         return self._inputs.kept(system)
 
     def values(self, system: Any, t: float, onwards: bool = True) -> list[float]:
-        """The inputs for the steps from t on, or for the instant t alone; then their derivatives.
+        """The inputs for steps from t on (`onwards`), or for the instant t alone; then their
+        derivatives.
 
-        What is commanded from outside does not depend on the numbers of the scene.
+        Commands do not depend on the numbers of the scene.
         """
         found = self._inputs.values(system, t, onwards)
         for beside in self._directions:
@@ -118,7 +120,7 @@ class TangentInputs:
 
 
 class TangentLaws:
-    """What loops call of a motion with its derivatives along some directions.
+    """The laws of a motion with its derivatives along some directions, as loops call them.
 
     Its coordinates are y and dy/dk for each direction, its samples likewise.
     """
@@ -143,42 +145,43 @@ class TangentLaws:
         self.inputs = TangentInputs(own.inputs, directions)
 
     def __getattr__(self, name: str) -> Any:
-        """rate, project, gap, position, velocity, inside, sample of the laws below."""
+        """rate, project, gap, position, velocity, inside, sample of the underlying laws."""
         return getattr(self._own, name)
 
     def whole(self, step: Any, estimated: bool = True) -> None:
-        """No step is one law: it would be long."""
+        """None: as one law a step would be too long."""
         return None
 
 
 STEP = 1e-2
-"""Of the differences, of the numbers' scales."""
+"""Step of the differences, relative to the scales of the numbers."""
 
 SIXTH = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
-"""Weights of a first derivative over a step of 1, of order six; and of order four."""
+"""Weights of a first derivative over a step of 1: of order six, and of order four."""
 FOURTH = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 
 SMOOTH = 1e-5
-"""Difference of both orders, relative to the largest derivative, above which what is differentiated
-is not smooth."""
+"""Difference between both orders, relative to the largest derivative, above which a dependence is
+not smooth."""
 
 CARRIED = ("dopri853", "rk4", "euler")
-"""Methods under which derivatives are carried; instead of others dopri853."""
+"""Methods that can carry derivatives; dopri853 replaces others."""
 TOLERANCE = 1e-10
-"""Of dopri853 instead of another method, at most."""
+"""Largest tolerance of dopri853 if it replaces another method."""
 
 
 class NotSmoothError(RbSimError):
-    """The motion has no derivative that could be carried along; it says why."""
+    """The motion has no derivatives that can be carried; the text gives the reason."""
 
 
 class TangentSimulation(Simulation):
-    """A simulation of scene_at(x) that knows the derivatives of its samples by the numbers x.
+    """A simulation of scene_at(x) with the derivatives of its samples by the numbers x.
 
-    scene_at: scenes that differ only in numbers. scales: of each number; within 3 percent of it
-    scenes must be possible.
-    Raises NotSmoothError where the derivatives cannot be had: contacts, instants of the scene that
-    depend on the numbers, a start that does not depend on them smoothly, laws without derivative.
+    scene_at: scenes that differ only in numbers. scales: of each number; scenes within 3 percent of
+    it must be valid.
+
+    Raises NotSmoothError without derivatives: contacts, instants of the scene that depend on the
+    numbers, a start that does not depend on them smoothly, laws without a derivative.
     """
 
     _is_trial = True
@@ -197,7 +200,7 @@ class TangentSimulation(Simulation):
         self._carry(compiled, family)
 
     def _carry(self, compiled: Compiled, family: Family) -> None:
-        """Take the motion with its derivatives in the place of the motion."""
+        """Replace the motion by the motion with derivatives."""
         directions, starts = [], [np.array(compiled.y, dtype=float)]
         for k, by_offset in enumerate(self._beside):
             h = STEP * self.scales[k]
@@ -206,11 +209,11 @@ class TangentSimulation(Simulation):
             inputs = {
                 j: np.array(family.laws.inputs.values(c.system, 0.0)) for j, c in by_offset.items()
             }
-            _derivative(inputs, h)  # for the look whether it is smooth
+            _derivative(inputs, h)  # checks that it is smooth
         y = np.concatenate(starts)
         extended = replace(compiled, y=tuple(y.tolist()) if compiled.reduced else y)
         laws = TangentLaws(family.laws, family.places, directions)
-        extended.__dict__["laws"] = laws  # where cached_property keeps it
+        extended.__dict__["laws"] = laws  # cached_property looks there
         try:
             motion = TracedMotion(extended, self.method)
             motion.width = laws.width
@@ -218,10 +221,10 @@ class TangentSimulation(Simulation):
         except TypeError as error:
             raise NotSmoothError(f"sensitivities: {error}") from None
         self.compiled = extended
-        self._motion = self._first = motion  # a reset goes back to it, with its derivatives
+        self._motion = self._first = motion  # a reset returns to it
 
     def set_state(self, bodies: Mapping[str, Placement], *, project: bool = False) -> None:
-        """Raises NotSmoothError: the motion that goes on from there has no derivatives."""
+        """Raises NotSmoothError: a motion from a state that was set has no derivatives."""
         raise NotSmoothError("sensitivities: a state was set during the run")
 
     def _block(self, t: Array, out: Array) -> SampleBlock:
@@ -229,9 +232,9 @@ class TangentSimulation(Simulation):
         return super()._block(t, out[:, : row_width(self.layout)])
 
     def take_derivatives(self, count: int | None = None) -> list[SampleBlock]:
-        """For each number the derivatives of the samples since the last call, by its unit.
+        """Derivatives of the samples since the last call with respect to each number, per its unit.
 
-        count: of the first so many samples only.
+        count: of the first samples only.
         """
         rows, width = np.concatenate(self._rows)[:count], row_width(self.layout)
         self._rows = []
@@ -245,7 +248,7 @@ class TangentSimulation(Simulation):
 
 
 def carried(scene: Scene) -> Scene:
-    """The scene under a method that carries derivatives."""
+    """The scene with a method that can carry derivatives."""
     options = scene.simulation
     if options.method in CARRIED:
         return scene
@@ -255,7 +258,7 @@ def carried(scene: Scene) -> Scene:
 
 
 def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> dict[int, Compiled]:
-    """The compiled scenes on both sides of x along number k, by their distance in steps."""
+    """The compiled scenes on both sides of x along number k, by their distance in steps of h."""
     found = {}
     for j in SIXTH:
         moved = x.copy()
@@ -274,16 +277,16 @@ def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> d
 
 
 def changed_settings(one: Scene, other: Scene) -> str:
-    """Which key of `simulation` differs between the scenes; "" where none does.
+    """The first key of `simulation` that differs between the scenes; "" if none does.
 
-    The instants of the samples follow from them, of which motion knows no derivative.
+    Such keys determine the sample times, on which the motion has no derivative.
     """
     a, b = one.simulation.model_dump(), other.simulation.model_dump()
     return next((f"simulation.{key}" for key in a if a[key] != b[key]), "")
 
 
 def _family(members: list[Compiled]) -> Family:
-    """What the scenes share; raises NotSmoothError where they are not of one kind."""
+    """The family of the scenes. Raises NotSmoothError if they are not of one kind."""
     first = members[0]
     if any(member.breakpoints != first.breakpoints for member in members):
         raise NotSmoothError("sensitivities: instants of the scene depend on the numbers")
@@ -296,7 +299,7 @@ def _family(members: list[Compiled]) -> Family:
 
 
 def _derivative(values: dict[int, Array], h: float) -> Array:
-    """The derivative from values at distances j h; raises NotSmoothError where there is none."""
+    """The derivative from values at distances j h. Raises NotSmoothError if it is not smooth."""
     sixth = np.sum([SIXTH[j] * values[j] for j in SIXTH], axis=0) / h
     fourth = np.sum([FOURTH[j] * values[j] for j in FOURTH], axis=0) / h
     floor = 1e-14 * max(np.abs(values[1]).max(initial=0.0), 1e-300) / h

@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""SIGINT, SIGTERM, SIGHUP: finish what is logged while a scene runs; else leave nothing behind."""
+"""Handling of SIGINT, SIGTERM and SIGHUP: logs are finished during a run, temporary files removed
+else."""
 
 from __future__ import annotations
 
@@ -24,16 +25,16 @@ from typing import Any, NoReturn
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 PATIENCE = 0.1
-"""Time after which a signal is seen to have been lost [s]."""
+"""Time after which a signal counts as lost [s]."""
 
 
 class BrokenOffError(BaseException):
-    """A signal ended work that could be dropped. Not an Exception: no except on the way takes it
-    for a failure."""
+    """Raised by a signal within `dropping`; not an Exception, so that no handler takes it for a
+    failure."""
 
 
 class TerminatedError(KeyboardInterrupt):
-    """One of SIGNALS, as what Ctrl-C raises."""
+    """Raised for one of SIGNALS, like KeyboardInterrupt for Ctrl-C."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -41,8 +42,11 @@ class TerminatedError(KeyboardInterrupt):
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """Each of SIGNALS raises TerminatedError, once: folders that are kept for a while and half
-    copies are removed. Handlers of others stay; a process forked meanwhile ends."""
+    """Context in which each of SIGNALS raises TerminatedError once, so that temporary folders and
+    partial copies are removed.
+
+    Handlers of others are kept; a process forked within it ends.
+    """
     owner, before, alarm = os.getpid(), {}, signal.getsignal(signal.SIGALRM)
     nobodys = signal.SIG_DFL, signal.default_int_handler
 
@@ -63,7 +67,7 @@ def terminable() -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
         if before and signal.getsignal(signal.SIGALRM) != alarm:
-            # one that is under way would set the timer again, and end the process then
+            # a pending alarm would restart the timer, and end the process
             signal.signal(signal.SIGALRM, nothing)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, alarm)
@@ -72,15 +76,17 @@ def terminable() -> Iterator[None]:
 
 
 def insist(number: int) -> None:
-    """Raise TerminatedError again every PATIENCE until it is on its way: one that is raised while a
-    callback of Python's own runs, such as those with which modules are imported, is lost, and the
-    verb went on to its end as if nobody had asked for it."""
+    """Raise TerminatedError every PATIENCE until it propagates.
+
+    An exception raised within a callback of Python itself, as during an import, is lost, and the
+    verb would run to its end.
+    """
 
     def look(_: int, frame: FrameType | None) -> None:
         signal.setitimer(signal.ITIMER_REAL, PATIENCE)
         error = sys.exc_info()[1]
         while error is not None:
-            if isinstance(error, TerminatedError):  # something cleans up
+            if isinstance(error, TerminatedError):  # cleanup is in progress
                 return
             error = error.__context__
         raise TerminatedError(number)
@@ -90,30 +96,30 @@ def insist(number: int) -> None:
 
 
 def nothing(_: int, __: FrameType | None) -> None:
-    """What an alarm does that nobody waits for any more."""
+    """Alarm handler that does nothing."""
 
 
 def quiet_of_signals(lost: Any) -> None:
-    """Tells of exceptions that are lost, as Python does, but not of a signal's."""
+    """Report of unraisable exceptions as in Python, except for TerminatedError."""
     if lost.exc_type is not TerminatedError:
         sys.__unraisablehook__(lost)
 
 
 ONE = 1.0
-"""[s] within which two signals are one: GNU timeout, ros2 launch and systemd signal a process and
-then its group."""
+"""Time within which two signals count as one [s]: GNU timeout, ros2 launch and systemd signal a
+process and then its group."""
 
 
 class Interruption:
-    """Takes the signals over for the time of a `with` block, but a SIGHUP that is ignored (nohup).
-    A shell script that starts a process by `&` has SIGINT ignored for it: who sends one means it.
+    """Context that handles the signals, except a SIGHUP that is ignored (nohup).
 
-    While `logging` is set the first signal is only noted in `cause`, so that no sink is left in
-    the middle of a write. Before, and with a second signal more than ONE later, the process ends at
-    once. No exception is raised from a handler, but inside `dropping`: compiler and recorder call
+    A shell script starts background processes with SIGINT ignored; a SIGINT sent to them is handled
+    nevertheless. While `logging` is set the first signal is only stored in `cause`, so that no sink
+    is interrupted in a write. Before, and with a second signal more than ONE later, the process
+    ends at once. Handlers raise an exception only inside `dropping`: compiler and recorder call
     back from foreign code, which loses it.
 
-    early: what the first signal says while nothing is logged.
+    early: message of the first signal while nothing is logged.
     """
 
     def __init__(self, early: str = "interrupted before the first step") -> None:
@@ -121,13 +127,13 @@ class Interruption:
         self.cause: signal.Signals | None = None
         self.logging = False
         self.left_over: Callable[[], str] = str
-        """what a second signal leaves, in words; "": nothing."""
+        """returns the state after a second signal, in words; "" if nothing is left over."""
         self.status: int | None = None
-        """exit status of a run that is over: a signal ends the process with it, at once."""
+        """exit status of a finished run: a signal then ends the process with it, at once."""
         self._before: dict[signal.Signals, Any] = {}
         self._droppable = False
         self._first = 0.0
-        """when the first signal came (time.monotonic) [s]."""
+        """time of the first signal (time.monotonic) [s]."""
 
     def __enter__(self) -> Interruption:
         heard = [n for n in SIGNALS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
@@ -138,19 +144,19 @@ class Interruption:
         self.hand_over()
 
     def hand_over(self) -> None:
-        """Give the signals back to whoever had them."""
+        """Restore the previous signal handlers."""
         while self._before:
             signal.signal(*self._before.popitem())
 
     @property
     def exit_code(self) -> int:
-        """As a shell gives it: 128 + the signal's number; 0 without one."""
+        """Exit code as from a shell: 128 + the signal's number; 0 without one."""
         return 0 if self.cause is None else 128 + self.cause
 
     @contextmanager
     def dropping(self) -> Iterator[None]:
-        """Work that takes seconds and that nobody misses: the first signal, even one that came
-        before, ends it with BrokenOffError."""
+        """Context for work that takes seconds and can be dropped: a signal, also an earlier one,
+        ends it with BrokenOffError."""
         if self.cause is not None:
             raise BrokenOffError
         self._droppable = True
@@ -181,13 +187,13 @@ class Interruption:
 
 
 def deafen() -> None:
-    """Ignore SIGNALS from here on, where the process ends: taking modules down takes a while, and a
-    signal in it would end with a status of its own what has ended well."""
+    """Ignore SIGNALS from here on, at the end of the process: a signal during the shutdown of
+    modules would change the exit status of a successful run."""
     if threading.current_thread() is threading.main_thread():
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
 
 EARLY = Interruption("interrupted")
-"""Takes the signals from the first import on until a verb does, while the command line is read:
-what reads it takes Ctrl-C for an end without a word, or does not take it at all."""
+"""Handler from the first import until a verb takes over: while the command line is parsed, typer
+would end without a message or ignore Ctrl-C."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Simulation: runs of a scene, the outer loop over blocks of samples."""
+"""Simulation: runs of a scene, with the outer loop over blocks of samples."""
 
 from __future__ import annotations
 
@@ -52,19 +52,19 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Compile a scene ahead of its first step, and say so when it takes more than the cache.
+# Compilation of a scene before its first step, with a note if it is not in the cache.
 
 
 Say = Callable[[str], None]
 
 ATTEMPTS = 8
-"""More than there are kernels; each may fail to be kept once."""
+"""Most attempts: more than there are kernels, each of which may fail to be stored once."""
 
 
 def compiled(scene: Scene, say: Say) -> Simulation:
-    """The simulation of a scene, ready to step.
+    """The simulation of a scene, compiled and ready to step.
 
-    say: gets a line where something really has to be compiled, or cannot be kept.
+    say: gets a line if something is compiled, or cannot be stored.
     """
     said: list[str] = []
 
@@ -86,18 +86,18 @@ def compiled(scene: Scene, say: Say) -> Simulation:
                 simulation = Simulation(scene, announce=None)
                 simulation.warm()
                 return simulation
-            except OSError as error:  # the code is compiled, but there is no room to keep it
+            except OSError as error:  # compiled, but there is no room to store the code
                 if attempt == ATTEMPTS - 1:
                     raise
                 say_once(f"note: the compiled code is not kept: {error.strerror}")
     raise AssertionError("the loop returns or raises")
 
 
-# Commands, resets and states that were given to a simulation, given to another one.
+# Commands, resets and states of one simulation, applied to another one.
 
 
 def give(simulation: Simulation, inputs: list[Input]) -> None:
-    """What came from outside at one instant, in its order, to a simulation that is there."""
+    """Apply inputs of one instant, in order, to a simulation that is at that instant."""
     k = 0
     while k < len(inputs):
         given = inputs[k]
@@ -114,7 +114,7 @@ def give(simulation: Simulation, inputs: list[Input]) -> None:
 
 
 BLOCK = 2048
-"""Samples per block: the sinks' unit of work."""
+"""Samples per block, the unit of work of the sinks."""
 
 Progress = Callable[[float, float], None]
 
@@ -129,15 +129,15 @@ class Simulation(SceneInMotion):
             takes the general formulation always.
         announce: Called with a line of text before machine code is compiled, which takes seconds;
             by default the line goes to standard error.
-        family: Laws shared by scenes that differ in numbers only; None: laws of its own.
+        family: Laws shared by scenes that differ in numbers only; None: its own laws.
 
     Raises:
         SceneError: The scene cannot be simulated.
     """
 
     _is_trial = False
-    """Whether this was made beside another: nobody watches its runs, and where one fails nobody
-    asks for another step."""
+    """whether this is an auxiliary simulation: its runs have no accuracy checks, and their failures
+    suggest no step."""
 
     def _start_anew(self) -> None:
         super()._start_anew()
@@ -145,14 +145,14 @@ class Simulation(SceneInMotion):
 
     @property
     def local_error(self) -> LocalError:
-        """How much of the motion a fixed step misses, from some steps taken beside the run now and
-        then; nothing of an adaptive method."""
+        """Local error of a fixed step, by step doubling at some steps of the run; empty for an
+        adaptive method."""
         if self._doubling is None or self._doubling.run is not self._motion:
             self._doubling = StepDoubling(self.scene, self._motion)
         return self._doubling.look()
 
     def between(self, t: float, y: Array, times: Array) -> Array | None:
-        """The motion at the times from one of its states on (see `rows_between`)."""
+        """The motion at the times, starting from one of its states (see `rows_between`)."""
         return rows_between(self._motion, t, y, times)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
@@ -168,7 +168,7 @@ class Simulation(SceneInMotion):
             RbSimError: The scene has contacts, or an argument is not allowed.
             SimulationError: A law has no derivative at the present state.
         """
-        from rb_sim.linear import linearize  # scipy loads when it is used
+        from rb_sim.linear import linearize  # imports scipy, when used
 
         if axes not in ("world", "body"):
             raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")
@@ -264,7 +264,7 @@ class Simulation(SceneInMotion):
     def _instants(
         self, duration: float | None, rate: float | None, at: Sequence[float] | Array | None
     ) -> Array:
-        """When `run` samples. Raises RbSimError."""
+        """Sample times of `run`. Raises RbSimError."""
         if at is None:
             return instants_at_rate(self.time, *self._span(duration, rate))
         if duration is None and rate is None:
@@ -272,7 +272,7 @@ class Simulation(SceneInMotion):
         raise RbSimError("at: it gives the instants; must be without duration and rate")
 
     def _span(self, duration: float | None, rate: float | None) -> tuple[float, float]:
-        """Duration and rate of a run, the scene's where None. Raises RbSimError."""
+        """Duration [s] and rate [Hz] of a run, by default the scene's. Raises RbSimError."""
         options = self.scene.simulation
         duration = options.duration if duration is None else duration
         rate = options.rate if rate is None else rate
@@ -295,15 +295,15 @@ class Simulation(SceneInMotion):
                 raise SimulationError(forecast.given_up)
 
     def _with_events(self, times: Array) -> Array:
-        """The instants and those beside events, which a simulation like this one finds."""
+        """The sample times and those beside events, which a second simulation finds."""
         twin = self._twin()
-        with suppress(SimulationError):  # the run that follows ends there, too, and says so
+        with suppress(SimulationError):  # the run itself will report the error
             twin._run_to(float(times[-1]))
         found = [event.t for event in twin.events if event.t > self.time]
         return np.union1d(times, instants_beside(found, self.time, float(times[-1])))
 
     def _twin(self) -> Simulation:
-        """A simulation that has come to where this one is by itself: the steps are the same."""
+        """A second simulation advanced to the current time with the same steps and inputs."""
         if len(self._history) == MOST_INPUTS:
             raise RbSimError(
                 f"events=True: got {MOST_INPUTS} or more commands since the start; must be fewer "
@@ -317,9 +317,9 @@ class Simulation(SceneInMotion):
         return twin
 
     def _run_to(self, t: float) -> None:
-        """Integrate up to the time t [s] without sampling; nothing where it is there already.
+        """Integrate up to the time t [s] without sampling, if it is later than now.
 
-        Raises SimulationError if the integration cannot go on.
+        Raises SimulationError if the integration cannot continue.
         """
         if t > self.time:
             with self._announced:
@@ -363,7 +363,7 @@ class Simulation(SceneInMotion):
             yield from self._sampled(np.array([end]), watcher)
 
     def _sampled(self, times: Array, watcher: Watcher) -> Iterator[SampleBlock]:
-        """Integrate to each of the times and sample there, as far as it goes."""
+        """Integrate to the times and sample there, as far as possible."""
         out = np.zeros((len(times), self._motion.width))
         failure = None
         self._motion.take_worst()
@@ -389,7 +389,7 @@ class Simulation(SceneInMotion):
             raise self._advised(failure, float(times[-1]), watcher)
 
     def _advised(self, error: SimulationError, end: float, watcher: Watcher) -> SimulationError:
-        """The error with a step that would do, where it is one about the step."""
+        """The error with a suggested step, if it is a StepTooLargeError."""
         if not isinstance(error, StepTooLargeError) or self._commands.any or self._is_trial:
             return error
         from rb_sim.checks.step_search import step_that_runs
@@ -398,7 +398,7 @@ class Simulation(SceneInMotion):
         return StepTooLargeError(f"{error}; {advice}")
 
     def with_step(self, step: float) -> Simulation:
-        """New simulation of the same scene from its start with another fixed step [s]."""
+        """A new simulation of the same scene from its start with another fixed step [s]."""
         how = {"method": self.setting.name, "step": step, "tolerance": None}
         options = self.scene.simulation.model_copy(update=how)
         scene = self.scene.model_copy(update={"simulation": options})
@@ -410,7 +410,7 @@ class Simulation(SceneInMotion):
 
 
 def check_smooth(layout: SampleLayout) -> None:
-    """Raise RbSimError for a scene that has no linear model about its motion."""
+    """Raise RbSimError for a scene that cannot be linearised about its motion."""
     if layout.contacts:
         raise RbSimError(
             "linearize: the scene has contacts, which open and slip; must have joints only "

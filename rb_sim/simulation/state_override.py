@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A state from outside in the middle of a run: read, and checked against the constraints."""
+"""States set from outside during a run: validation, and a check against the constraints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 Placement = Mapping[str, Sequence[float]]
-"""position, orientation, linear_velocity, angular_velocity of a body, as a scene has them."""
+"""position, orientation, linear_velocity, angular_velocity of a body, with the keys of a scene."""
 
 FIELDS = {
     "position": slice(0, 3),
@@ -37,13 +37,13 @@ FIELDS = {
     "linear_velocity": slice(7, 10),
     "angular_velocity": slice(10, 13),
 }
-"""Where each stands among the 13 numbers of Input.state."""
+"""Slice of each quantity among the 13 numbers of Input.state."""
 UNIT = 1e-3
-"""How far from one the length of a quaternion may be; it is made one."""
+"""Largest deviation of a quaternion's length from 1; it is normalised."""
 
 
 def placement(state: Sequence[float]) -> Placement:
-    """The 13 numbers by name."""
+    """The 13 numbers of a state as a mapping by name."""
     return {name: state[part] for name, part in FIELDS.items()}
 
 
@@ -58,7 +58,7 @@ def present_states(
 
 
 def read_placement(body: str, given: Placement, present: Array) -> Array:
-    """The 13 numbers: those given, and the present ones. RbSimError: one of them cannot be."""
+    """The 13 numbers of a body: given values, current ones for missing keys. Raises RbSimError."""
     state = present.copy()
     if not isinstance(given, Mapping):
         raise RbSimError(f"{body}: got {given!r:.80}; must be a mapping of {', '.join(FIELDS)}")
@@ -67,7 +67,7 @@ def read_placement(body: str, given: Placement, present: Array) -> Array:
             raise RbSimError(f"{body}: got {name!r}; must be one of {', '.join(FIELDS)}")
         vector = np.asarray(values, dtype=float)
         shape = state[FIELDS[name]].shape
-        if vector.shape != shape or not (np.abs(vector) <= STRONGEST).all():  # nor NaN
+        if vector.shape != shape or not (np.abs(vector) <= STRONGEST).all():  # also for NaN
             raise RbSimError(
                 f"{body}.{name}: got {values!r}; must be {shape[0]} finite numbers, none beyond "
                 f"{STRONGEST:g}"
@@ -84,7 +84,7 @@ def read_placement(body: str, given: Placement, present: Array) -> Array:
 def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project: bool) -> Compiled:
     """The scene in maximal coordinates, started from the states at t [s].
 
-    Raises RbSimError where a state violates a constraint, and `project` does not move it there.
+    Raises RbSimError if a state violates a constraint and is not projected.
     """
     options = scene.simulation.model_copy(update={"project_initial": project})
     starts = {body: _of_center(scene, body, state) for body, state in states.items()}
@@ -101,7 +101,7 @@ def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project:
 
 
 def _of_center(scene: Scene, body: str, state: Array) -> BodyState:
-    """From the state of the body origin to that of the centre of mass."""
+    """State of the centre of mass from that of the body origin."""
     r = vector(scene.bodies[body].center_of_mass)
     numbers: list[Any] = [tuple(map(float, state[part])) for part in FIELDS.values()]
     p, q, v, w = numbers

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The record of a run, and what can be made of it: tables, plots, wrenches, single states."""
+"""The record of a run, with tables, plots, wrenches and states at single instants."""

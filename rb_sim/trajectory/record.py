@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The samples of a run by name, its states at instants, and the wrenches on its bodies."""
+"""The samples of a run by name, states at single instants, and the wrenches on its bodies."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ T = TypeVar("T")
 
 
 class ByName(dict[str, T]):
-    """A dict whose KeyError tells what was asked for and what is allowed.
+    """A dict whose KeyError names the requested and the allowed keys.
 
-    what: a value of it is called so.
+    what: word for a value in the message.
     """
 
     def __init__(self, what: str, values: Mapping[str, T]) -> None:
@@ -192,11 +192,12 @@ class Record:
         return self.block.residual
 
 
-# States at single instants of a run, and beside the events of its contacts.
+# States at single instants of a run, and at contact events.
 
 
 NEAR = 256.0
-"""Roundings of the end time within which a sample lies beside an event."""
+"""Distance of a sample from an event, in roundings of the end time, up to which it is beside the
+event."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,7 @@ class EventState(NamedTuple):
     """An event of a contact with the states just before and just after it."""
 
     event: ContactEvent
-    """Instant [s], contact, kind, and of an impact the impulse on the body [N s]."""
+    """Instant [s], contact, kind, and impulse of an impact on the body [N s]."""
     before: State
     """State just before the event."""
     after: State
@@ -227,7 +228,7 @@ class EventState(NamedTuple):
 
 
 def state_of(run: Record, sample: int) -> State:
-    """The state at that sample of the run. Raises RbSimError where there is none such."""
+    """The state at a sample of the run. Raises RbSimError for an invalid index."""
     count = len(run)
     try:
         found = -count <= index(sample) < count
@@ -250,7 +251,7 @@ def state_of(run: Record, sample: int) -> State:
 def beside(run: Record, event: ContactEvent) -> EventState:
     """The event with the states of the samples just before and just after it.
 
-    Raises RbSimError where no samples lie there.
+    Raises RbSimError if there are no such samples.
     """
     near = NEAR * np.spacing(max(abs(float(run.t[-1])), abs(event.t)))
     after = int(np.searchsorted(run.t, event.t, side="right"))
@@ -271,17 +272,17 @@ class Resultant(NamedTuple):
     """A wrench reduced to a point, world axes."""
 
     force: Array
-    """[N], shape (n, 3)."""
+    """Force [N], shape (n, 3)."""
     torque: Array
-    """about `point` [N m], shape (n, 3)."""
+    """Torque about `point` [N m], shape (n, 3)."""
     point: Array
-    """world [m], shape (n, 3)."""
+    """Reference point, world [m], shape (n, 3)."""
 
 
 def resultant(
     trajectory: Record, name: str, about: str | Sequence[float] | Array | None
 ) -> Resultant:
-    """As Trajectory.resultant."""
+    """Resultant of a reaction or effect, see Trajectory.resultant."""
     acting = trajectory.reaction.get(name)
     if acting is None:
         effects = effect_wrenches(trajectory) if trajectory.scene is not None else {}
@@ -312,14 +313,14 @@ def _point(trajectory: Record, about: Any, anchor: Array) -> Array:
     raise RbSimError(f"about: got {about!r}; must be {allowed}")
 
 
-# Wrenches of the effects at the samples of a trajectory: the catalogue's laws, evaluated there.
+# Wrenches of effects at the samples of a trajectory, evaluated by the laws of the catalogue.
 
 
 def effect_wrenches(trajectory: Record) -> Mapping[str, Reaction]:
-    """NAME, or NAME/BODY where an effect acts on several bodies: force and torque about C.
+    """Wrenches of effects about C, by NAME, or NAME/BODY for an effect on several bodies.
 
-    World axes, ON the body; on the parent of an effect the opposite, about the parent's C.
-    Raises RbSimError where the scene is not known.
+    World axes, ON the body; on the parent of an effect the opposite, about the parent's C. Raises
+    RbSimError if the scene is not known.
     """
     found: dict[str, Reaction] = {}
     for name, by_body in wrenches_by_body(trajectory).items():
@@ -329,7 +330,7 @@ def effect_wrenches(trajectory: Record) -> Mapping[str, Reaction]:
 
 
 def wrenches_by_body(trajectory: Record) -> Mapping[str, Mapping[str, Reaction]]:
-    """By effect, then by the body on which it acts; as `effect_wrenches`."""
+    """Wrenches by effect, then by the body on which they act; as `effect_wrenches`."""
     scene = trajectory.scene
     if not isinstance(scene, Scene):
         raise RbSimError("effects: the scene of these samples is not known")
@@ -346,7 +347,7 @@ def wrenches_by_body(trajectory: Record) -> Mapping[str, Mapping[str, Reaction]]
 def _of_effect(
     trajectory: Record, place: InitialPlace, spec: Any
 ) -> dict[str, tuple[Array, Array]]:
-    """(force, torque about C), world axes, shape (n, 3) each, by body."""
+    """(force, torque about C) by body, world axes, shape (n, 3) each."""
     if spec.type == "commanded_wrench":
         return {spec.body: _commanded(trajectory, place, spec.body)}
     totals: dict[str, tuple[Array, Array]] = {}
@@ -367,7 +368,7 @@ def _add(totals: dict[str, tuple[Array, Array]], body: str, force: Array, torque
 def _of_row(
     trajectory: Record, place: InitialPlace, row: Any, body: str, parent: str | None
 ) -> tuple[Array, Array]:
-    """One row of the catalogue at every sample: its law takes one state at a time."""
+    """(force, torque about C) of one row of the catalogue at every sample, world axes."""
     inertial = place.inertial(body)
     bodies = _states(trajectory, body)
     parents = [WORLD] * len(bodies) if parent is None else _states(trajectory, parent)
@@ -392,7 +393,7 @@ def _states(trajectory: Record, body: str) -> list[BodyState]:
 
 
 def _commanded(trajectory: Record, place: InitialPlace, body: str) -> tuple[Array, Array]:
-    """As recorded, about the body origin, taken to C."""
+    """(force, torque about C) of the recorded command, which is about the body origin."""
     command = trajectory.command[body]
     force, torque = command[:, :3], command[:, 3:]
     r_OC_W = rotate(trajectory.orientation[body], np.array(place.inertial(body).r_OC))
@@ -403,23 +404,23 @@ def _commanded(trajectory: Record, place: InitialPlace, body: str) -> tuple[Arra
 #
 #     m a_C = F        I dw/dt + w x I w = K        (about the centre of mass C, body axes)
 #
-# F and K are the wrenches of the effects, evaluated at the samples, and the recorded reactions: an
-# integration knows nothing of them, so they cost only who asks.
+# F and K are the wrenches of the effects, evaluated at the samples, and the recorded reactions; the
+# integration does not need them, so they cost time only when requested.
 
 
 class Accelerations(NamedTuple):
-    """Of all bodies, in the order of the layout."""
+    """Accelerations of all bodies, in the order of the layout."""
 
     linear: Array
-    """of the centre of mass, world axes [m/s^2], shape (n, N, 3)."""
+    """acceleration of the centre of mass, world axes [m/s^2], shape (n, N, 3)."""
     angular: Array
-    """dw/dt, body axes [rad/s^2], shape (n, N, 3)."""
+    """angular acceleration dw/dt, body axes [rad/s^2], shape (n, N, 3)."""
 
 
 def accelerations(trajectory: Record) -> Accelerations:
-    """The accelerations at every sample; at an impact without its jump.
+    """The accelerations at every sample, without the jumps of impacts.
 
-    Raises RbSimError where the scene is not known, and for time_stepping, whose reactions are means
+    Raises RbSimError if the scene is not known, and for time_stepping, whose reactions are means
     over a step.
     """
     scene = trajectory.scene
@@ -447,17 +448,18 @@ def accelerations(trajectory: Record) -> Accelerations:
 
 
 def accelerating(scene: Scene, layout: SampleLayout) -> Callable[[SampleBlock], Accelerations]:
-    """What gives the accelerations of blocks of a run. Raises RbSimError as `accelerations`."""
+    """Function that returns the accelerations of blocks of a run. Raises RbSimError as
+    `accelerations`."""
 
     def of(block: SampleBlock) -> Accelerations:
         return accelerations(Record(block, layout, scene))
 
-    of(empty_block(0, layout))  # refuses what it cannot do, before the run
+    of(empty_block(0, layout))  # refuses an unsupported scene before the run
     return of
 
 
 def _wrenches(trajectory: Record, scene: Scene) -> Iterator[tuple[str, Reaction]]:
-    """(body, a wrench ON it) of all effects and constraints, those on parents included."""
+    """(body, wrench ON it) of all effects and constraints, including those on parents."""
     for by_body in wrenches_by_body(trajectory).values():
         yield from by_body.items()
     place = InitialPlace(scene)
@@ -465,7 +467,7 @@ def _wrenches(trajectory: Record, scene: Scene) -> Iterator[tuple[str, Reaction]
     joints: dict[str, Any] = dict(scene.constraints)
     for name, spec in joints.items():
         suffixes = spec.reaction_suffixes(place)
-        for suffix in ("",) if "" in suffixes else suffixes:  # the total has all others in it
+        for suffix in ("",) if "" in suffixes else suffixes:  # the total includes all others
             wrench = reactions[f"{name}/{suffix}" if suffix else name]
             yield spec.body, wrench
             if getattr(spec, "parent", None) is not None:

@@ -270,20 +270,21 @@ class Trajectory(Record):
 
 
 def recorded(reader: BagReader) -> Trajectory:
-    """The samples of a bag of rb_sim; what is broken in it stands in the reader's `left_out`."""
+    """The samples of a bag recorded by rb_sim; damaged parts are listed in the reader's
+    `left_out`."""
     from rb_sim.io.bag.reader import scene_as_run
 
     block = concatenate(reader.blocks(), reader.layout)
     try:
         scene: Any = scene_as_run(reader)
-    except RbSimError:  # a newer or older version's; bodies and names are in the bag
+    except RbSimError:  # of another version; the bag itself has bodies and names
         scene = reader.scene
     method, error = method_text(reader.scene.simulation), global_error_in(reader.summary)
     return Trajectory(block, reader.layout, scene, method, findings_in(reader.summary), error)
 
 
 def method_text(options: Any) -> str:
-    """Method and its step or tolerance, in words."""
+    """Method and its step or tolerance as text."""
     if options.step is not None:
         return f"{options.method}, step {options.step:g} s"
     if options.tolerance is not None:
@@ -291,13 +292,13 @@ def method_text(options: Any) -> str:
     return str(options.method)
 
 
-# The plots of a trajectory as matplotlib figures, shown in a notebook or saved.
+# Plots of a trajectory as matplotlib figures, shown in a notebook or saved.
 
 
 class Pages(Mapping[str, Any]):
-    """Matplotlib figures by page: "" is the first, the others are named by a body.
+    """Matplotlib figures by page: "" is the first one, the others are named by a body.
 
-    A notebook shows them all.
+    A notebook displays all of them.
     """
 
     def __init__(self, figures: dict[str, Any]) -> None:
@@ -320,7 +321,8 @@ class Pages(Mapping[str, Any]):
         return "".join(f'<img src="data:image/png;base64,{_png(f)}">' for f in self.values())
 
     def save(self, path: Path) -> None:
-        """Write the pages as PNG: the first to `path`, those of bodies beside it; folders are made.
+        """Write the pages as PNG: the first to `path`, those of bodies beside it; creates the
+        folder.
 
         Raises SinkError.
         """
@@ -348,11 +350,11 @@ def _png(figure: Any) -> str:
     return base64.b64encode(file.getvalue()).decode("ascii")
 
 
-# Shows a trajectory in the Rerun viewer: in a window, in a notebook, or saved for later.
+# Trajectory in the Rerun viewer: in a window, in a notebook, or saved as a recording.
 
 
 def view(trajectory: Record, save: Path | None = None) -> None:
-    """Save the run as .rrd, or show it: in a notebook its widget, else the viewer in a window.
+    """Save the run as .rrd, or show it: as a widget in a notebook, else in the viewer window.
 
     Raises MissingExtraError, SinkError; RbSimError for a trajectory without a scene.
     """
@@ -386,14 +388,14 @@ def record(trajectory: Record, path: Path) -> None:
 
 
 def in_notebook() -> bool:
-    """Whether a notebook's kernel runs this."""
+    """Whether this runs in the kernel of a notebook."""
     ipython = sys.modules.get("IPython")
     shell = None if ipython is None else ipython.get_ipython()
     return shell is not None and getattr(shell, "kernel", None) is not None
 
 
 def _widget(recording: Path) -> None:
-    """Rerun's viewer as a notebook shows it."""
+    """Show the recording as a Rerun widget in a notebook."""
     from importlib.util import find_spec
 
     if find_spec("rerun_notebook") is None:
@@ -406,7 +408,7 @@ def _widget(recording: Path) -> None:
 
 
 class Quantity(NamedTuple):
-    """A field of a SampleBlock as it appears in tables. along: axis of the layout, or ""."""
+    """A field of a SampleBlock as a column of tables. along: axis of the layout, or "" for none."""
 
     name: str
     field: str
@@ -446,7 +448,7 @@ ACCELERATIONS = (
     Quantity("linear_acceleration", "", "body", XYZ, "m/s^2", "of the centre of mass, world"),
     Quantity("angular_acceleration", "", "body", XYZ, "rad/s^2", "rate of w, body axes"),
 )
-"""Not in a block: found from it where they are asked for."""
+"""Quantities computed from a block on request."""
 
 
 def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
@@ -462,7 +464,7 @@ def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
 
 
 def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
-    """Write `npz_columns`; raises SinkError where that is not possible."""
+    """Write `npz_columns`. Raises SinkError."""
     columns = npz_columns(trajectory, accelerations)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -472,7 +474,7 @@ def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
 
 
 def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, Any]:
-    """t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
+    """Columns t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
     columns: dict[str, Any] = {
         "t": trajectory.t,
         "energy": trajectory.energy,
@@ -508,7 +510,7 @@ def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
 
 
 def to_pandas(trajectory: Record, accelerations: bool = False) -> Any:
-    """One column per number: position.top.x, reaction.tip.force.z, energy."""
+    """DataFrame with a column per component: position.top.x, reaction.tip.force.z, energy."""
     pandas = _library("pandas", "a DataFrame")
     columns, units = numbers(trajectory, accelerations)
     frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
@@ -517,7 +519,7 @@ def to_pandas(trajectory: Record, accelerations: bool = False) -> Any:
 
 
 def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
-    """t, then the columns of `to_pandas`, each number to its last bit; raises SinkError."""
+    """Write t and the columns of `to_pandas` as CSV, each number exactly. Raises SinkError."""
     columns, _ = numbers(trajectory, accelerations)
     table = np.column_stack([trajectory.t, *columns.values()])
     try:
@@ -529,7 +531,7 @@ def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
 
 
 def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
-    """(column, unit) of every number, by QUANTITY.NAME.COMPONENT."""
+    """(columns, units) of all quantities, by QUANTITY.NAME.COMPONENT."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     shown = [(q, *named) for q in QUANTITIES for named in _named(trajectory, q)]
@@ -543,7 +545,7 @@ def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], 
 
 
 def _named(trajectory: Record, quantity: Quantity) -> list[tuple[str, Array]]:
-    """(label, values of shape (n,) or (n, components)) of each name that the quantity has."""
+    """(label, values of shape (n,) or (n, components)) for each name of the quantity."""
     values = getattr(trajectory.block, quantity.field)
     if not quantity.along:
         return [(quantity.name, values)]
@@ -554,7 +556,8 @@ def _named(trajectory: Record, quantity: Quantity) -> list[tuple[str, Array]]:
 
 
 def to_xarray(trajectory: Record) -> Any:
-    """Variables named as in pandas, dots as underscores, with units and meaning as attributes."""
+    """Dataset with variables named as in pandas (dots as underscores), with units and meaning as
+    attributes."""
     xarray = _library("xarray", "a Dataset")
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"t": ("t", trajectory.t, {"units": "s"})}

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The constraints that can exist: one line each."""
+"""Registry of the constraint kinds: the name in a scene file and its spec."""
 
 from __future__ import annotations
 

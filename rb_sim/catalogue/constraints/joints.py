@@ -33,7 +33,7 @@ from rb_sim.numerics.vectors import ZERO, conjugate, perpendicular, quaternion_p
 
 
 class Free(Spec):
-    """No constraint: the body moves freely, as it does without this entry."""
+    """No constraint: the body moves freely, as without this entry."""
 
     type: Literal["free"]
     body: Name
@@ -44,24 +44,25 @@ class Free(Spec):
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
-        """None: no constraint, no reaction."""
+        """Empty: a free body has no reaction."""
         return ()
 
     def parts(self, place: Place) -> list[Part]:
-        """No parts: the body is not held."""
+        """Empty: a free body has no constraint rows."""
         return []
 
 
 class FixedPoint(Spec):
-    """Spherical hinge: point_B of the body stays at point_A. Reaction R = m a_C - F."""
+    """Spherical joint: point_B of the body stays at point_A. Reaction R = m a_C - F."""
 
     type: Literal["fixed_point"]
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """point of the body that is held, from the body origin, body axes [m]."""
+    """joint point on the body, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """point at which it is held: on the parent, from its origin, or in the world [m]."""
+    """joint point on the parent, from its origin, or in the world [m]; default: the initial
+    position of point_B."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A                        of the points point_B and point_A
@@ -83,7 +84,7 @@ class Weld(Spec):
     body: Name
     parent: Name | None = None
     point_B: Vector3 = ZERO
-    """the point about which the reaction is given, from the body origin, body axes [m]."""
+    """the point about which the reaction is taken, from the body origin, body axes [m]."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A,  q_AB = q_AB(0)       the pose relative to the parent stays constant
@@ -116,25 +117,25 @@ class LineGuide(Spec):
 
 
 class CircleGuide(Spec):
-    """Circle of a centre, a normal and a radius (world)."""
+    """Circle with a given centre, normal and radius (world)."""
 
     type: Literal["circle"]
     center: Vector3
     """centre of the circle, world [m]."""
     normal: UnitVector3
-    """normal of its plane, world."""
+    """normal of the plane of the circle, world."""
     radius: Positive
-    """radius [m]."""
+    """radius of the circle [m]."""
 
 
 class CurveGuide(Spec):
-    """Smooth curve through points (world): a spline of degree 7 by chord length."""
+    """Smooth curve through points (world): a spline of degree 7 in the chord length."""
 
     type: Literal["curve"]
     points: Points
     """points that the curve passes through, world [m]."""
     closed: bool = False
-    """whether the last point is followed by the first."""
+    """whether the curve closes from the last point to the first."""
 
     @model_validator(mode="after")
     def _enough(self) -> CurveGuide:
@@ -146,7 +147,7 @@ class CurveGuide(Spec):
         return self
 
     def points_along(self, count: int) -> np.ndarray:
-        """So many points of it from its start to its end, world [m], shape (count, 3)."""
+        """`count` points along the curve from its start to its end, world [m], shape (count, 3)."""
         curve = spline_through(np.array(self.points), self.closed)
         breaks = curve.pieces.breaks
         ways = np.linspace(breaks[0], breaks[-1], count).tolist()
@@ -156,14 +157,14 @@ class CurveGuide(Spec):
 class Translation(Spec):
     """The body keeps its attitude; with a `guide`, point_B stays on it.
 
-    m dv/dt = F . tau along the tangent; the guide gives a force normal to the path, and the lock a
-    torque that keeps the body from turning, both counted in one reaction about point_B.
+    m dv/dt = F . tau along the tangent. One reaction about point_B comprises a force of the guide,
+    normal to the path, and the torque that prevents rotation.
     """
 
     type: Literal["translation"]
     body: Name
     point_B: Vector3 = ZERO
-    """guided point and point about which the torque is taken, from the body origin [m]."""
+    """guided point, about which the reaction torque is taken, from the body origin [m]."""
     guide: Annotated[LineGuide | CircleGuide | CurveGuide, Field(discriminator="type")] | None = (
         None
     )
@@ -176,7 +177,7 @@ class Translation(Spec):
     """
 
     def curve(self, place: Place) -> tuple | None:
-        """The guide as a compiled curve."""
+        """The guide as a compiled curve, or None."""
         guide = self.guide
         if guide is None:
             return None
@@ -189,7 +190,7 @@ class Translation(Spec):
         return spline_through(np.array(guide.points, dtype=float), guide.closed)
 
     def parts(self, place: Place) -> list[Part]:
-        """A LockRow to the world, after a CurveRow if there is a guide."""
+        """A LockRow to the world; with a guide a CurveRow before it."""
         r_B = place.from_com(self.body, self.point_B)
         parts = [Part(LockRow(relative_turn(place, None, self.body), r_B))]
         curve = self.curve(place)

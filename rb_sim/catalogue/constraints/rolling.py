@@ -61,7 +61,8 @@ class Rolling(Spec):
     """
 
     def surface(self, place: Place) -> NamedTuple:
-        """The compiled surface of the body's shape; ValueError if it cannot roll."""
+        """The compiled surface of the body's shape; an error of the scene if that shape cannot
+        roll."""
         shape = place.shape(self.body)
         if shape is None or shape.type not in ("sphere", "disk", "cylinder", "ellipsoid"):
             found = "none" if shape is None else shape.type
@@ -77,11 +78,12 @@ class Rolling(Spec):
         return RimSurface(centre, shape.radius, shape.axis_B)
 
     def has_line_contact(self, place: Place) -> bool:
-        """True for a cylinder, whose axis stays along the plane."""
+        """True for a cylinder: it touches along a line, so its axis stays parallel to the plane."""
         return place.shape(self.body).type == "cylinder"
 
     def _refuse_flat(self, place: Place, axis_B: Vec3) -> None:
-        """Raise ValueError for a rim that starts flat on the plane, touching it all round."""
+        """Raise ValueError if the rim is parallel to the plane at the start: it has no lowest point
+        then."""
         q_WA = place.state(self.parent).q_WB
         axis = rotate(place.state(self.body).q_WB, axis_B)
         if norm(cross(axis, rotate(q_WA, self.normal_A))) < COMPUTED_ROUNDING:
@@ -91,7 +93,7 @@ class Rolling(Spec):
             )
 
     def parts(self, place: Place) -> list[Part]:
-        """A RollingRow; of a cylinder, which touches along a line, also a ParallelRow.
+        """A RollingRow; for a cylinder, which touches along a line, also a ParallelRow.
 
         Raises: an error of the scene if a rim lies flat on the plane at the start.
         """
@@ -109,13 +111,13 @@ class Rolling(Spec):
 
 
 def levelled(axis: Vec3, normal: Vec3) -> Vec3:
-    """The unit vector along the plane that is nearest to the axis of a line that lies on it."""
+    """Projection of a line's axis onto the plane with this normal, as a unit vector."""
     along = sub(axis, scale(dot(axis, normal), normal))
     return scale(1.0 / norm(along), along)
 
 
 class RollingRow(NamedTuple):
-    """The surface touches the parent's plane and its contact point is at rest on it: 3 rows."""
+    """Rolling without slip: the surface touches the parent's plane at a point at rest: 3 rows."""
 
     surface: tuple
     r_A: Vec3

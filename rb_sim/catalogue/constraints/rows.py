@@ -7,13 +7,13 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The rows of which constraints are made, on the velocities u = (v_C, w_B) of body and parent.
+"""Constraint rows: equations linear in the velocities u = (v_C, w_B) of body and parent.
 
-Each row is  J u = b  and, where it is holonomic, g(q) = 0; differentiated once more it is
-J du/dt + bias = 0 (LL 38.2; mechanics of the non-free solid).  `fill` writes J (12 columns:
-v_WC of the body in world axes, its spin in body axes, the same of the parent), bias, error g,
-rate b, and whether the row is holonomic.  Vectors that a row keeps are taken from the centre of
-mass of their body.
+Each row is  J u = b  and, if it is holonomic, g(q) = 0; differentiated once more it is
+J du/dt + bias = 0 (LL 38.2; mechanics of the non-free solid). `fill` writes J (12 columns: v_WC of
+the body in world axes, its angular velocity in body axes, the same of the parent), bias, error g,
+rate b, and whether the row is holonomic. Vectors stored in a row are from the centre of mass of
+their body.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ from rb_sim.numerics.vectors import (
 )
 
 BIAS, ERROR, RATE, HOLONOMIC, ROW_WIDTH = 12, 13, 14, 15, 16
-"""Columns of the table of rows after the 12 of the Jacobian: one array, so that a kernel call
-passes few arguments."""
+"""Columns of the table of rows after the 12 of the Jacobian: second derivative's bias, error, rate,
+flag of a holonomic row, and the number of columns. One array, so that a kernel call passes few
+arguments."""
 
 
 @dispatch
@@ -54,12 +55,13 @@ def anchor(row, B, A):
 COUNT: dict[type, int] = {}
 """Number of rows that each row class fills."""
 ANGLES: set[type] = set()
-"""Row classes whose errors and rates are of angles, not of lengths."""
+"""Row classes whose errors and rates are angles, not lengths."""
 
 
 @inline
 def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
-    """One row: force direction (world) on the body, -force on the parent, and their torques."""
+    """Write row k of G: force direction (world) on the body, its opposite on the parent, both
+    torques."""
     for i in range(3):
         G[k, i] = force[i]
         G[k, 3 + i] = torque_B[i]
@@ -84,9 +86,10 @@ def material_point(S, r):
 
 @inline
 def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
-    """The row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that frame.
+    """Write the row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that
+    frame.
 
-    p, c: position and centripetal acceleration of r_B; rho = p - p_A; v_rel relative velocity.
+    p, c: position and centripetal acceleration of r_B; rho = p - p_A; v_rel: relative velocity.
     """
     turn_B = cross(r_B, unrotate(B.q_WB, d))
     turn_A = unrotate(A.q_WB, cross(d, rho))
@@ -98,7 +101,7 @@ def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
 
 @inline
 def relative_motion(B, A, r_B):
-    """p, c of the body's point; rho = p - p_A; its velocity seen from the parent; parent's spin."""
+    """(p, c, rho, v_rel, spin_A) of the body's point r_B, world axes, as `put_along` takes them."""
     p, v, c = material_point(B, r_B)
     spin_A = rotate(A.q_WB, A.w_WB_B)
     rho = sub(p, A.p_WC)
@@ -107,7 +110,7 @@ def relative_motion(B, A, r_B):
 
 @inline
 def hold_along(row, B, A, G, k, directions):
-    """r_B stays at r_A along directions of the parent: a row each, from k on."""
+    """Rows from k on that keep r_B at r_A along each of these directions of the parent."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     for i in range(len(directions)):
@@ -139,10 +142,10 @@ def fill_point(row, t, B, A, G, k):
 
 
 class SeatRow(NamedTuple):
-    """As PointRow, the 3 rows along the parent's axes and seen from there, as a slot is.
+    """As PointRow, but with the 3 rows along the parent's axes and formed as those of a SlotRow.
 
-    Beside a slot on the same bodies both are made of the same products, so that they ask for the
-    same where a stage of a step is off the manifold and its quaternions are not of length 1.
+    A seat and a slot on the same two bodies then agree to the last bit also in a stage of a step
+    that is off the manifold, where quaternions are not of length 1.
     """
 
     r_B: Vec3
@@ -195,7 +198,8 @@ def fill_plane(row, t, B, A, G, k):
 
 @inline
 def put_normal(G, k, b, a, B, A):
-    """The row b . a = 0 for b fixed in the body and a fixed in the parent (world axes here)."""
+    """Write the row b . a = 0, b fixed in the body and a in the parent, both given in world
+    axes."""
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     turn = cross(b, a)
     turn_rate = add(cross(cross(spin_B, b), a), cross(b, cross(spin_A, a)))
@@ -224,12 +228,12 @@ def fill_parallel(row, t, B, A, G, k):
 
 
 class LockRow(NamedTuple):
-    """The body does not turn relative to its parent: 3 rows."""
+    """The body keeps its orientation relative to its parent: 3 rows."""
 
     q_AB: Quaternion
-    """body axes to parent axes, kept as it is at the start."""
+    """rotation from body axes to parent axes, constant at its initial value."""
     r_B: Vec3
-    """point of the body about which the torque is taken."""
+    """point of the body about which the reaction torque is taken, from C, body axes [m]."""
 
 
 COUNT[LockRow] = 3
@@ -238,7 +242,7 @@ ANGLES.update((ParallelRow, LockRow))
 
 @fill.register(LockRow)
 def fill_lock(row, t, B, A, G, k):
-    """3 rows: each body axis stays normal to one of the other axes that it started with."""
+    """3 rows: each body axis stays normal to the initial direction of another one in the parent."""
     e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for i in range(3):
         b = rotate(B.q_WB, e[(i + 1) % 3])
@@ -248,7 +252,7 @@ def fill_lock(row, t, B, A, G, k):
 
 @anchor.register(ParallelRow)
 def com_anchor(row, B, A):
-    """The centre of mass of the body: a torque alone has no point of application, world [m]."""
+    """The centre of mass of the body, world [m]: a pure torque has no point of application."""
     return B.p_WC
 
 
@@ -265,21 +269,24 @@ COUNT[DistanceRow] = 1
 
 @fill.register(DistanceRow)
 def fill_distance(row, t, B, A, G, k):
-    """1 row along the line of the points; its error is distance - length [m].
+    """1 row along the line through both points; its error is distance - length [m].
 
-    The points may not coincide: the row has no direction there.
+    The points may not coincide: the row has no direction then.
     """
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     length = norm(gap)
     u = scale(1.0 / length, gap)
     put_along(G, k, u, p, c, B, A, row.r_B, rho, v_rel, spin_A, length - row.length, 1.0)
-    along = dot(u, v_rel)  # u turns as seen from the parent, where put_along has it fixed
+    along = dot(u, v_rel)  # u turns relative to the parent; put_along takes it as fixed
     G[k, BIAS] += (dot(v_rel, v_rel) - along * along) / length
 
 
 class VelocityRow(NamedTuple):
-    """l . v_P + a . w = b with l and a fixed in the body (in_body) or in the world: 1 row."""
+    """Linear velocity constraint l . v_P + angular . w = b: 1 row.
+
+    l and a are fixed in the body (`in_body`) or in the world.
+    """
 
     r_B: Vec3
     linear: Vec3
@@ -307,7 +314,7 @@ def fill_velocity(row, t, B, A, G, k):
         G[k, 6 + i] = 0.0
 
 
-# The rows that keep a point of a body on a curve.
+# Rows that keep a point of a body on a curve.
 
 
 class CurveRow(NamedTuple):

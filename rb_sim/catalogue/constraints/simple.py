@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Constraints of a few rows: distance, string, plane, parallel, velocity, axis on two bearings."""
+"""Constraints of a few rows: distance, string, plane, parallel, velocity, fixed axis."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from rb_sim.numerics.vectors import ZERO, add, norm, perpendicular, rotate, scal
 
 
 def distance_at_start(place: Place, body: str, r_B: Vec3, parent: str | None, r_A: Vec3) -> float:
-    """How far two points, each from the centre of mass of its body, are apart at the start [m]."""
+    """Initial distance of two points, each given from the centre of mass of its body [m]."""
     B, A = place.state(body), place.state(parent)
     return norm(sub(add(B.p_WC, rotate(B.q_WB, r_B)), add(A.p_WC, rotate(A.q_WB, r_A))))
 
@@ -61,7 +61,7 @@ class Distance(Spec):
     point_A: Vector3
     """end of the rod on the parent, from its origin, or in the world [m]."""
     length: Positive | None = None
-    """length of the rod [m]."""
+    """length of the rod [m]; default: the initial distance of its ends."""
 
     EQUATION: ClassVar[str] = """
     |p_B - p_A| = length
@@ -69,7 +69,7 @@ class Distance(Spec):
     """
 
     def parts(self, place: Place) -> list[Part]:
-        """One DistanceRow; a length that is not given is that at the start [m].
+        """One DistanceRow; `length` defaults to the initial distance of the points [m].
 
         Raises ValueError if the points coincide at the start.
         """
@@ -78,7 +78,7 @@ class Distance(Spec):
             place.from_com(self.parent, self.point_A),
         )
         distance = distance_at_start(place, self.body, r_B, self.parent, r_A)
-        if distance == 0.0:  # a length that is given does not tell in which direction, either
+        if distance == 0.0:  # a given length does not define a direction either
             raise ValueError("its points coincide at the start; move them apart or use fixed_point")
         return [Part(DistanceRow(r_B, r_A, self.length or distance))]
 
@@ -92,7 +92,8 @@ class Plane(Spec):
     point_B: Vector3 = ZERO
     """the point that stays in the plane, from the body origin, body axes [m]."""
     point_A: Vector3 | None = None
-    """a point of the plane, on the parent or in the world [m]."""
+    """a point of the plane, on the parent or in the world [m]; default: the initial position of
+    point_B."""
     normal_A: UnitVector3
     """normal to the plane, axes of the parent or the world."""
 
@@ -117,7 +118,8 @@ class Parallel(Spec):
     axis_B: UnitVector3
     """axis of the body, body axes."""
     axis_A: UnitVector3 | None = None
-    """direction that the axis keeps, axes of the parent or the world."""
+    """direction of the axis, axes of the parent or the world; default: the initial direction of
+    axis_B."""
 
     EQUATION: ClassVar[str] = """
     axis_B . s = axis_B . t = 0      s, t: two directions of the parent normal to axis_A
@@ -142,9 +144,9 @@ class Velocity(Spec):
     point_B: Vector3 = ZERO
     """P, from the body origin, body axes [m]."""
     linear: Vector3 = ZERO
-    """factors of the velocity of P, without a unit."""
+    """coefficients of the velocity of P, dimensionless."""
     angular: Vector3 = ZERO
-    """factors of the angular velocity [m]; without a unit if `linear` is zero."""
+    """coefficients of the angular velocity [m]; dimensionless if `linear` is zero."""
     frame: Literal["world", "body"] = "body"
     """axes in which `linear` and `angular` are constant."""
     rate: Finite = 0.0
@@ -185,9 +187,11 @@ class FixedAxis(Spec):
     axis_B: UnitVector3
     """direction of the axis from bearing A to bearing B, body axes."""
     point_A: Vector3 | None = None
-    """position of bearing A on the parent, from its origin, or in the world [m]."""
+    """position of bearing A on the parent, from its origin, or in the world [m]; default: the
+    initial position of point_B."""
     axis_A: UnitVector3 | None = None
-    """direction of the axis in the axes of the parent or the world."""
+    """direction of the axis in the axes of the parent or the world; default: the initial direction
+    of axis_B."""
     bearing_distance: Positive = 1.0
     """distance from bearing A to bearing B [m]."""
     floating: Literal["A", "B", "none"] = "B"
@@ -200,11 +204,11 @@ class FixedAxis(Spec):
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
-        """The total, and the force at each of the bearings A and B."""
+        """Suffixes "" for the total, "A" and "B" for the force at each bearing."""
         return ("", "A", "B")
 
     def parts(self, place: Place) -> list[Part]:
-        """A PointRow at each bearing; a SlotRow, free along the axis, at the floating one."""
+        """A PointRow at each bearing; at the floating one a SlotRow, free along the axis."""
         r_B = place.from_com(self.body, self.point_B)
         r_A = place.partner_point(self.parent, self.point_A, self.body, self.point_B)
         n_A = place.partner_axis(self.parent, self.axis_A, self.body, self.axis_B)
@@ -217,11 +221,11 @@ class FixedAxis(Spec):
 
 
 INSIDE = -1.0
-"""The side of the sphere around point_A, of radius `length`, that point_B may not leave."""
+"""Sign of a contact from inside: point_B stays in the sphere of radius `length` about point_A."""
 
 
 class Reach(Spec):
-    """What a string holds, for pictures: point_B of the body on a string from point_A."""
+    """Ends of a string, as pictures draw it: point_B of the body and point_A."""
 
     type: Literal["string"] = "string"
     point_B: Vector3
@@ -238,15 +242,17 @@ class String(Touching):
 
     type: Literal["string"]
     point_B: Vector3 = ZERO
-    """from the body origin, body axes [m]."""
+    """end of the string on the body, from the body origin, body axes [m]."""
     point_A: Vector3
-    """the other end, on the parent from its origin, or in the world [m]."""
+    """other end of the string, on the parent from its origin, or in the world [m]."""
     length: Positive | None = None
-    """largest distance of the points [m]; default: the initial distance, just taut."""
+    """largest distance of the ends [m]; default: the initial distance (just taut)."""
     restitution: Annotated[NonNegative, Field(le=1.0)] = 0.0
-    """e: speed at which the points approach after a jerk, over the speed at which they parted."""
+    """coefficient of restitution e of the jerk: approach speed of the ends after it over separation
+    speed before it."""
     compliance: Compliance | None = None
-    """of an elastic string: N = stiffness (distance - length) + damping (its rate), at least 0."""
+    """stiffness and damping of an elastic string: N = stiffness (distance - length) + damping (rate
+    of the distance), at least 0."""
 
     EQUATION: ClassVar[str] = """
     g = length - |p_B - p_A| >= 0,  N >= 0,  N g = 0      jerk: g'_after = -e g'_before
@@ -262,7 +268,8 @@ class String(Touching):
         return self
 
     def law(self) -> ContactLaw:
-        """A smooth contact with the string's restitution and compliance: taut is closed."""
+        """Law of a frictionless contact with the string's restitution and compliance; closed means
+        taut."""
         soft = self.compliance
         return ContactLaw(
             restitution=self.restitution,
@@ -298,5 +305,5 @@ class String(Touching):
 
     @property
     def surface(self) -> Reach:
-        """What pictures draw."""
+        """The ends of the string, as pictures draw it."""
         return Reach(point_B=self.point_B, point_A=self.point_A)

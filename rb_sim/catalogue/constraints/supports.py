@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The short form of supports, as `supports` of a scene lists them: what holds bodies at one point.
+"""Short form of supports, as `supports` of a scene lists them: each acts at one point of a body.
 
-Each is a constraint like the others, but for `contact`: that is written out as the contact of a
-point of the body with a plane of its parent.
+Each is a constraint like the others, except `contact`, which is converted to the contact of a point
+of the body with a plane of its parent.
 """
 
 from __future__ import annotations
@@ -42,25 +42,25 @@ from rb_sim.numerics.vectors import ZERO, add, dot, norm, perpendicular, rotate,
 
 
 class Pose(NamedTuple):
-    """Of a body's origin and axes at the start; of the world without arguments."""
+    """Initial pose of a body's origin and axes; without arguments that of the world."""
 
     position: Vec3 = ZERO
-    """world [m]."""
+    """origin of the body, world [m]."""
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     """[x, y, z, w], body to world."""
     shape: Any = None
 
     def point(self, p: Vec3) -> Vec3:
-        """A point of the body in the world [m]."""
+        """World position of the body's point p [m]."""
         return add(self.position, rotate(self.orientation, p))
 
     def local(self, p: Vec3) -> Vec3:
-        """The same, back."""
+        """Body coordinates of the world point p [m]."""
         return unrotate(self.orientation, sub(p, self.position))
 
 
 def _coefficient(value: Any) -> Any:
-    """Refuse what is neither a word nor a finite coefficient >= 0."""
+    """Validator: "smooth", "rough" or a finite coefficient >= 0."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if value in ("smooth", "rough") or (number and math.isfinite(value) and value >= 0.0):
         return value
@@ -68,11 +68,11 @@ def _coefficient(value: Any) -> Any:
 
 
 class PointContact(Spec):
-    """Touch at a point: N >= 0 along the normal, |friction force| <= friction N across it.
+    """Point contact: N >= 0 along the normal, |friction force| <= friction N tangentially.
 
-    Say the point on one side, point_B or point_A, and the normal on one side; if both points are
-    given they must coincide. An edge has the normal of what lies on it: take normal_B there, for
-    bodies at rest.
+    Give the point on one side, point_B or point_A, and the normal on one side; if both points are
+    given they must coincide. An edge has no normal: give normal_B of the body in contact with it,
+    for bodies at rest.
     """
 
     type: Literal["contact"]
@@ -81,12 +81,11 @@ class PointContact(Spec):
     point_B: Vector3 | None = None
     point_A: Vector3 | None = None
     normal_B: UnitVector3 | None = None
-    """into the body, body axes."""
+    """normal pointing into the body, body axes."""
     normal_A: UnitVector3 | None = None
-    """into the body, axes of the parent."""
+    """normal pointing into the body, axes of the parent."""
     friction: Annotated[Any, AfterValidator(_coefficient)] = "smooth"
-    """smooth: along the normal only; a number: Coulomb's coefficient; rough: any tangential
-    force."""
+    """smooth: frictionless; a number: Coulomb's coefficient; rough: any tangential force."""
 
     @model_validator(mode="after")
     def _one_side(self) -> PointContact:
@@ -97,9 +96,10 @@ class PointContact(Spec):
         return self
 
     def written_out(self, B: Pose, A: Pose) -> Contact:
-        """The contact of the point with a plane of the parent as the bodies stand.
+        """The equivalent contact of the point with a plane of the parent, for the initial poses.
 
-        Raises ValidationError for points that differ and those beyond the end of a rod.
+        Raises ValidationError if both points are given and differ, or a point lies beyond the end
+        of a rod.
         """
         at = B.point(self.point_B) if self.point_B is not None else A.point(self.point_A or ZERO)
         if self.point_A is not None and (apart := norm(sub(A.point(self.point_A), at))):
@@ -127,8 +127,10 @@ class PointContact(Spec):
 
 
 def beyond_the_end(pose: Pose, point: Vec3) -> float:
-    """How far along its axis a point (world) lies beyond the end of a rod [m]; 0 if it does not,
-    or the body is no rod."""
+    """Distance by which a world point lies beyond the end of a rod, along its axis [m].
+
+    0 if it does not, or if the body is not a rod.
+    """
     if getattr(pose.shape, "type", "") != "rod":
         return 0.0
     centre = pose.point(pose.shape.center_B)
@@ -138,25 +140,29 @@ def beyond_the_end(pose: Pose, point: Vec3) -> float:
 
 
 class Rod(Distance):
-    """Light strut hinged at both ends: a force along it of either sign."""
+    """Light rod hinged at both ends: an axial force of either sign."""
 
     type: Literal["rod"]  # type: ignore[assignment]
 
 
 class Hinge(Spec):
-    """Smooth hinge: a force in any direction; with an axis (a pin) also the torques across it."""
+    """Frictionless hinge: a force in any direction; with an axis (pin) also torques normal to
+    it."""
 
     type: Literal["hinge"]
     body: Name
     parent: Name | None = None
     point_B: Vector3 | None = None
-    """from the body origin, body axes [m]; default: the place of point_A, or the body origin."""
+    """hinge point on the body, from the body origin, body axes [m]; default: the place of point_A,
+    or the body origin."""
     point_A: Vector3 | None = None
-    """on the parent, from its origin, or in the world [m]; default: the place of point_B."""
+    """hinge point on the parent, from its origin, or in the world [m]; default: the place of
+    point_B."""
     axis_B: UnitVector3 | None = None
-    """free axis of a pin, body axes; none: a ball joint."""
+    """axis of a pin, about which the body turns freely, body axes; without an axis: a ball
+    joint."""
     axis_A: UnitVector3 | None = None
-    """the same in the axes of the parent."""
+    """the same axis, in the axes of the parent."""
 
     EQUATION: ClassVar[str] = """
     p_B = p_A;  with an axis: axis_B . s = axis_B . t = 0      s, t: normal to axis_A

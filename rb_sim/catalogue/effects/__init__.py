@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The effects that can exist: one line each. What a scene does not name is not compiled."""
+"""Registry of the effect kinds; only effects that a scene names are compiled."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Resistance of a medium: linear and quadratic drag on the centre of mass, damping of the spin."""
+"""Drag of a medium: linear and quadratic drag at the centre of mass; angular damping."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LinearDrag(Spec):
 
 
 class LinearDragRow(NamedTuple):
-    """Drag in proportion to the speed."""
+    """Drag proportional to the speed relative to the medium."""
 
     coefficient: float
     medium_W: Vec3
@@ -72,7 +72,7 @@ class QuadraticDrag(Spec):
 
 
 class QuadraticDragRow(NamedTuple):
-    """Drag in proportion to the square of the speed."""
+    """Drag proportional to the square of the speed relative to the medium."""
 
     coefficient: float
     medium_W: Vec3
@@ -89,7 +89,7 @@ def quadratic_drag(row, t, body, B, A):
 
 
 class AngularDamping(Spec):
-    """K = -c (w_B - w_A): viscous torque on the spin relative to the parent or the world."""
+    """K = -c (w_B - w_A): viscous torque against rotation relative to the parent or the world."""
 
     type: Literal["angular_damping"]
     body: Name
@@ -107,7 +107,7 @@ class AngularDamping(Spec):
 
 
 class AngularDampingRow(NamedTuple):
-    """Torque in proportion to the relative angular velocity."""
+    """Torque proportional to the relative angular velocity."""
 
     coefficient: float
 

@@ -50,7 +50,7 @@ class Gravity(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """One GravityRow for each body named; for all bodies if none is."""
+        """One GravityRow for each listed body, or for all bodies if none is listed."""
         return [
             (GravityRow(self.acceleration), name, None)
             for name in self.bodies or place.body_names()

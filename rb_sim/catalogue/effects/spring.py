@@ -7,14 +7,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Spring and damper between a point of the body and a point of its parent or the world.
+"""Spring-damper between a point of the body and a point of its parent or the world.
 
-With a rest length l0 > 0 the force acts along the line of the points: F = -k (l - l0) u of the
-spring, F = -c (u . d') u of the damper.  With l0 = 0 the law is isotropic, as of a bushing:
-F = -k d - c v, without a singular point at d = 0.  Here v is the velocity of the body's point
-relative to the point of the parent at the same place.  The force acts on both bodies at this place,
-so the power lost is c v . v, however the parent turns.  A scene without damping does not compute
-any.
+With a rest length l0 > 0 the force acts along the line through the points:
+F = -k (l - l0) u of the spring, F = -c (u . d') u of the damper. With l0 = 0 the law is isotropic,
+as for a bushing: F = -k d - c v, without a singular point at d = 0. Here v is the velocity of the
+body's point relative to the parent's material point at the same place. The force acts on both
+bodies at this place, so the dissipated power is c v . v for any rotation of the parent. A scene
+without damping does not compute it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Spring(Spec):
     damping: NonNegative = 0.0
     """damping c [N s/m]."""
     rest_length: NonNegative = 0.0
-    """length l0 without force [m]."""
+    """unstretched length l0 [m]."""
 
     EQUATION: ClassVar[str] = """
     d = p_B - p_A,  l = |d|,  u = d / l
@@ -52,7 +52,7 @@ class Spring(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """A row for the stiffness and one for the damping, each left out if zero.
+        """A row for the stiffness and one for the damping, each omitted if zero.
 
         Raises ValueError if the ends coincide at the start and the rest length is not zero.
         """
@@ -114,7 +114,7 @@ class BushingDamperRow(NamedTuple):
 
 @inline
 def separation(row, B, A):
-    """From the parent's point to the body's, world axes."""
+    """Vector from the parent's point to the body's point, world axes [m]."""
     return sub(
         add(B.p_WC, rotate(B.q_WB, row.r_B)),
         add(A.p_WC, rotate(A.q_WB, row.r_A)),
@@ -133,7 +133,8 @@ def separation_rate(row, B, A):
 
 @inline
 def velocity_past_parent(row, B, A):
-    """Of the body's point relative to the parent's material point that is there now, world axes."""
+    """Velocity of the body's point relative to the parent's material point at the same place, world
+    axes [m/s]."""
     r = rotate(B.q_WB, row.r_B)
     arm = sub(add(B.p_WC, r), A.p_WC)
     own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
@@ -148,7 +149,7 @@ def at_point(row, B, f):
 
 @wrench.register(SpringRow)
 def spring(row, t, body, B, A):
-    """-k (l - l0) along the line from the parent's point to the body's."""
+    """-k (l - l0) along the line from the parent's point to the body's point."""
     d = separation(row, B, A)
     length = norm(d)
     return at_point(row, B, scale(-row.stiffness * (length - row.rest_length) / length, d))
@@ -163,7 +164,7 @@ def spring_potential(row, t, body, B, A):
 
 @wrench.register(DamperRow)
 def damper(row, t, body, B, A):
-    """-c (u . d') u with d the separation and u = d/|d|: against stretching alone."""
+    """-c (u . d') u, with d the separation and u = d/|d|: acts on the rate of the length only."""
     d = separation(row, B, A)
     rate = dot(d, separation_rate(row, B, A))
     return at_point(row, B, scale(-row.damping * rate / dot(d, d), d))
@@ -184,5 +185,5 @@ def bushing_potential(row, t, body, B, A):
 
 @wrench.register(BushingDamperRow)
 def bushing_damper(row, t, body, B, A):
-    """-c v with v the velocity of the body's point past the parent, see `velocity_past_parent`."""
+    """-c v, with v the relative velocity of `velocity_past_parent`."""
     return at_point(row, B, scale(-row.damping, velocity_past_parent(row, B, A)))

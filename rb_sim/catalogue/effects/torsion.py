@@ -9,10 +9,10 @@
 
 """Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
 
-theta is the twist about the axis of the turn from the parent's to the body's frame,
-theta = 2 atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the law takes the
-angle nearest to that at the end of the previous step.  The gradient of theta is the axis itself as
-long as the body only turns about it; otherwise the full gradient keeps the law conservative:
+theta is the twist about the axis in the rotation from the parent's to the body's frame,
+theta = 2 atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the value closest to
+that at the end of the previous step is taken. The gradient of theta is the axis itself as long as
+the body only turns about it; otherwise the full gradient keeps the law conservative:
 (w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
 """
 
@@ -53,7 +53,7 @@ from rb_sim.numerics.vectors import (
 
 
 class TorsionSpring(Spec):
-    """Torsion spring-damper about axis_B; the rest angle counts from the initial pose."""
+    """Torsion spring-damper about axis_B; angles are measured from the initial pose."""
 
     type: Literal["torsion_spring"]
     body: Name
@@ -63,9 +63,9 @@ class TorsionSpring(Spec):
     stiffness: NonNegative = 0.0
     """stiffness k [N m/rad]."""
     damping: NonNegative = 0.0
-    """damping c of the relative rate about the axis [N m s/rad]."""
+    """damping c of the relative angular velocity about the axis [N m s/rad]."""
     rest_angle: Angle = 0.0
-    """angle theta0 without torque, counted from the initial pose [rad]."""
+    """angle theta0 of zero torque, from the initial pose [rad]."""
 
     EQUATION: ClassVar[str] = """
     theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent,
@@ -75,7 +75,7 @@ class TorsionSpring(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """A row for the stiffness and one for the damping, each left out if zero."""
+        """A row for the stiffness and one for the damping, each omitted if zero."""
         rows: list[NamedTuple] = []
         if self.stiffness:
             reference = quaternion_product(
@@ -94,11 +94,11 @@ class TorsionSpringRow(NamedTuple):
     stiffness: float
     rest_angle: float
     q_BA: Quaternion
-    """initial turn from the parent's to the body's axes."""
+    """initial rotation from the parent's to the body's axes."""
     angle: float = 0.0
-    """at the end of the step before [rad]."""
+    """angle at the end of the previous step, whole turns included [rad]."""
     turns: float = 0.0
-    """whole turns in it [rad]."""
+    """whole turns in `angle` [rad]."""
 
 
 class TorsionDamperRow(NamedTuple):
@@ -110,7 +110,8 @@ class TorsionDamperRow(NamedTuple):
 
 @inline
 def twist(row, B, A):
-    """Twist angle [rad], the whole turns in it [rad], and its gradient in body axes."""
+    """(twist angle including whole turns [rad], these turns [rad], gradient of the angle, body
+    axes)."""
     q = quaternion_product(row.q_BA, quaternion_product(conjugate(A.q_WB), B.q_WB))
     v = (q[0], q[1], q[2])
     w = q[3]
@@ -129,7 +130,7 @@ def twist(row, B, A):
 
 
 def _next(row, B, A):
-    """Angle and whole turns where a step ends."""
+    """Angle and whole turns at the end of a step [rad]."""
     angle, turns, _ = twist(row, B, A)
     return angle, turns
 
@@ -158,6 +159,6 @@ def torsion_potential(row, t, body, B, A):
 
 @wrench.register(TorsionDamperRow)
 def torsion_damper(row, t, body, B, A):
-    """The torque -c times the spin relative to the parent about axis_B, along it."""
+    """The torque -c ((w_B - w_A) . axis_B) axis_B, body axes; no force."""
     spin = sub(B.w_WB_B, unrotate(B.q_WB, rotate(A.q_WB, A.w_WB_B)))
     return ZERO, scale(-row.damping * dot(row.axis_B, spin), row.axis_B)

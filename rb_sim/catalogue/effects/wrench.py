@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Prescribed wrenches: constant, harmonic, from a table over time, and commanded from outside.
+"""Prescribed wrenches: constant, harmonic, tabulated over time, and commanded.
 
-A wrench is a force at a point of the body (its origin unless the scene says otherwise) and a free
-torque; both are given in world axes or in body axes, and those in body axes turn with the body.
+A wrench is a force at a point of the body (by default its origin) and a free torque; both are given
+in world axes or in body axes, and those in body axes turn with the body.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Wrench(Spec):
     frame: Axes = "world"
     """axes in which the components are given."""
     point_B: Vector3 = ZERO
-    """where the force acts, from the body origin, body axes [m]."""
+    """point of application of the force, from the body origin, body axes [m]."""
     force: Strength3 = ZERO
     """constant part of the force [N]."""
     torque: Strength3 = ZERO
@@ -69,7 +69,7 @@ class Wrench(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """A row for the constant part and one for the harmonic part, each left out if zero."""
+        """A row for the constant part and one for the harmonic part, each omitted if zero."""
         r_B = place.from_com(self.body, self.point_B)
         rows: list[NamedTuple] = []
         steady = WorldWrenchRow if self.frame == "world" else BodyWrenchRow
@@ -91,7 +91,7 @@ class WrenchTable(Spec):
     frame: Axes = "world"
     """axes in which the components are given."""
     point_B: Vector3 = ZERO
-    """where the force acts, from the body origin, body axes [m]."""
+    """point of application of the force, from the body origin, body axes [m]."""
     times: Numbers
     """increasing instants [s]."""
     forces: Strengths | None = None
@@ -99,7 +99,7 @@ class WrenchTable(Spec):
     torques: Strengths | None = None
     """torque at each instant [N m]."""
     interpolation: Literal["linear", "hold"] = "linear"
-    """between two instants: along a straight line, or the value of the one before."""
+    """between two instants: linear, or held at the value of the earlier one."""
 
     EQUATION: ClassVar[str] = """
     t_i <= t < t_(i+1):  F = F_i + (F_(i+1) - F_i) (t - t_i) / (t_(i+1) - t_i)     linear
@@ -118,7 +118,7 @@ class WrenchTable(Spec):
         return self
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """One TableRow; forces or torques that are not given are zero."""
+        """One TableRow; omitted forces or torques are zero."""
         n = len(self.times)
         values = np.zeros((n, 6))
         values[:, :3] = self.forces or np.zeros((n, 3))
@@ -133,12 +133,12 @@ class WrenchTable(Spec):
         return [(row, self.body, None)]
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which the law is not smooth; no step goes across them."""
+        """Instants at which the law is not smooth [s]; no step crosses them."""
         return self.times
 
 
 class CommandedWrench(Spec):
-    """A wrench that a program sets while the simulation runs; zero until then."""
+    """A wrench that a program commands while the simulation runs; zero until then."""
 
     type: Literal["commanded_wrench"]
     body: Name
@@ -149,7 +149,7 @@ class CommandedWrench(Spec):
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
-        """One CommandRow, zero at the start, whose forces act at the body's origin."""
+        """One CommandRow, initially zero; its forces act at the body's origin."""
         r_CO = place.from_com(self.body, ZERO)
         return [(CommandRow(ZERO, ZERO, ZERO, ZERO, r_CO), self.body, None)]
 
@@ -191,10 +191,10 @@ class BodyHarmonicRow(NamedTuple):
 
 
 class TableRow(NamedTuple):
-    """Wrench over time, linear between its instants or held, at the point r_B."""
+    """Wrench tabulated over time, linear between its instants or held, at the point r_B."""
 
     times: np.ndarray
-    """shape (n,)."""
+    """instants [s], shape (n,)."""
     values: np.ndarray
     """[force, torque], shape (n, 6)."""
     r_B: Vec3
@@ -203,14 +203,14 @@ class TableRow(NamedTuple):
 
 
 class CommandRow(NamedTuple):
-    """The wrench commanded last, in world and in body axes, at the body origin."""
+    """The last command: a wrench in world axes plus one in body axes, at the body origin."""
 
     force_W: Vec3
     torque_W: Vec3
     force_B: Vec3
     torque_B: Vec3
     r_B: Vec3
-    """from the centre of mass to the body origin, body axes [m]."""
+    """vector from the centre of mass to the body origin, body axes [m]."""
 
 
 @wrench.register(WorldWrenchRow)
@@ -245,7 +245,7 @@ def body_harmonic(row, t, body, B, A):
 
 @wrench.register(TableRow)
 def table_wrench(row, t, body, B, A):
-    """The table at t: linear between instants, or held from the one before; zero outside."""
+    """The table at t: linear between instants, or held at the earlier one; zero outside."""
     n = row.times.shape[0]
     if t < row.times[0] or t > row.times[n - 1]:
         return ZERO, ZERO
@@ -264,16 +264,16 @@ def table_wrench(row, t, body, B, A):
 
 
 class SegmentRow(NamedTuple):
-    """A table between two of its instants: what traced laws see of it.
+    """A table between two of its instants, as traced laws see it.
 
-    Constants have the places that they have in TableRow, by which scenes that differ in them share
-    a law.
+    Its constants stand in the same order as in TableRow, so that scenes with other values share a
+    law.
     """
 
     span: tuple
-    """begin and end [s]."""
+    """begin and end of the interval [s]."""
     values: tuple
-    """[force, torque] at both."""
+    """(force, torque) at begin and at end."""
     r_B: Vec3
     in_world: bool
 
@@ -292,7 +292,8 @@ def segment_wrench(row, t, body, B, A):
 
 
 def segment_at(row: TableRow, t: float, onwards: bool) -> tuple[float, ...]:
-    """begin, end, first, last of the table from t on; onwards: not at the instant t alone."""
+    """(begin, end, values at begin, values at end) of the table from t on; onwards: for steps that
+    start at t, not for the instant t alone."""
     times, last = row.times, len(row.times) - 1
     nothing = (t, t + 1.0, *((0.0,) * 12))
     if t < times[0] or t > times[last] or (t == times[last] and onwards):
@@ -305,7 +306,7 @@ def segment_at(row: TableRow, t: float, onwards: bool) -> tuple[float, ...]:
 
 
 def segment_of(row: TableRow, inputs: tuple) -> SegmentRow:
-    """The row on inputs of a traced law."""
+    """The row as a traced law takes it, from its inputs."""
     return SegmentRow(inputs[:2], (inputs[2:8], inputs[8:14]), row.r_B, row.in_world)
 
 
@@ -322,12 +323,12 @@ def commanded(row, t, body, B, A):
 
 
 def command_at(row: CommandRow, t: float, onwards: bool) -> tuple[float, ...]:
-    """All components in turn."""
+    """The 12 components of the command."""
     return (*row.force_W, *row.torque_W, *row.force_B, *row.torque_B)
 
 
 def command_of(row: CommandRow, inputs: tuple) -> CommandRow:
-    """The row on inputs of a traced law."""
+    """The row as a traced law takes it, from its inputs."""
     return CommandRow(inputs[0:3], inputs[3:6], inputs[6:9], inputs[9:12], row.r_B)
 
 

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Pairs of surfaces: gap, normal and point of contact, with their rates."""
+"""Pairs of surfaces: gap, normal and contact point, with their rates."""

@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Corners of bodies on solids, and rims of disks and cylinders on planes and cylinders."""
+"""Contact geometry of corners on solids, and of rims of disks and cylinders on planes and
+cylinders."""
 
 from __future__ import annotations
 
@@ -47,66 +48,67 @@ from rb_sim.numerics.vectors import (
 
 # A rim on a plane: the edge of a disk, or of an end of a cylinder, which may come to lie flat.
 #
-# Tilted, it touches with its lowest point alone.  Flat, all of it touches at once, and which of its
-# points are there for all depends on how it came to lie: they keep their places in the body until
-# it tilts again.  The lowest point and the highest, opposite, are one line that goes on through
-# flat: what was the lowest on one side is the highest on the other.  Only a rim that falls straight
-# comes to lie, though: one that misses flat by whatever angle has its low point run round it, the
-# faster the less it misses, and rises again on another side (Srinivasan and Ruina, "Rocking and
-# rolling: A can that appears to rock might actually roll", Phys. Rev. E 78, 2008).  A rim that is
-# held at a point and falls straight therefore keeps that point in the step in which it comes to
-# lie; of all others what is low follows from the state alone, however far they turn in a step.
+# A tilted rim touches with its lowest point alone. A flat one touches all round: the points that
+# represent it depend on its motion before and stay fixed in the body until it tilts again. The
+# lowest and the highest point, opposite each other, form one line that continues through flat: the
+# lowest point on one side becomes the highest on the other. Only a rim that falls straight comes to
+# lie flat. If it misses flat by an angle, its contact point races round the rim, faster for a
+# smaller angle, and it rises again on another side (Srinivasan and Ruina, "Rocking and rolling: A
+# can that appears to rock might actually roll", Phys. Rev. E 78, 2008). A rim that is supported at
+# a point and falls straight therefore keeps that point in the step in which it comes to lie; for
+# every other rim the lowest point follows from the state alone, however far it turns in a step.
 
 
 class RimOnPlane(NamedTuple):
     """One point of a rim and the parent's plane."""
 
     centre_C: Vec3
-    """of the rim, from C, body axes [m]."""
+    """centre of the rim, from C, body axes [m]."""
     radius: float
     axis_B: Vec3
     along: float
-    """cosine of the angle, about the axis, from the point that is low to this one."""
+    """cosine of the angle about the axis from the lowest point to this one."""
     across: float
-    """its sine."""
+    """sine of that angle."""
     alone: float
-    """1: the lowest point only; it cannot lie flat."""
+    """1: the only point of its rim, which then cannot lie flat; 0: one of several."""
     r_A: Vec3
     n_A: Vec3
 
 
 class Lean(NamedTuple):
-    """How a rim leans."""
+    """Tilt of a rim against a plane, with its history."""
 
     low: Vec3
-    """unit vector from its centre to its low point, body axes; zero where nothing is known."""
+    """unit vector from the rim's centre to its lowest point, body axes; zero if it is not known."""
     axis: Vec3
-    """its axis, upwards, across the plane's normal, world axes: as long as the sine of the tilt, it
-    points to where the rim is low."""
+    """upward axis of the rim projected on the plane, world axes: its length is the sine of the
+    tilt, and it points to the lowest point."""
     sense: float
-    """1: `low` is low; -1: it is high, after the rim has gone through flat; SLAMS times either: it
-    stays in the body; 0: it is alone, and has gone through flat; IN_FLIGHT: `low` is low, whatever
-    was before."""
+    """1: `low` is the lowest point; -1: it is the highest, after passing through flat; SLAMS times
+    either: it stays fixed in the body; 0: a single point that has passed through flat; IN_FLIGHT:
+    `low` is the lowest point, whatever the history."""
 
 
 IN_FLIGHT = 2.0
-"""Sense of a rim that nothing holds."""
+"""Sense of a rim that has no contact."""
 SLAMS = 3.0
-"""Size of the sense of a rim that falls straight on its flat side, and is nearly there."""
+"""|sense| of a rim that falls straight on its flat side and has almost reached it."""
 UPRIGHT = Lean(ZERO, ZERO, 1.0)
-"""Where nothing is known of before."""
+"""Lean of a rim without a history."""
 
 
 @inline
 def keeps_low(tilt, before):
-    """True if the low point is that of before: of a rim that lay flat, or will."""
+    """True if the lowest point stays that of the step before: the rim was flat, or is becoming
+    flat."""
     lost = FLAT if norm(before.axis) < FLAT else SUM_ROUNDING
     return abs(before.sense) == SLAMS or tilt < lost
 
 
 @inline
 def lean_of(pair, gamma, axis, before):
-    """The Lean with plane normal gamma (body axes), given that at the start of the step."""
+    """The Lean for the plane normal gamma (body axes), given the Lean at the start of the step."""
     k = pair.axis_B
     up = sub(gamma, scale(dot(gamma, k), k))
     tilt = norm(up)
@@ -128,7 +130,7 @@ def lean_of(pair, gamma, axis, before):
 
 @inline
 def rim_touching(pair, B, A, before):
-    """(Touch, Lean) of a point of the rim, given the Lean at the start of the step."""
+    """(Touch, Lean) of a rim point on a plane, given the Lean at the start of the step."""
     n, n_dot = carried_direction(A, pair.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     k, gamma = pair.axis_B, unrotate(B.q_WB, n)
@@ -156,62 +158,62 @@ def rim_touching(pair, B, A, before):
 
 @touching.register(RimOnPlane)
 def rim_on_plane(pair, B, A):
-    """The lowest point of the rim, for no history of how it leaned."""
+    """The lowest point of a rim without a history."""
     touch, _ = rim_touching(pair, B, A, UPRIGHT)
     return touch
 
 
 # A rim on a circular cylinder, from inside or outside: the edge of a disk, or of a cylinder's end.
 #
-# The square of the distance of the rim's points from the axis is, but for a constant,
+# The squared distance of the rim's points from the axis is, up to a constant,
 #
 #     +- (p cos a + q sin a + w cos^2 a),
 #
-# a measured from the direction across the axis (inside) or the one most along it (outside).  It has
-# two farthest (inside) or nearest (outside) points, a third of them no less, where |p|^(2/3) +
-# |q|^(2/3) < (2 w)^(2/3), as where a disk lies across a trough; else there is one.  Each half of
-# the rim, cos a > 0 and cos a < 0, has one of them at most; the first contact keeps to its half as
-# long as there are two, the second is the other one, or not there.  In free flight the first is the
-# one that is nearer to the support.
+# with a measured from the direction normal to the axis (inside) or from the one closest to it
+# (outside). It has two local extremes, farthest (inside) or nearest (outside) points, if |p|^(2/3)
+# + |q|^(2/3) < (2 w)^(2/3), as for a disk across a trough; else one. Each half of the rim, cos a >
+# 0 and cos a < 0, has at most one of them; the first contact keeps to its half as long as there are
+# two, the second is the other one, or does not exist. In free flight the first one is the nearer
+# one to the support.
 
 
 ROUNDS = 80
-"""Of the search for an angle, by Newton's method within a bracket."""
+"""Most iterations of the search for an angle (Newton's method within a bracket)."""
 QUARTER = 0.5 * math.pi
 ABSENT = 0.0
-"""Sense of a second point that is not there."""
+"""Sense of a second point that does not exist."""
 
 
 class RimOnCylinder(NamedTuple):
-    """One of the two points of a rim that may touch the parent's endless circular cylinder."""
+    """One of the two points of a rim that may touch the parent's infinite circular cylinder."""
 
     centre_C: Vec3
-    """of the rim, from C, body axes [m]."""
+    """centre of the rim, from C, body axes [m]."""
     radius: float
     axis_B: Vec3
     r_A: Vec3
-    """a point of the axis."""
+    """a point of the cylinder's axis, from the parent's C [m]."""
     axis_A: Vec3
     curved: float
     """radius of the parent's cylinder [m]."""
     side: float
     """+1: the body is outside, -1: inside."""
     second: float
-    """1: the other point than the one of the contact that has 0 here."""
+    """0: the first point of the rim, 1: the second."""
 
 
 @inline
 def slope_of(p, q, w, a):
-    """Derivative by a of p cos a + q sin a + w cos^2 a."""
+    """Derivative of p cos a + q sin a + w cos^2 a by a."""
     return q * math.cos(a) - p * math.sin(a) - w * math.sin(2.0 * a)
 
 
 @inline
 def highest(p, q, w):
-    """(angle, 1) of the highest point of p cos a + q sin a + w cos^2 a with |a| <= pi/2 where it is
-    higher than all others near it; (0, 0) if none is.
+    """(angle, 1) of the local maximum of p cos a + q sin a + w cos^2 a with |a| <= pi/2 [rad]; (0,
+    0) if there is none.
 
-    The slope over cos a falls where cos^3 a > -p/(2 w), and only there: one zero at most.
+    The slope over cos a decreases for cos^3 a > -p/(2 w) and only there: at most one zero.
     """
     high = QUARTER
     if p < 0.0:
@@ -242,7 +244,7 @@ def highest(p, q, w):
 
 @inline
 def half_of(p, w, before, flies, there):
-    """The half, +1 or -1, of the first point; there: 1 where both halves have one."""
+    """The half of the rim, +1 or -1, of the first point; there: 1 if both halves have a point."""
     nearer = 1.0 if p >= 0.0 else -1.0
     if there == 0.0 or before == 0.0:
         return nearer
@@ -253,11 +255,11 @@ def half_of(p, w, before, flies, there):
 
 @inline
 def point_of_rim(second, before, flies, side, away, axis, radius, e):
-    """(unit vector to the point from the rim's centre, the half of the first point, 1 where the
-    point is there), world axes.
+    """(unit vector from the rim's centre to the point, half of the first point, 1 if the point
+    exists), world axes.
 
     away: from a point of the support's axis e to the rim's centre; axis: of the rim; before: half
-    of the first point at the start of the step, 0 where it is not known.
+    of the first point at the start of the step, 0 if it is not known.
     """
     across = cross(e, axis)
     tilt = norm(across)
@@ -308,9 +310,11 @@ POINT = External(
 def rim_on_cylinder_touching(
     pair: RimOnCylinder, B: Any, A: Any, before: Lean
 ) -> tuple[Touch, Lean]:
-    """(Touch, Lean) of the point, given the Lean at the start of the step: of that the half of the
-    first point is the first number of `low`, and `sense` is ABSENT for a point that is not there,
-    which lies where the first one does."""
+    """(Touch, Lean) of a rim point on a cylinder, given the Lean at the start of the step.
+
+    The first component of `low` is the half of the rim that has the first point; `sense` is ABSENT
+    for a second point that does not exist, which is placed at the first one.
+    """
     c, c_dot = carried_point(B, pair.centre_C)
     o, o_dot = carried_point(A, pair.r_A)
     axis, e = rotate(B.q_WB, pair.axis_B), rotate(A.q_WB, pair.axis_A)
@@ -321,7 +325,7 @@ def rim_on_cylinder_touching(
     r, ahead = scale(pair.radius, low), scale(pair.radius, cross(axis, low))
     far, far_dot = add(away, r), add(sub(c_dot, o_dot), cross(spin, r))
     off, off_dot = across_axis(A, pair.axis_A, far, far_dot)
-    # it stays where the distance has no slope: (r' . off) = 0, r' = ahead with the angle
+    # the contact point keeps dr/da . off = 0: `ahead` is dr/da
     _, ahead_off_rate = across_axis(A, pair.axis_A, ahead, cross(spin, ahead))
     flat = sub(ahead, scale(dot(ahead, e), e))
     slope_rate = dot(ahead_off_rate, off) + dot(flat, off_dot)
@@ -336,7 +340,7 @@ def rim_on_cylinder_touching(
 
 @inline
 def across_axis(A, axis_A, a, a_dot):
-    """The part of `a` across the support's axis, and its rate."""
+    """Component of `a` normal to the support's axis, and its rate."""
     e, e_dot = carried_direction(A, axis_A)
     along, along_dot = dot(a, e), dot(a_dot, e) + dot(a, e_dot)
     return sub(a, scale(along, e)), sub(a_dot, add(scale(along_dot, e), scale(along, e_dot)))
@@ -344,18 +348,18 @@ def across_axis(A, axis_A, a, a_dot):
 
 @touching.register(RimOnCylinder)
 def rim_on_cylinder(pair, B, A):
-    """In free flight; a second point that is not there is far away."""
+    """The rim point in free flight; a second point that does not exist gets a large gap."""
     touch, lean = rim_on_cylinder_touching(pair, B, A, UPRIGHT._replace(sense=IN_FLIGHT))
     return touch._replace(gap=where(lean.sense == ABSENT, touch.gap + pair.curved, touch.gap))
 
 
-# A corner or an end on another body's box or cylinder: what holds it is a face, and no more.
+# A corner or an end on another body's box or cylinder: it is supported by one face only.
 #
-# The nearest point of the solid tells the gap in flight.  A point that is held keeps to the face on
-# which it came to be, whose surface goes on beyond the edge, until it is off the face by more than
-# rounding (corners that lie on edges, as those of a stack of equal boxes, are off by some): there
-# nothing presses it, and the contact opens.  The nearest point of the edge would turn the
-# normal aside at once, and a step back to the manifold would take the point back to the edge, and
+# In flight the gap is that to the nearest point of the solid. A point in contact keeps to the face
+# that it touched first, whose surface is continued beyond its edge, until it is beyond the edge by
+# more than rounding (corners that lie on edges, as in a stack of equal boxes, are off by some): no
+# force presses it there, and the contact opens. With the nearest point of the edge instead the
+# normal would jump, and the projection onto the manifold would take the point back to the edge, and
 # energy from it.
 
 
@@ -366,7 +370,7 @@ class PointOnSolid(BallOnSolid):
 
 
 def held_by_faces(found: Sequence[NamedTuple]) -> list[NamedTuple]:
-    """The pairs, corners and ends on solids as such."""
+    """The pairs, with each corner or end on a solid as a PointOnSolid."""
     return [
         PointOnSolid(*pair) if isinstance(pair, BallOnSolid) and pair.radius == 0.0 else pair
         for pair in found
@@ -375,27 +379,27 @@ def held_by_faces(found: Sequence[NamedTuple]) -> list[NamedTuple]:
 
 @dispatch
 def face_of(solid, u):
-    """The face whose normal is u, as three numbers; zeros where u is that of an edge or corner.
+    """The face with the normal u, as three numbers; zeros if u belongs to an edge or a corner.
 
-    Of a box they are the normal; of a cylinder (1, 0, 0) and (-1, 0, 0) its ends, (0, 1, 0) its
-    round side.
+    For a box they are the normal; for a cylinder (1, 0, 0) and (-1, 0, 0) are its ends, (0, 1, 0)
+    its round side.
     """
 
 
 @dispatch
 def off_face(solid, face, x, x_dot):
-    """(signed distance of x from the surface of the face, unit vector away from it, its rate, way
-    of x beyond the edge of the face over the size of the solid, negative within)."""
+    """(signed distance of x from the continued surface of the face, unit normal, its rate, distance
+    of x beyond the edge of the face over the size of the solid, negative inside)."""
 
 
 def whole(x: Any) -> Any:
-    """1 or -1 where x is that but for rounding, else 0."""
+    """1 or -1 if x equals it up to rounding, else 0."""
     return where(x >= 1.0 - COMPUTED_ROUNDING, 1.0, where(x <= COMPUTED_ROUNDING - 1.0, -1.0, 0.0))
 
 
 @face_of.register(Box)
 def face_of_box(box, u):
-    """The normal itself if it is along an axis, zeros if not."""
+    """The normal itself if it is along an axis, else zeros."""
     return (whole(u[0]), whole(u[1]), whole(u[2]))
 
 
@@ -429,8 +433,11 @@ def off_face_of_cylinder(cylinder, face, x, x_dot):
 
 
 def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) -> tuple[Touch, Lean]:
-    """(Touch, Lean) of the point, given the Lean at the start of the step: `low` is the face that
-    holds it, zero where none is known, and `sense` is ABSENT where it has left that."""
+    """(Touch, Lean) of a corner on a solid, given the Lean at the start of the step.
+
+    `low` is the supporting face, zero if none is known; `sense` is ABSENT if the point has left
+    that face.
+    """
     c, v = carried_point(B, pair.r_B)
     x, x_dot = into_solid(A, c, v)
     near, u, u_dot = nearest(pair.surface, x, x_dot)
@@ -447,5 +454,5 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
 
 @touching.register(PointOnSolid)
 def point_on_solid(pair, B, A):
-    """The nearest point of the solid, for no history of which face held the point."""
+    """The nearest point of the solid, without a history of the supporting face."""
     return point_on_solid_touching(pair, B, A, UPRIGHT._replace(sense=IN_FLIGHT))[0]

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Smooth bodies on round supports: where the contact point has to be sought.
+"""Smooth bodies on spheres and cylinders, whose contact point is found by iteration.
 
-A smooth convex surface touches a sphere or a cylinder where its point p(n) of inward normal n lies
-straight along n from the support's centre or axis:  t . (p(n) - c) = 0  for every tangent t.  This
+A smooth convex surface touches a sphere or a cylinder at its point p(n) of inward normal n for
+which n passes through the support's centre or axis c: t . (p(n) - c) = 0 for every tangent t. This
 is solved by Newton's method from the direction of the body's centre; the rate of n follows from the
 same linear equations, differentiated in time.
 """
@@ -45,7 +45,7 @@ from rb_sim.numerics.vectors import (
 
 ROUNDS = 30
 LARGEST_TURN = 0.5
-"""Of the normal in one round [rad]."""
+"""Largest rotation of the normal in one iteration [rad]."""
 
 
 class SurfaceOnSphere(NamedTuple):
@@ -64,7 +64,7 @@ class SurfaceOnCylinder(NamedTuple):
 
     surface: Any
     r_A: Vec3
-    """a point of the axis."""
+    """a point of the cylinder's axis, from the parent's C [m]."""
     axis_A: Vec3
     curved: float
     side: float
@@ -72,7 +72,7 @@ class SurfaceOnCylinder(NamedTuple):
 
 @inline
 def moved(surface, q, n, turn):
-    """Change of the surface's point of inward normal n (world) when n turns by `turn`, world."""
+    """Change of the surface point with inward normal n (world) if n changes by `turn`, world."""
     return rotate(q, support_rate(surface, unrotate(q, n), unrotate(q, turn)))
 
 
@@ -84,21 +84,21 @@ def normalised(a):
 
 @inline
 def slopes(surface, q, n, t1, t2, reach):
-    """d(t_i . (p - c)) per turn of n along t_j, as (11, 12, 21, 22); reach = n . (p - c)."""
+    """d(t_i . (p - c)) per rotation of n towards t_j, as (11, 12, 21, 22); reach = n . (p - c)."""
     a, b = moved(surface, q, n, t1), moved(surface, q, n, t2)
     return dot(t1, a) - reach, dot(t1, b), dot(t2, a), dot(t2, b) - reach
 
 
 @inline
 def solved(m, x, y):
-    """(u, v) with m (u, v) = (x, y)."""
+    """Solution (u, v) of the 2 x 2 system m (u, v) = (x, y)."""
     determinant = m[0] * m[3] - m[1] * m[2]
     return (m[3] * x - m[1] * y) / determinant, (m[0] * y - m[2] * x) / determinant
 
 
 @inline
 def limited(u, v):
-    """(u, v) shortened to a turn of LARGEST_TURN [rad] in one iteration."""
+    """(u, v) shortened to a rotation of LARGEST_TURN [rad]."""
     size = (u * u + v * v) ** 0.5
     s = LARGEST_TURN / size if size > LARGEST_TURN else 1.0
     return s * u, s * v
@@ -106,7 +106,7 @@ def limited(u, v):
 
 @inline
 def normal_on_sphere(surface, side, p_WC, q, c):
-    """The normal at which the surface's point lies straight along it from c."""
+    """The normal n for which the surface point p(n) lies on the line through c along n."""
     n = scale(side, normalised(sub(p_WC, c)))
     for _ in range(ROUNDS):
         t1, t2 = perpendicular(n)
@@ -122,7 +122,7 @@ def normal_on_sphere(surface, side, p_WC, q, c):
 
 @inline
 def normal_on_cylinder(surface, side, p_WC, q, c, e):
-    """The normal at which the surface's point lies straight along it from the axis e through c."""
+    """The normal n for which p(n) lies on the line along n through the axis e (through c)."""
     away = sub(p_WC, c)
     n = scale(side, normalised(sub(away, scale(dot(away, e), e))))
     for _ in range(ROUNDS):
@@ -138,25 +138,25 @@ def normal_on_cylinder(surface, side, p_WC, q, c, e):
 
 @inline
 def three(a, i):
-    """The three numbers of a routine's arguments from i on."""
+    """Three consecutive arguments of a routine, from index i on."""
     return (a[i], a[i + 1], a[i + 2])
 
 
 @inline
 def ellipsoid(a):
-    """The ellipsoid in a routine's arguments: centre and semi-axes from number 11 on."""
+    """The ellipsoid in a routine's arguments: centre and semi-axes from index 11 on."""
     return EllipsoidSurface(three(a, 11), three(a, 14))
 
 
 @inline
 def rim(a):
-    """The rim in a routine's arguments: centre, radius and axis from number 11 on."""
+    """The rim in a routine's arguments: centre, radius and axis from index 11 on."""
     return LyingRimSurface(three(a, 11), a[14], three(a, 15))
 
 
 @inline
 def normal_for(surface, side, p_WC, q, c, axis):
-    """The normal on a cylinder with this axis through c; on a sphere where the axis is zero."""
+    """The normal on a cylinder with this axis through c, or on a sphere if the axis is zero."""
     if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
         return normal_on_sphere(surface, side, p_WC, q, c)
     return normal_on_cylinder(surface, side, p_WC, q, c, axis)
@@ -197,7 +197,8 @@ OF_RIM = External(
 
 
 def sought(pair, B, c, axis):
-    """The normal; in traced laws by one function for all contacts of such surfaces."""
+    """The normal; traced laws find it by one external function for all contacts of such
+    surfaces."""
     surface, at = pair.surface, (pair.side, *B.p_WC, *B.q_WB, *c)
     if graph_of(at) is None:
         return normal_for(surface, pair.side, B.p_WC, B.q_WB, c, axis)
@@ -208,7 +209,7 @@ def sought(pair, B, c, axis):
 
 @touching.register(SurfaceOnSphere)
 def surface_on_sphere(pair, B, A):
-    """The surface's point of the normal n that solves t . (p(n) - c) = 0 for both tangents t."""
+    """The surface point whose normal n solves t . (p(n) - c) = 0 for both tangents t."""
     c, c_dot = carried_point(A, pair.r_A)
     spin_B = rotate(B.q_WB, B.w_WB_B)
     n = sought(pair, B, c, ZERO)
@@ -228,7 +229,7 @@ def surface_on_sphere(pair, B, A):
 
 @touching.register(SurfaceOnCylinder)
 def surface_on_cylinder(pair, B, A):
-    """The surface's point of the sought normal n, which stays normal to the cylinder's axis."""
+    """The surface point whose normal n, normal to the cylinder's axis, passes through that axis."""
     c, c_dot = carried_point(A, pair.r_A)
     e, e_dot = carried_direction(A, pair.axis_A)
     spin_B = rotate(B.q_WB, B.w_WB_B)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The convex hull of listed points: a polyhedron, or a polygon, a segment, a point."""
+"""Convex hull of listed points: a polyhedron, a polygon, a segment or a point."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from rb_sim.numerics.vectors import ZERO, dot, perpendicular, sub
 
 
 class Hull(NamedTuple):
-    """Flat faces with all that lies in one plane merged; a polygon has a face on either side."""
+    """Convex hull: flat faces, with coplanar ones merged; a polygon has a face on either side."""
 
     faces: np.ndarray
     """outward normal n and n . x of the plane of each face, shape (f, 4)."""
     sides: np.ndarray
-    """the same of the planes through a face's edges and normal to it; outward, shape (s, 4)."""
+    """outward planes through a face's edges, normal to the face: n and n . x, shape (s, 4)."""
     first: np.ndarray
-    """sides of face i: first[i] to first[i + 1]; integers, shape (f + 1,)."""
+    """the sides of face i are first[i] to first[i + 1]; integers, shape (f + 1,)."""
     edges: np.ndarray
-    """start, unit vector, length; shape (e, 7).  A single point is an edge without length."""
+    """start, unit vector, length; shape (e, 7). A single point is an edge of length zero."""
     reach: float
     """distance of the farthest point from C [m]."""
 
 
 @inline
 def triple(table, i, at):
-    """The three numbers of line i of a table from column `at` on."""
+    """Three numbers of row i of a table from column `at` on."""
     return (table[i, at], table[i, at + 1], table[i, at + 2])
 
 
@@ -53,9 +53,9 @@ def height(planes, i, x):
 
 @inline
 def highest_face(hull, x):
-    """(height of x above it, number) of the face whose plane x is highest above; (., -1): none.
+    """(height, index) of the face whose plane x is highest above; index -1 if there are no faces.
 
-    No plane is farther from x than the hull, so only this face can hold the nearest point.
+    No plane is farther from x than the hull, so only this face can contain the nearest point.
     """
     best, face = -1e300, -1
     for i in range(hull.faces.shape[0]):
@@ -67,7 +67,7 @@ def highest_face(hull, x):
 
 @inline
 def is_over(hull, face, x):
-    """Whether the foot of x on the plane of the face lies in it."""
+    """Whether the projection of x on the plane of the face lies in the face."""
     for i in range(hull.first[face], hull.first[face + 1]):
         if height(hull.sides, i, x) > 0.0:
             return False
@@ -75,10 +75,10 @@ def is_over(hull, face, x):
 
 
 class PackedHull(NamedTuple):
-    """A hull as traced laws see it: its tables are looked through by one function for all."""
+    """A hull as traced laws see it: one external function for all hulls reads its tables."""
 
     place: float
-    """of the hull's `packed` tables."""
+    """address of the hull's `packed` tables."""
 
 
 def packed(hull: Hull) -> np.ndarray:
@@ -89,7 +89,7 @@ def packed(hull: Hull) -> np.ndarray:
 
 
 def hull_at(place):
-    """The hull whose packed tables are at the place; without its reach."""
+    """The hull whose packed tables are at this address; its `reach` is 0."""
     counts = table_at(place, 3)
     f, s, e = int(counts[0]), int(counts[1]), int(counts[2])
     tables = table_at(place, 3 + 4 * f + 4 * s + f + 1 + 7 * e)
@@ -109,7 +109,7 @@ hull_in_loops = inline(hull_at)
 
 @routine
 def nearest_of_packed_hull(arguments, results):
-    """arguments: place, x, x_dot; results: distance, u, its rate."""
+    """arguments: address of the tables, x, x_dot; results: distance, u, its rate."""
     x = (arguments[1], arguments[2], arguments[3])
     x_dot = (arguments[4], arguments[5], arguments[6])
     distance, u, u_dot = nearest_of_hull(hull_in_loops(arguments[0]), x, x_dot)
@@ -130,14 +130,15 @@ NEAREST = External(
 
 @nearest.register(PackedHull)
 def nearest_by_routine(hull, x, x_dot):
-    """The same as for a Hull, by one function for all traced laws."""
+    """The same as for a Hull, by one external function for all traced laws."""
     found = call(NEAREST, hull.place, *x, *x_dot)
     return found[0], found[1:4], found[4:7]
 
 
 @nearest.register(Hull)
 def nearest_of_hull(hull, x, x_dot):
-    """The face whose plane x is highest above, if x is inside or over it; else the nearest edge."""
+    """The face whose plane x is highest above, if x is inside or projects on it; else the nearest
+    edge."""
     above, face = highest_face(hull, x)
     if face >= 0 and (above < 0.0 or is_over(hull, face, x)):
         return above, triple(hull.faces, face, 0), ZERO
@@ -152,7 +153,7 @@ def nearest_of_hull(hull, x, x_dot):
 
 
 def principal(points: np.ndarray) -> tuple[int, np.ndarray]:
-    """(dimension of what the points span, axes as rows with the longest first)."""
+    """(dimension of the span of the points, principal axes as rows, longest first)."""
     away = points - points.mean(axis=0)
     axes = np.linalg.svd(away)[2]
     extents = np.abs(away @ axes.T).max(axis=0)
@@ -160,13 +161,13 @@ def principal(points: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Numbers of the corners of points in a plane, counterclockwise about the normal."""
-    from scipy.spatial import ConvexHull  # slow to import, and few scenes need it
+    """Indices of the corners of coplanar points, counterclockwise about the normal."""
+    from scipy.spatial import ConvexHull  # imported when needed: slow, and few scenes use it
 
     flat = points @ np.stack(perpendicular(normal), axis=1)
     around = ConvexHull(flat).vertices
     away = np.linalg.norm(flat[around] - flat.mean(axis=0), axis=1)
-    around = np.roll(around, -np.argmax(away))  # the farthest is a corner, whatever the rounding
+    around = np.roll(around, -np.argmax(away))  # the farthest: a corner for any rounding
     corners: list[int] = []
     for i in [*around, around[0]]:
         while len(corners) > 1:
@@ -179,13 +180,14 @@ def polygon(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def is_straight(a: np.ndarray, b: np.ndarray, c: np.ndarray, size: float) -> bool:
-    """Whether b lies on the line from a to c."""
+    """Whether b lies on the line from a to c up to rounding; size: of the polygon [m]."""
     (x, y), (u, v) = c - a, b - a
     return abs(x * v - y * u) <= COMPUTED_ROUNDING * size * float(np.hypot(x, y))
 
 
 def faces_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(outward normal, numbers of the corners) of each face of points that span 2 or 3 axes."""
+    """(outward normal, indices of the corners) of each face of points that span 2 or 3
+    dimensions."""
     from scipy.spatial import ConvexHull
 
     dimension, axes = principal(points)
@@ -201,7 +203,7 @@ def faces_of(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def hull_of(points: Sequence[Vec3]) -> Hull:
-    """The hull of points from C, body axes [m]."""
+    """The hull of points given from C, body axes [m]."""
     p = np.unique(np.array(points, dtype=float), axis=0)
     dimension, axes = principal(p)
     faces = faces_of(p) if dimension > 1 else []
@@ -227,7 +229,7 @@ def hull_of(points: Sequence[Vec3]) -> Hull:
 
 
 def edge(a: np.ndarray, b: np.ndarray) -> list[float]:
-    """Row of the edge from a to b."""
+    """Row of Hull.edges for the edge from a to b."""
     length = float(np.linalg.norm(b - a))
     along = (b - a) / length if length > 0.0 else SPARE
     return [float(value) for value in (*a, *along, length)]

@@ -7,14 +7,13 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Who touches what: gap, normal and contact point of each kind of pair, and how they move.
+"""Contact pairs: gap, normal and contact point of each kind of pair, with their rates.
 
-`touching` gives all of it at one instant.  The normal n points from the parent's surface A towards
-the body B; P is the point of B's surface that is nearest to A's.  P and n wander over the bodies:
-their rates are those of the geometric point and direction, not of a material point, which is what
-the derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 needs (LL 38.2).
-
-Vectors that a pair keeps are taken from the centre of mass of their body.
+`touching` gives them at one instant. The normal n points from the parent's surface A towards the
+body B; P is the point of B's surface that is nearest to A's. P and n move over the bodies: their
+rates are those of the geometric point and direction, not of a material point, as needed for the
+derivative of the velocity constraint n . (v_B(P) - v_A(P)) = 0 (LL 38.2). Vectors stored in a pair
+are from the centre of mass of their body.
 """
 
 from __future__ import annotations
@@ -40,49 +39,48 @@ from rb_sim.numerics.vectors import (
     unrotate,
 )
 
-# How a support moves that is no body of the scene: at rest, or as prescribed.
-#
-# `carrier` gives the support's state at time t, its acceleration and angular acceleration (world
-# axes), and 1 where it is driven: what it then does to the body is work from outside.
+# Motion of a support that is not a body of the scene: at rest, or prescribed. `carrier` gives the
+# support's state at time t, its acceleration and angular acceleration (world axes), and 1 if it is
+# driven: its work on the body is external work then.
 
 
 class Resting(NamedTuple):
-    """The parent itself: a body of the scene, or the world at rest."""
+    """The support is a body of the scene, or the world at rest."""
 
 
 class Turntable(NamedTuple):
-    """Turns about an axis through a point at a constant rate."""
+    """Support that turns about an axis through a point at a constant rate."""
 
     point: Vec3
-    """world [m]."""
+    """a point of the axis, world [m]."""
     spin: Vec3
     """angular velocity, world [rad/s]."""
 
 
 class Shaken(NamedTuple):
-    """Shifted by amplitude sin(frequency t + phase)."""
+    """Support displaced by amplitude sin(frequency t + phase)."""
 
     amplitude: Vec3
-    """world [m]."""
+    """amplitude vector, world [m]."""
     frequency: float
-    """angular [rad/s]."""
+    """angular frequency [rad/s]."""
     phase: float
 
 
 @dispatch
 def carrier(motion, t, A):
-    """(state of the support, its acceleration, its angular acceleration, driven)."""
+    """(state of the support, its acceleration, its angular acceleration, 1 if it is driven)."""
 
 
 @carrier.register(Resting)
 def resting(motion, t, A):
-    """The parent's own state; what it does to the body is no work from outside."""
+    """The parent's own state; not driven, so that its work on the body is not external."""
     return A, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
 
 
 @carrier.register(Turntable)
 def turntable(motion, t, A):
-    """The state at t of a support that turns about a fixed axis; it started unrotated."""
+    """The state at t of a support that turns about a fixed axis, unrotated at t = 0."""
     rate = norm(motion.spin)
     half = 0.5 * rate * t
     s = sin(half) / rate if rate > 0.0 else 0.0
@@ -91,7 +89,7 @@ def turntable(motion, t, A):
     p = sub(motion.point, arm)
     v = cross(motion.spin, sub(p, motion.point))
     a = cross(motion.spin, v)
-    # the spin is along the axis of turn: the same in the world's and the support's axes
+    # the angular velocity is along the axis: the same in world and support axes
     return BodyState(p, q, v, motion.spin), a, (0.0, 0.0, 0.0), 1.0
 
 
@@ -113,25 +111,25 @@ class Touch(NamedTuple):
     """The geometry of one contact at one instant, world axes."""
 
     gap: float
-    """distance of the surfaces, negative where they overlap [m]."""
+    """distance of the surfaces, negative for an overlap [m]."""
     normal: Vec3
-    """from A's surface towards B."""
+    """unit normal, from A's surface towards B."""
     normal_rate: Vec3
-    """[1/s]."""
+    """rate of the normal [1/s]."""
     point: Vec3
-    """P [m]."""
+    """contact point P [m]."""
     point_rate: Vec3
-    """[m/s]."""
+    """rate of P [m/s]."""
 
 
 @dispatch
 def touching(pair, B, A):
-    """The Touch of body state B with the support's state A."""
+    """The Touch of a body in state B with a support in state A."""
 
 
 @inline
 def carried_point(S, r):
-    """World position and velocity of the point r of a body."""
+    """World position and velocity of the body-fixed point r."""
     return (
         add(S.p_WC, rotate(S.q_WB, r)),
         add(S.v_WC, rotate(S.q_WB, cross(S.w_WB_B, r))),
@@ -140,7 +138,7 @@ def carried_point(S, r):
 
 @inline
 def carried_direction(S, a):
-    """The direction a of a body in world axes, and its rate."""
+    """World components of the body-fixed direction a, and their rate."""
     d = rotate(S.q_WB, a)
     return d, cross(rotate(S.q_WB, S.w_WB_B), d)
 
@@ -155,7 +153,7 @@ class PointOnPlane(NamedTuple):
 
 @touching.register(PointOnPlane)
 def point_on_plane(pair, B, A):
-    """A fixed point of the body, and the normal of the parent's plane."""
+    """A fixed point of the body, with the normal of the parent's plane."""
     p, v = carried_point(B, pair.r_B)
     on, _ = carried_point(A, pair.r_A)
     n, n_dot = carried_direction(A, pair.n_A)
@@ -163,7 +161,7 @@ def point_on_plane(pair, B, A):
 
 
 class SurfaceOnPlane(NamedTuple):
-    """A smooth convex surface (see shapes) and the parent's plane."""
+    """A smooth convex surface (smooth_surfaces) and the parent's plane."""
 
     surface: tuple
     r_A: Vec3
@@ -172,7 +170,7 @@ class SurfaceOnPlane(NamedTuple):
 
 @touching.register(SurfaceOnPlane)
 def surface_on_plane(pair, B, A):
-    """The lowest point of a smooth surface, which wanders over it as the body turns."""
+    """The lowest point of a smooth surface, which moves over it as the body turns."""
     n, n_dot = carried_direction(A, pair.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     gamma = unrotate(B.q_WB, n)
@@ -187,10 +185,11 @@ def surface_on_plane(pair, B, A):
 
 @inline
 def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare):
-    """A ball at `centre` and a round support from whose middle `away` leads to it.
+    """Touch of a ball at `centre` with a round support; away: from the support's middle to
+    `centre`.
 
-    curved: radius of the support; side: +1 outside it, -1 inside; spare: a unit vector, the
-    direction taken in the very middle, where all are alike.
+    curved: radius of the support [m]; side: +1 outside it, -1 inside; spare: unit vector taken as
+    the normal if `away` is zero.
     """
     distance, u, u_dot = direction(away, away_rate, spare)
     n, n_dot = scale(side, u), scale(side, u_dot)
@@ -213,7 +212,7 @@ class BallOnSphere(NamedTuple):
 
 @touching.register(BallOnSphere)
 def ball_on_sphere(pair, B, A):
-    """The ball's point on the line of the two centres."""
+    """The ball's point on the line through both centres."""
     c, v = carried_point(B, pair.r_B)
     c_A, v_A = carried_point(A, pair.r_A)
     away, away_dot = sub(c, c_A), sub(v, v_A)
@@ -226,7 +225,7 @@ class BallOnCylinder(NamedTuple):
     r_B: Vec3
     radius: float
     r_A: Vec3
-    """a point of the axis."""
+    """a point of the cylinder's axis, from the parent's C [m]."""
     axis_A: Vec3
     curved: float
     side: float
@@ -249,15 +248,16 @@ def ball_on_cylinder(pair, B, A):
 
 @inline
 def into_solid(S, c, v):
-    """Place and velocity of the world point c, which has the velocity v, as a solid of state S sees
-    them, in its axes."""
+    """Position and velocity of the world point c (velocity v) relative to a solid of state S, in
+    the axes of the solid."""
     spin, far = rotate(S.q_WB, S.w_WB_B), sub(c, S.p_WC)
     return unrotate(S.q_WB, far), unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
 
 
 @inline
 def out_of_solid(S, u, u_dot):
-    """The direction u, and its rate, that a solid of state S sees in its axes, in the world's."""
+    """World components of the direction u of a solid of state S, and of its rate; u_dot in its
+    axes."""
     n, turned = carried_direction(S, u)
     return n, add(rotate(S.q_WB, u_dot), turned)
 
@@ -280,7 +280,7 @@ class BallOnSolid(NamedTuple):
     r_B: Vec3
     radius: float
     surface: tuple
-    """of the parent, see solids."""
+    """the parent's solid, see solids."""
 
 
 @touching.register(BallOnSolid)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Smooth convex surfaces that roll on a plane: where the contact point lies in the body.
+"""Smooth convex surfaces on a plane: the contact point as a function of the plane's normal.
 
 For a unit normal gamma (body axes, pointing from the plane into the body) `support` gives the
 vector from the centre of mass C to the contact point P, and `support_rate` its change in the body
@@ -23,7 +23,7 @@ from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import add, dot, perpendicular, scale, sqrt, sub, where
 
 FLAT = 1e-10
-"""Tilt of a rim [rad] that is none."""
+"""Tilt of a rim [rad] below which it counts as flat."""
 
 
 class SphereSurface(NamedTuple):
@@ -43,7 +43,7 @@ class RimSurface(NamedTuple):
 
 
 class LyingRimSurface(NamedTuple):
-    """A rim that may lie flat on the plane: there, one of its points stands for all."""
+    """A rim that may lie flat on the plane: one of its points then represents all."""
 
     centre_C: Vec3
     radius: float
@@ -81,10 +81,10 @@ def sphere_support_rate(surface, gamma, gamma_dot):
 
 @support.register(RimSurface)
 def rim_support(surface, gamma):
-    """The lowest point of the rim: the centre less radius times the unit vector of gamma across the
-    axis.
+    """The lowest point of the rim: the centre less radius times the unit vector of gamma normal to
+    the axis.
 
-    gamma may not be along the axis: use LyingRimSurface there.
+    gamma may not be along the axis: use LyingRimSurface then.
     """
     k = surface.axis_B
     u = sub(gamma, scale(dot(gamma, k), k))
@@ -93,7 +93,7 @@ def rim_support(surface, gamma):
 
 @support_rate.register(RimSurface)
 def rim_support_rate(surface, gamma, gamma_dot):
-    """Rate of `rim_support`, with gamma not along the axis."""
+    """Rate of `rim_support`; gamma may not be along the axis."""
     k = surface.axis_B
     u = sub(gamma, scale(dot(gamma, k), k))
     u_dot = sub(gamma_dot, scale(dot(gamma_dot, k), k))
@@ -111,7 +111,7 @@ def lies_flat(surface, gamma):
 
 @support.register(LyingRimSurface)
 def lying_rim_support(surface, gamma):
-    """As `rim_support`; flat, the point across an arbitrary fixed direction."""
+    """As `rim_support`; if flat, the point in an arbitrary fixed direction normal to the axis."""
     across, _ = perpendicular(surface.axis_B)
     some_point = sub(surface.centre_C, scale(surface.radius, across))
     flat = lies_flat(surface, gamma)
@@ -120,10 +120,10 @@ def lying_rim_support(surface, gamma):
 
 @support_rate.register(LyingRimSurface)
 def lying_rim_support_rate(surface, gamma, gamma_dot):
-    """As `rim_support_rate`; flat, zero."""
+    """As `rim_support_rate`; zero if flat."""
     across, _ = perpendicular(surface.axis_B)
     flat = lies_flat(surface, gamma)
-    tilted = where(flat, across, gamma)  # any that a rim can have: what follows is not used then
+    tilted = where(flat, across, gamma)  # any tilted direction: the result is not used if flat
     return where(flat, (0.0, 0.0, 0.0), rim_support_rate(surface, tilted, gamma_dot))
 
 

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Solids: the nearest point of one to a point, and where two boxes touch."""
+"""Solids: nearest point of a solid to a point, and contact points of two boxes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rb_sim.numerics.vectors import (
 )
 
 SPARE = (0.0, 0.0, 1.0)
-"""Direction taken where none is better than another."""
+"""Direction taken if the direction is undefined."""
 
 
 @dispatch
@@ -42,13 +42,13 @@ def nearest(solid, x, x_dot):
 
 @inline
 def direction_rate(along, rate, length):
-    """Rate of the unit vector u of a vector of this length that changes at `rate`."""
+    """Rate of the unit vector `along` of a vector of this length with the given rate."""
     return scale(1.0 / length, sub(rate, scale(dot(along, rate), along)))
 
 
 @branching
 def direction(away, away_dot, spare):
-    """(length, unit vector, its rate) of `away`; the unit vector `spare` where it is zero."""
+    """(length, unit vector, its rate) of `away`; the unit vector `spare` if it is zero."""
     length = norm(away)
     if length > 0.0:
         u = scale(1.0 / length, away)
@@ -58,7 +58,8 @@ def direction(away, away_dot, spare):
 
 @branching
 def off_segment(far, far_dot, along, length):
-    """(away, its rate): from the nearest point of a segment to what is `far` from its start."""
+    """(vector from the nearest point of a segment to a point, its rate); far: the point from its
+    start."""
     s, s_dot = dot(far, along), dot(far_dot, along)
     if s < 0.0:
         s, s_dot = 0.0, 0.0
@@ -68,16 +69,16 @@ def off_segment(far, far_dot, along, length):
 
 
 class Box(NamedTuple):
-    """Edges along the body axes."""
+    """A box with its edges along the body axes."""
 
     centre: Vec3
     half: Vec3
-    """half edges [m]."""
+    """half edge lengths [m]."""
 
 
 @branching
 def clamped(x, half):
-    """(nearest value within +-half, 1 outside of it and 0 inside)."""
+    """(nearest value within +-half, 1 if x is outside and 0 inside)."""
     if x > half:
         return half, 1.0
     if x < -half:
@@ -104,7 +105,7 @@ def nearest_face(x, half):
 
 @nearest.register(Box)
 def nearest_of_box(box, x, x_dot):
-    """Outside the nearest point of the box; inside the nearest face, at a negative distance."""
+    """Outside, the nearest point of the box; inside, the nearest face at a negative distance."""
     far = sub(x, box.centre)
     qx, fx = clamped(far[0], box.half[0])
     qy, fy = clamped(far[1], box.half[1])
@@ -119,19 +120,19 @@ def nearest_of_box(box, x, x_dot):
 
 
 class Cylinder(NamedTuple):
-    """A circular cylinder; without length it is a disk."""
+    """A circular cylinder; a disk if its length is 0."""
 
     centre: Vec3
     radius: float
     half: float
-    """half length [m]."""
+    """half the length [m]."""
     axis: Vec3
 
 
 @inline
 def about_axis(cylinder, x, x_dot):
-    """Of a point x that moves by x_dot: (place along the axis from the middle, its rate, distance
-    from the axis, unit vector away from it, its rate)."""
+    """Cylinder coordinates of a point x with velocity x_dot: (position along the axis from the
+    middle, its rate, distance from the axis, radial unit vector, its rate)."""
     far, e = sub(x, cylinder.centre), cylinder.axis
     along, along_dot = dot(far, e), dot(x_dot, e)
     across, across_dot = sub(far, scale(along, e)), sub(x_dot, scale(along_dot, e))
@@ -141,12 +142,12 @@ def about_axis(cylinder, x, x_dot):
 
 @nearest.register(Cylinder)
 def nearest_of_cylinder(cylinder, x, x_dot):
-    """The rim, an end or the round side, whichever is nearest; inside at a negative distance."""
+    """The nearest of the rim, an end and the round side; inside at a negative distance."""
     e = cylinder.axis
     along, along_dot, wide, out, out_dot = about_axis(cylinder, x, x_dot)
     beside, above = wide - cylinder.radius, abs(along) - cylinder.half
     up = e if along >= 0.0 else neg(e)
-    if beside > 0.0 and above >= 0.0:  # the rim; a disk in its own plane has it as well
+    if beside > 0.0 and above >= 0.0:  # the rim; a disk in its own plane has this case, too
         away = add(scale(beside, out), scale(above, up))
         swept = add(scale(dot(out, x_dot), out), scale(beside, out_dot))
         return direction(away, add(swept, scale(along_dot, e)), out)
@@ -154,34 +155,35 @@ def nearest_of_cylinder(cylinder, x, x_dot):
 
 
 class Rod(NamedTuple):
-    """A segment, without thickness."""
+    """A segment without thickness."""
 
     end: Vec3
     axis: Vec3
-    """from this end to the other."""
+    """unit vector from `end` to the other end."""
     length: float
 
 
 @nearest.register(Rod)
 def nearest_of_rod(rod, x, x_dot):
-    """The distance from the segment, which has no inside."""
+    """The distance from the segment, which has no interior."""
     away, away_dot = off_segment(sub(x, rod.end), x_dot, rod.axis, rod.length)
     spare, _ = perpendicular(rod.axis)
     return direction(away, away_dot, spare)
 
 
-# Two boxes: where their surfaces touch, corners on faces both ways and edge on edge.
+# Contact points of two boxes: corners on faces both ways, and edge on edge.
 #
 # The direction of least overlap (or of largest distance) among the normals of the six faces and the
-# nine products of edges is the normal of all points (separating axis theorem; Gottschalk 1996).  If
-# a face gives it, the opposite face of the other box is cut to the prism over it, and what is left
-# has up to eight corners: those of either box, and crossings of edges.
+# nine products of edges is the normal of all points (separating axis theorem; Gottschalk 1996). If
+# it is the normal of a face, the opposite face of the other box is clipped to the prism over that
+# face; the polygon that remains has up to eight corners: those of either box, and crossings of
+# edges.
 
 
 MOST_POINTS = 8
 FACE_FIRST = 1e-3
-"""Of the size of the smaller box, by which an edge has to be farther than the best face to count:
-nearly parallel edges lie in nearly the same place as the face, which has more points."""
+"""Separation, over the size of the smaller box, by which an edge pair must exceed the best face to
+be taken: nearly parallel edges lie close to the face, which has more contact points."""
 
 
 @inline
@@ -206,7 +208,7 @@ def reach_along(axes, half, n):
 
 @inline
 def best_face(axes, half, other_axes, other_half, d):
-    """(separation, axis, sign) of the face of the first box from which d leads farthest away."""
+    """(separation, axis, sign) of the face of the first box with the largest separation along d."""
     best, axis, sign = -1e300, 0, 1.0
     for i in range(3):
         along = dot(axes[i], d)
@@ -218,7 +220,8 @@ def best_face(axes, half, other_axes, other_half, d):
 
 @inline
 def best_edges(axes_A, half_A, axes_B, half_B, d):
-    """(separation, edge of A, edge of B, direction from A to B) of the best product of edges."""
+    """(separation, edge of A, edge of B, normal from A to B) of the edge pair with the largest
+    one."""
     best, first, second, normal = -1e300, -1, -1, (0.0, 0.0, 0.0)
     for i in range(3):
         for j in range(3):
@@ -244,7 +247,7 @@ def farthest(centre, axes, half, n):
 
 @inline
 def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart):
-    """The one point of two edges: on B's, nearest to A's; how many there are."""
+    """Write the contact point of two edges: the point of B's edge nearest to A's; returns 1."""
     p = farthest(c_A, axes_A, half_A, n)
     r = farthest(c_B, axes_B, half_B, scale(-1.0, n))
     e, f = axes_A[i], axes_B[j]
@@ -257,7 +260,7 @@ def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart
 
 @inline
 def cut(polygon, count, out, n, height):
-    """Cut a polygon (rows of points) to n . x <= height; how many corners are left."""
+    """Clip a polygon (rows of points) to n . x <= height; returns the number of corners."""
     kept = 0
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
@@ -276,9 +279,9 @@ def cut(polygon, count, out, n, height):
 
 @inline
 def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_I):
-    """Corners of the face of the other box (I) cut to the prism over a face of the first one.
+    """Corners of the other box's (I) face, clipped to the prism over a face of the first box.
 
-    points: rows (x, y, z, distance from that face); workspace: work space of two polygons.
+    points: rows (x, y, z, distance from that face) [m]; workspace: two polygons.
     """
     n = scale(sign, axes[axis])
     facing, side = 0, 1.0
@@ -311,9 +314,10 @@ def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_
 
 @inline
 def boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach):
-    """(how many points, normal from A to B) of two boxes; none where they are apart by `reach`.
+    """(number of contact points, normal from A to B) of two boxes; none beyond the distance
+    `reach`.
 
-    points: rows (x, y, z, gap), x on B's surface; c: centres, half: half edges.
+    points: rows (x, y, z, gap) with x on B's surface [m]; c: centres, half: half edge lengths.
     """
     d = sub(c_B, c_A)
     spheres = norm(half_A) + norm(half_B) + reach
@@ -345,7 +349,7 @@ def boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach)
 
 
 def box_points(q_A, c_A, half_A, q_B, c_B, half_B, reach):
-    """(points, normal) of two boxes, as arrays: what the tests look at."""
+    """(points, normal) of two boxes as arrays, for tests."""
     points, workspace = np.zeros((12, 4)), np.zeros((2, 12, 3))
     count, n = boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach)
     return points[:count].copy(), np.array(n)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim accuracy SCENE [--out DIR] [--target 1e-6]`: what accuracy costs on a scene."""
+"""`rb_sim accuracy SCENE [--out DIR] [--target 1e-6]`: error against CPU time of each method."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ from rb_sim.scene.load import load_scene
 def accuracy(
     scene: Path, out: Path | None = None, target: float | None = None, budget: float = 60.0
 ) -> int:
-    """Run the scene with every method, coarse to fine; print what each error costs.
+    """Run the scene with every method, coarse to fine; print the CPU time of each error.
 
-    scene: YAML file. out: folder for accuracy.json and accuracy.png, made if absent. target: global
-    error [rad, m] that is enough. budget: wall time of the runs [s]; compiling the methods for a
-    new kind of scene comes on top, once per machine.
-    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated, a value that
-    is not > 0 and a folder that cannot be written.
+    scene: YAML file. out: folder for accuracy.json and accuracy.png, created if absent. target:
+    required global error [rad, m]. budget: wall-clock time of the runs [s]; compiling the methods
+    for a new kind of scene adds to it once per machine.
+
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated, a value that is
+    not > 0, or a folder that cannot be written.
     """
     for name, value in (("target", target), ("budget", budget)):
         if value is not None and not value > 0.0:
@@ -56,7 +57,7 @@ def accuracy(
         )
     print_report(result, console, target)
     if out is not None:
-        from rb_sim.accuracy.accuracy_tables import save_picture  # matplotlib loads when it is used
+        from rb_sim.accuracy.accuracy_tables import save_picture  # imports matplotlib, when used
 
         try:
             out.mkdir(parents=True, exist_ok=True)
@@ -69,10 +70,11 @@ def accuracy(
 
 
 def of_statics(scene: Path, out: Path | None = None, target: float | None = None) -> int:
-    """Solve a statics scene; print how exact its reactions are and what they cost.
+    """Solve a statics scene; print the accuracy of its reactions and their CPU time.
 
-    out: folder for accuracy.json, made if absent. target: refused, as nothing moves.
-    Returns the exit code 0. Raises RbSimError for a scene that cannot be read and a folder that
+    out: folder for accuracy.json, created if absent. target: refused, as nothing moves.
+
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be read or a folder that
     cannot be written.
     """
     from rb_sim.statics import load_statics

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim analyze`: what a recorded bag tells, as table, JSON, CSV, Parquet and report."""
+"""`rb_sim analyze`: analysis of a recorded bag as table, JSON, CSV, Parquet and report."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 SHOWN = 100
-"""Sources, bodies and notes that the terminal shows at most."""
+"""Most sources, bodies and notes in the terminal."""
 ELSEWHERE = " (all with --json or --out DIR)"
 
 
 @dataclass(frozen=True)
 class AnalyzeOptions:
-    """What the command line says."""
+    """Arguments of `rb_sim analyze`."""
 
     bag: Path
     out: Path | None = None
@@ -41,7 +41,7 @@ class AnalyzeOptions:
 
 
 def analyze(options: AnalyzeOptions) -> int:
-    """Analyze, print, write; 0. Raises RbSimError."""
+    """Analyze a bag, print and write the results; returns 0. Raises RbSimError."""
     from rb_sim.bags.analysis.analysis_page import Aligned, write_report
     from rb_sim.bags.analysis.bodies import masses_of, scene_of
     from rb_sim.bags.analysis.recorded_run import analyze as read
@@ -103,7 +103,7 @@ def _print(summary: dict[str, Any]) -> None:
 
 
 def _body_lines(summary: dict[str, Any]) -> list[str]:
-    """What the poses of each body tell of the wrench on it, or why nothing."""
+    """Result of inverse dynamics for each body, or why there is none."""
     lines = []
     for name, body in summary["bodies"].items():
         if "apart" in body:
@@ -116,13 +116,13 @@ def _body_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _first(lines: Sequence[str], what: str) -> list[str]:
-    """The first of them, and how many more there are."""
+    """The first SHOWN lines, and the number of further ones."""
     more = len(lines) - SHOWN
     return [*lines[:SHOWN], *([f"and {more} more {what}{ELSEWHERE}"] if more > 0 else [])]
 
 
 def _columns(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Table:
-    """A table in which names may be folded, numbers never."""
+    """A table in which names are folded if necessary, numbers never."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -166,7 +166,7 @@ def _print_balance(summary: dict[str, Any]) -> None:
 
 
 def _doubt(row: dict[str, Any], unit: str) -> str:
-    """What the samples between which is integrated leave open, if it is not small, and noise."""
+    """Sampling error of an integral, if it is not small, and noise of the recording; else ""."""
     doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
     said = [f"sampling error {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
     said += [f"noise of the recording up to {noise:.2g} {unit}"] * (

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim compare`: a bag beside a bag, a scene or a CSV file."""
+"""`rb_sim compare`: comparison of a bag with another bag, a scene or a CSV file."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 TOO_FAR = 1
-"""Exit code where a difference is larger than allowed."""
+"""Exit code if a difference exceeds its bound."""
 
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """What the command line says."""
+    """Arguments of `rb_sim compare`."""
 
     a: Path
     b: str
     out: Path | None = None
     as_json: bool = False
     align: str | None = None
-    """one of ALIGN; None: see `differences`."""
+    """one of ALIGN; None: as `differences` decides."""
     match: tuple[str, ...] = ()
     wrench: tuple[str, ...] = ()
-    """as `recorded_by_others` takes them."""
+    """topics of applied wrenches, as `recorded_by_others` takes them."""
     bounds: dict[str, float] = field(default_factory=dict)
-    """largest difference allowed, by quantity."""
+    """largest allowed difference by quantity."""
     screenshot: Path | None = None
-    """where a picture of both motions is written."""
+    """file for a picture of both motions."""
 
 
 def compare(options: CompareOptions) -> int:
-    """Compare; 0, or TOO_FAR. Raises RbSimError."""
+    """Compare two motions; returns 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
     from rb_sim.cli.verbs.replay import warn
 
@@ -58,7 +58,7 @@ def compare(options: CompareOptions) -> int:
             raise RbSimError(f"--max-{name}: got {bound:g}; must be >= 0")
     a = first_tracks(options)
     b = other_tracks(options, a)
-    warn([*a.notes, *b.notes])  # first: they may say why nothing can be compared
+    warn([*a.notes, *b.notes])  # before errors, which they may explain
     found = differences(a, b, align=options.align, match=_pairs(options.match))
     report = summary(found, options.bounds)
     warn(found.notes)
@@ -83,11 +83,12 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
 
 
 BAGS, TEXTS = (".mcap", ".db3"), (".csv", ".txt", ".tum")
-"""Endings of bags, and of files of poses."""
+"""File suffixes of bags, and of files with poses."""
 
 
 def first_tracks(options: CompareOptions) -> Tracks:
-    """The motion in A; beside a scene also what the joint states of somebody else's bag say."""
+    """The motion of A; if OTHER is a scene, including the joint states of a bag not recorded by
+    rb_sim."""
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.scene.listing import find_scene, list_scenes
@@ -110,7 +111,7 @@ def first_tracks(options: CompareOptions) -> Tracks:
 
 
 def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
-    """The motion to lay beside A: of a CSV file, a bag, or a scene simulated."""
+    """The motion of OTHER: of a CSV file, a bag, or a simulated scene."""
     from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
 
     path = Path(options.b)
@@ -126,7 +127,7 @@ def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
 
 
 def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
-    """The scene simulated as A was: with its commands and its times."""
+    """The scene simulated with A's commands, duration and rate."""
     from rb_sim.bags.resim import resimulate
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.fit import refuse_wrench
@@ -150,7 +151,7 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
 
 
 def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
-    """The scene from the first pose of its bodies on, at the instants at which A saw them."""
+    """The scene simulated from the first pose of its bodies on, sampled at A's instants."""
     from rb_sim.bags.compare import shown_offset
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.checks.check_list import CheckedSamples
@@ -202,7 +203,7 @@ def _print(report: dict[str, Any]) -> None:
 
 
 def _clocks(report: dict[str, Any]) -> str:
-    """How the clocks of both were laid onto each other."""
+    """One line on the alignment of the two clocks."""
     from rb_sim.bags.compare import shown_offset
 
     if report["align"] == "none":
@@ -234,7 +235,8 @@ def _write(folder: Path, report: dict[str, Any], found: Differences, a: Tracks, 
 
 
 def _draw(picture: Path, found: Differences, a: Tracks, b: Tracks) -> None:
-    """Both motions as the viewer shows them. Raises SinkError, MissingExtraError."""
+    """Save a picture of both motions, as the viewer shows them. Raises SinkError,
+    MissingExtraError."""
     from rb_sim.bags.comparison_views import overlay
     from rb_sim.io.rerun.viewer import save_screenshot
 

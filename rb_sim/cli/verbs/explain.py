@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim explain SCENE [--out DIR]`: what a scene calls for and what each part costs per step."""
+"""`rb_sim explain SCENE [--out DIR]`: parts of a scene and the CPU time of each per step."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ NO_PRICE = "-"
 def explain(scene: Path, out: Path | None = None) -> int:
     """Print bodies, constraints, degrees of freedom, effects, method and measured costs.
 
-    scene: YAML file. out: folder for explain.json, made if absent.
-    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated and a folder
-    that cannot be written.
+    scene: YAML file. out: folder for explain.json, created if absent.
+
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated or a folder that
+    cannot be written.
     """
     described = load_scene(scene)
     console = Console(soft_wrap=False)
@@ -64,7 +65,7 @@ def explain(scene: Path, out: Path | None = None) -> int:
 
 
 def cost_of_run(scene: Scene) -> RunCost:
-    """CPU time of the scene's run, without and with its checks, once both are compiled."""
+    """CPU time [s] of the scene's run without and with accuracy checks, compilation excluded."""
     from rb_sim.simulation.simulation import Simulation
 
     simulation = Simulation(scene, announce=None)
@@ -80,11 +81,11 @@ def cost_of_run(scene: Scene) -> RunCost:
 
 
 OPENING = ("contact", "string")
-"""Types of constraints that act at times."""
+"""Types of constraints that may open and close."""
 
 
 def print_explanation(result: Explanation, console: Console) -> None:
-    """The parts of a scene and what each costs, as a table."""
+    """Print the parts of a scene and the cost of each as a table."""
     masses = ", ".join(f"{name} ({mass:g} kg)" for name, mass in result.bodies)
     console.print(Text.assemble((f"{result.scene}: ", "bold"), masses))
     if result.indeterminate:
@@ -119,17 +120,18 @@ def print_explanation(result: Explanation, console: Console) -> None:
 
 
 def at_start(result: Explanation) -> str:
-    """That contacts take degrees of freedom while they are closed alone, where there are any."""
+    """Note that the degrees of freedom count the initially closed contacts; empty without
+    contacts."""
     return " with the contacts of the start" if opening(result) else ""
 
 
 def opening(result: Explanation) -> int:
-    """Rows of what acts only while it is closed or taut."""
+    """Number of rows of constraints that may open."""
     return sum(entry.rows for entry in result.constraints if entry.type in OPENING)
 
 
 def rows_of(result: Explanation) -> str:
-    """Constraint rows; apart, those that there are only while a contact is closed."""
+    """Text of the number of constraint rows; those of closed contacts separately."""
     more = opening(result)
     rows = counted(result.rows - more, "constraint row")
     if not more:
@@ -140,12 +142,12 @@ def rows_of(result: Explanation) -> str:
 
 
 def counted(number: int, what: str, rest: str = "") -> str:
-    """1 degree of freedom, 2 degrees of freedom."""
+    """Number with a noun in singular or plural: 1 degree of freedom, 2 degrees of freedom."""
     return f"{number} {what}{'' if number == 1 else 's'} {rest}".rstrip()
 
 
 def notes(result: Explanation) -> list[str]:
-    """What else is to be said of the figures."""
+    """Lines that explain the figures: unmeasured costs, range of the measurement, events."""
     lines = []
     items = (*result.constraints, *result.effects)
     lines += [

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim fit`: the numbers of a scene that make it follow a recording."""
+"""`rb_sim fit`: fit of scene parameters to a recorded motion."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# What a fit leaves: residuals over time, for each body.
+# Picture of the residuals of a fit over time, for each body.
 
 
 def picture(found: Fitted, path: Path) -> None:
-    """Write residuals of position and attitude, with the noise that was found as a band."""
+    """Write a picture of the residuals of position and attitude, with the estimated noise as a
+    band."""
     from matplotlib.figure import Figure
 
     n = len(found.residuals)
@@ -55,7 +56,7 @@ def picture(found: Fitted, path: Path) -> None:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What the command line says."""
+    """Arguments of `rb_sim fit`."""
 
     bag: Path
     free: str
@@ -63,13 +64,13 @@ class FitOptions:
     out: Path | None = None
     match: tuple[str, ...] = ()
     wrench: tuple[str, ...] = ()
-    """as `recorded_by_others` takes them."""
+    """topics of applied wrenches, as `recorded_by_others` takes them."""
     noise: tuple[float, float] | None = None
     as_json: bool = False
 
 
 def fit(options: FitOptions) -> int:
-    """Fit, print, write; 0. Raises RbSimError."""
+    """Fit, print and write the results; returns 0. Raises RbSimError."""
     from rb_sim.cli.summary import finite
     from rb_sim.cli.verbs.replay import warn
 
@@ -90,7 +91,7 @@ def fit(options: FitOptions) -> int:
 
 
 def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
-    """The scene to fit, its YAML data, and the recorded motion that it is to follow."""
+    """(scene to fit, its YAML data, recorded motion). Raises RbSimError."""
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.replay import note, warn
@@ -130,7 +131,7 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
 
 
 def refuse_wrench(wrench: Sequence[str]) -> None:
-    """Raises RbSimError if the commands of a bag of rb_sim are named."""
+    """Raise RbSimError if a wrench topic is given for a bag recorded by rb_sim."""
     if wrench:
         raise RbSimError(
             f"--wrench {wrench[0]}: only for bags not recorded by rb_sim; this one contains its "

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim hard-cases`: run the catalogue of hard cases and say what holds, and by how much."""
+"""`rb_sim hard-cases`: run the catalogue of hard cases and print the margin of each bound."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FOLDER = "hard_cases"
 
 
 def shipped() -> Path:
-    """Folder of the cases that come with rb_sim. Raises RbSimError if it is not there."""
+    """Folder of the shipped hard cases. Raises RbSimError if it is not installed."""
     from rb_sim.scene.listing import scene_folders
 
     for folder in scene_folders():
@@ -41,9 +41,10 @@ def hard_cases(
     quick: bool,
     beside: Callable[[Case, Sequence[Row]], list[PeerRow]] | None = None,
 ) -> int:
-    """Run the cases, print a row each; 1 if one fails. Raises RbSimError for bad cases.
+    """Run the cases and print one row each; returns 1 if one fails. Raises RbSimError for bad
+    cases.
 
-    beside: gives rows of other engines for a case and its rows; they fail nothing.
+    beside: returns rows of other engines for a case and its rows; they do not affect the exit code.
     """
     from rb_sim.sweeps.hard_cases import FAILS, load_cases, rows_of, write
 
@@ -80,7 +81,7 @@ def hard_cases(
 
 
 def row_text(row: Row) -> str:
-    """The row as it is printed."""
+    """Text of one printed row."""
     from rb_sim.sweeps.hard_cases import number
 
     return line(
@@ -90,6 +91,6 @@ def row_text(row: Row) -> str:
 
 
 def line(*cells: str) -> str:
-    """Cells in columns."""
+    """Cells in columns of fixed width."""
     widths = (24, 14, 9, 9, 8, 8, 8, 8, 7)
     return " ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim info`: what is in a bag, as a table or as JSON."""
+"""`rb_sim info`: contents of a bag as a table or as JSON."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from rb_sim.base.names import first_few
 from rb_sim.io.messages.topic_names import CONTACT_EVENTS, RESETS, STATE_COMMAND
 
 DAMAGED = 1
-"""Exit code for a bag that is not whole."""
+"""Exit code for a damaged or unfinished bag."""
 WHEN_IT_HAPPENS = (CONTACT_EVENTS, RESETS, STATE_COMMAND)
-"""Ends of topics that have no rate: gaps between their messages mean nothing."""
+"""Last parts of event topics: they have no rate, and gaps between their messages mean nothing."""
 SHOWN = 5
-"""Resets and gaps in the table; --json has more."""
+"""Most resets and gaps in the table; --json has all."""
 
 
 def info(bag: Path, as_json: bool = False) -> int:
-    """Print what is in a bag; 0, or DAMAGED if it is not whole. Raises SinkError for no bag."""
+    """Print the contents of a bag; returns 0, or DAMAGED. Raises SinkError if it is not a bag."""
     from rb_sim.bags.info import info as read
 
     found = read(bag)
@@ -64,7 +64,7 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def lines(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of each line of the table."""
+    """(label, text) of each row of the table."""
     files = f" in {found['files']} files" if found["files"] > 1 else ""
     size = f"{found['size'] / 1e6:.3g} MB{files}"
     rows = [("bag", f"{found['path']}: {found['messages']} messages, {size}")]

@@ -27,17 +27,17 @@ from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation, check_smooth
 
 WIDEST = 8
-"""Columns of a matrix that is printed."""
+"""Most columns of a printed matrix."""
 
 TALLEST = 60
-"""Rows of it."""
+"""Most rows of a printed matrix."""
 
 
 LATER = 0.01
-"""When the motion is looked at again, in times of the fastest mode."""
+"""Time after which the model is computed again, in times of the fastest mode."""
 
 STEADY = 1e-6
-"""Change of A until then, relative to A, up to which the motion counts as steady."""
+"""Change of A over LATER, relative to A, up to which the motion counts as steady."""
 
 
 def linearize(
@@ -50,15 +50,14 @@ def linearize(
 ) -> int:
     """Print A, B, C, D and the modes of the linear model at `at` [s], or all of it as JSON.
 
-    With `out` also write linear_model.npz, poles.png and, of a model with inputs, bode.png.
-
-    Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, an instant
-    below 0 and a folder that cannot be written, SimulationError where the motion ends before `at`.
+    With `out` also write linear_model.npz, poles.png and, for a model with inputs, bode.png.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, a negative
+    `at` or a folder that cannot be written; SimulationError if the motion ends before `at`.
     """
     if not at >= 0.0:
         raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
     simulation = Simulation(load_scene(scene))
-    check_smooth(simulation.layout)  # before anything of contacts is compiled
+    check_smooth(simulation.layout)  # before contacts are compiled
     simulation.advance(at)
     model = simulation.linearize(axes, turning)
     console = plain_console(soft_wrap=False)
@@ -75,8 +74,9 @@ def linearize(
 
 
 def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[Path]:
-    """Write linear_model.npz and poles.png, and bode.png if the model has inputs that move it."""
-    from rb_sim.linear import state_space as picture  # matplotlib loads when it is used
+    """Write linear_model.npz, poles.png and, for a model with effective inputs, bode.png; returns
+    paths."""
+    from rb_sim.linear import state_space as picture  # imports matplotlib, when used
 
     path = folder / "linear_model.npz"
     written = [path]
@@ -96,7 +96,7 @@ def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[
 
 
 def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float) -> bool:
-    """Whether the linear model is the same a little later on the motion; the simulation goes on."""
+    """Whether the linear model is constant along the motion; advances the simulation."""
     if not model.fastest > 0.0:
         return True
     simulation.advance(LATER / model.fastest)
@@ -105,7 +105,7 @@ def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float
 
 
 def print_model(name: str, model: LinearModel, console: Console, is_steady: bool = True) -> None:
-    """States, inputs and the table of modes."""
+    """Print states, inputs, matrices and the table of modes."""
     console.print(f"{name} at t = {model.t:g} s", style="bold", markup=False)
     console.print(f"states   {', '.join(model.states) or 'none'}", markup=False)
     inputs = ", ".join(model.inputs) or "none (effect commanded_wrench makes some)"
@@ -130,7 +130,7 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
             )
         ]
         note = "grows" if grows and is_steady else ""
-        # what stays where it is put has no damping
+        # NaN: a mode at zero has no damping
         cells = ("" if isnan(x) else f"{x:.6g}" for x in figures)
         table.add_row(*cells, mode.state, note)
     console.print(table)
@@ -143,7 +143,7 @@ def print_model(name: str, model: LinearModel, console: Console, is_steady: bool
 
 
 def print_matrices(model: LinearModel, console: Console) -> None:
-    """A, B, C, D, a row a line, unless they are too wide to be read: then --json has them."""
+    """Print A, B, C, D, one line per row; a matrix that is too large only with its size."""
     for name, rows in (("A", "states"), ("B", "states"), ("C", "outputs"), ("D", "outputs")):
         matrix, labels = getattr(model, name), getattr(model, rows)
         if not matrix.size:

@@ -7,7 +7,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim replay`, `show` and `recover`: what was recorded, to look at again, as HTML too."""
+"""`rb_sim replay`, `show` and `recover`: display recorded runs in the viewer or as HTML; repair
+bags."""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 
 
 MOST_RATE = 1e4
-"""Of playing, in simulated seconds per second, as for the node."""
+"""Largest playback rate, in simulated seconds per second, as for the node."""
 
 
 def replay(
@@ -56,13 +57,15 @@ def replay(
     video: Path | None = None,
     scene: str | None = None,
 ) -> None:
-    """Show a recorded bag in the Rerun viewer, or save it as .rrd, as a picture, as a film.
+    """Show a bag in the Rerun viewer, or save it as .rrd, picture or film.
 
-    bag: directory or file that rb_sim recorded, or anybody's with poses in it, of which frames and
-    trails are drawn. scene: whose bodies the joint states of somebody else's bag place.
-    Raises SinkError: no such bag, unfinished, no pose in it, wrong ending, nothing to draw with,
-    a scene beside that of the bag;
-    MissingExtraError without rerun-sdk.
+    bag: folder or file, recorded by rb_sim or any other bag with poses (shown as frames with
+    trails). scene: scene whose bodies are placed by the joint states of a bag not recorded by
+    rb_sim.
+
+    Raises SinkError for a missing or unfinished bag, one without poses, a wrong file suffix,
+    nothing to draw with, or `scene` for a bag recorded by rb_sim; MissingExtraError without
+    rerun-sdk.
     """
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.io.rerun.viewer import save_screenshot, show
@@ -73,7 +76,7 @@ def replay(
     if video is not None:
         from rb_sim.io.rerun.viewer import find_ffmpeg
 
-        find_ffmpeg()  # said before the work begins
+        find_ffmpeg()  # fails before the work begins
     reader = reader_of(bag)
     if reader is not None and scene is not None:
         raise SinkError(f"--scene: {bag} was recorded by rb_sim and has its own scene")
@@ -97,8 +100,10 @@ def replay(
 
 @contextlib.contextmanager
 def _whole_or_none(path: Path) -> Iterator[None]:
-    """Removes what was written of a file that comes to no end, by Ctrl-C, too: half a recording
-    would pass for a whole one. What was there and is untouched stays."""
+    """Context that deletes an unfinished file after an exception, Ctrl-C included.
+
+    A file that was there before and is untouched stays.
+    """
     before = _changed(path)
     try:
         yield
@@ -110,7 +115,7 @@ def _whole_or_none(path: Path) -> Iterator[None]:
 
 
 def _changed(path: Path) -> int | None:
-    """When a file was last written to [ns]; None where there is none."""
+    """Time of the last change of a file [ns]; None if it does not exist."""
     try:
         return path.stat().st_mtime_ns
     except OSError:
@@ -118,7 +123,8 @@ def _changed(path: Path) -> int | None:
 
 
 def _others(bag: Path, scene: str | None) -> Callable[..., float]:
-    """What writes the motion in a bag of somebody else as a recording, as `convert` does."""
+    """Function that writes the motion of a bag not recorded by rb_sim to a recording, as
+    `convert`."""
     from rb_sim.bags.comparison_views import drawn, motion_of
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.scene.listing import find_scene
@@ -133,7 +139,7 @@ def _others(bag: Path, scene: str | None) -> Callable[..., float]:
 
 
 def _film(draw: Callable[..., float], recording: Path, video: Path) -> None:
-    """The 3D view alone, as a film; says how fast it is played."""
+    """Save the 3D view as a film; prints its playback speed."""
     from rb_sim.io.rerun.viewer import save_video
 
     span = draw(recording, motion_only=True)
@@ -145,14 +151,14 @@ def _film(draw: Callable[..., float], recording: Path, video: Path) -> None:
 
 @dataclass(frozen=True)
 class PlayOptions:
-    """What the command line says of `--publish`; None: not given."""
+    """Options of `replay --publish`; None: not given."""
 
     rate: float | None = None
     loop: bool = False
     start: float | None = None
 
     def refuse(self) -> None:
-        """Raise RbSimError if one of them was given without `--publish`."""
+        """Raise RbSimError if an option was given without `--publish`."""
         given = {"--rate": self.rate is not None, "--loop": self.loop,
                  "--start": self.start is not None}  # fmt: skip
         for name, there in given.items():
@@ -161,9 +167,10 @@ class PlayOptions:
 
 
 def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
-    """Play a recorded bag over DDS; 0. alone: no file is to be written beside.
+    """Play a recorded bag over DDS; returns 0. alone: no option for a file was given.
 
-    Raises RbSimError: bad options, no rclpy, no such bag, not of rb_sim, nothing to play.
+    Raises RbSimError for bad options, without rclpy, for a missing bag or one not recorded by
+    rb_sim, or if there is nothing to play.
     """
     if not alone:
         raise RbSimError("--publish: not with --save, --screenshot, --video or --scene")
@@ -189,7 +196,7 @@ def play(bag: Path, options: PlayOptions, *, alone: bool = True) -> int:
 
 
 def recover(bag: Path, directory: Path | None = None) -> None:
-    """Make a readable bag of one that was never finished, beside it or in `directory`.
+    """Make a readable bag from an unfinished one, beside it or in `directory`.
 
     Raises SinkError as `recover_bag` does.
     """
@@ -205,19 +212,20 @@ def recover(bag: Path, directory: Path | None = None) -> None:
 
 
 def warn(lines: Iterable[str]) -> None:
-    """Say what is missing in a bag."""
+    """Print warnings on standard error."""
     for line in lines:
         print(f"warning: {line}", file=sys.stderr, flush=True)
 
 
 def note(lines: Iterable[str]) -> None:
-    """Say how something was read."""
+    """Print notes on standard error."""
     for line in lines:
         print(f"note: {line}", file=sys.stderr, flush=True)
 
 
 def _drawn(reader: BagReader) -> Scene:
-    """The scene, with its joints; of one that this version cannot read what the bag has of it."""
+    """The scene with its joints; if this version cannot read it, the bag's own description of
+    it."""
     from rb_sim.io.bag.reader import scene_as_run
 
     try:
@@ -227,9 +235,9 @@ def _drawn(reader: BagReader) -> Scene:
 
 
 def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) -> float:
-    """Write the samples of a bag as a recording for the viewer (.rrd); its span [s].
+    """Write the samples of a bag to a recording for the viewer (.rrd); returns its span [s].
 
-    motion_only: lay out nothing but the 3D view. Raises SinkError.
+    motion_only: lay out the 3D view only. Raises SinkError.
     """
     from rb_sim.io.rerun.rerun_sink import RerunSink
     from rb_sim.io.sink import Timeline
@@ -249,8 +257,9 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
 def show(source: str, save: Path | None = None, *, browse: bool = False) -> None:
     """Write a page (.html) that shows a run in 3D: of an output folder, any bag, or a scene.
 
-    save: where to; None: show.html in the output folder, else NAME.html here. browse: open it.
-    A scene is simulated; a bag of somebody else has poses only. Raises RbSimError.
+    save: path of the page; None: show.html in the output folder, else NAME.html in the current one.
+    browse: open the page in the web browser. A scene is simulated; a bag not recorded by rb_sim has
+    poses only. Raises RbSimError.
     """
     from rb_sim.io.motion_page import save as write_page
 
@@ -285,13 +294,13 @@ def _page_of_scene(source: str) -> dict[str, Any]:
         warnings.catch_warnings(),
         progress_bar(simulation.scene.simulation.duration, False) as show,
     ):
-        warnings.simplefilter("ignore", AccuracyWarning)  # they stand on the page
+        warnings.simplefilter("ignore", AccuracyWarning)  # the page lists them
         run = simulation.run(progress=lambda t, end: show(t))
     return page_of_run(run, _facts(run, {}), [f"warning: {f}" for f in run.findings])
 
 
 def _page_of_bag(bag: Path) -> dict[str, Any]:
-    """Of a bag that was never finished, what can be read of it."""
+    """Data of the page of a bag; from an unfinished bag all readable samples."""
     from rb_sim.io.bag.folder import is_complete
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.trajectory.trajectory import recorded
@@ -320,7 +329,7 @@ def _page_of_others(bag: Path) -> dict[str, Any]:
 def _facts(
     run: Trajectory, summary: Mapping[str, Any], record: Mapping[str, str] | None = None
 ) -> list[tuple[str, str]]:
-    """What the page tells of a run: method, error, balances, versions."""
+    """Rows of the page about a run: method, error, balances, versions."""
     first, last = float(run.t[0]), float(run.t[-1])
     rows = [("method", run.method), ("simulated", f"{last - first:.6g} s")]
     if summary.get("outcome") not in (None, "finished"):
@@ -338,16 +347,15 @@ def _facts(
 
 
 AXES = 0.12
-"""Length of the axes of a pose, in sizes of the motion."""
+"""Length of the axes of a pose, relative to the size of the motion."""
 SMALLEST = 0.1
-"""Size of a motion [m], at least: of a body that only turns."""
+"""Least size of a motion [m], as for a body that only rotates."""
 
 
 def page_of_tracks(
     tracks: Tracks, title: str, facts: Sequence[tuple[str, str]], warnings: Sequence[str]
 ) -> dict[str, Any]:
-    """The data of the page, at instants that all poses have in common; between messages on straight
-    lines."""
+    """Data of the page of tracks, at instants common to all poses; linear between messages."""
     names = drawn(tracks)
     shown = [tracks.bodies[name] for name in names]
     t, left_out = _instants(shown)
@@ -407,7 +415,7 @@ def page_of_tracks(
 
 
 def _instants(tracks: list[Track]) -> tuple[np.ndarray, str]:
-    """Those of all poses, as many as a page has room for; what is left out, in words."""
+    """(instants of all poses, as many as fit on a page; text on the omitted ones)."""
     every = np.unique(np.concatenate([track.t for track in tracks]))
     rows = spread(len(every), 28.0 * len(tracks))
     if len(rows) == len(every):
@@ -419,17 +427,17 @@ def _largest(vectors: list[np.ndarray]) -> float:
     return max((float(np.nanmax(np.abs(v), initial=0.0)) for v in vectors), default=0.0)
 
 
-# A run: its samples with applied wrenches, and the closed form beside them.
+# Page of a run: its samples with applied wrenches, and the closed form for comparison.
 
 
 GIVEN = ("wrench", "wrench_table")
-"""Effects that are applied from outside; `commanded_wrench` is among the samples."""
+"""Types of effects that are applied from outside; `commanded_wrench` is among the samples."""
 
 
 def page_of_run(
     run: Trajectory, facts: Sequence[tuple[str, str]], warnings: Sequence[str]
 ) -> dict[str, Any]:
-    """The data of the page of a run. facts: rows of its table; warnings: lines above the view.
+    """Data of the page of a run. facts: rows of its table; warnings: lines above the view.
 
     Raises RbSimError for a run without samples or without a scene.
     """
@@ -445,18 +453,18 @@ def page_of_run(
 
 
 def _closed_form(run: Trajectory, kept: SampleBlock) -> Lawful | None:
-    """The exact motion, of a run without commands and resets whose scene has one."""
+    """The closed form of the motion; None if unknown, or for a run with commands or resets."""
     if run.block.inputs or not isinstance(run.scene, Scene):
         return None
     try:
         found = exact_samples(run.scene, kept.t)
-    except RbSimError:  # of another version of the program, say
+    except RbSimError:  # e.g. of another version of the program
         return None
     return None if found is None else Lawful(*found)
 
 
 def _applied(record: Record) -> list[Applied]:
-    """The wrenches of effects but for the commanded ones, at the samples of the page."""
+    """Wrenches of all effects except commanded ones, at the samples of the page."""
     if not isinstance(record.scene, Scene) or len(record.layout.bodies) > FEW_BODIES:
         return []
     effects = {n: e for n, e in record.scene.effects.items() if e.type != "commanded_wrench"}

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim resim`: a recorded run once more; the same, or what if."""
+"""`rb_sim resim`: simulate a recorded run again, unchanged or with changes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
 
 DIFFERENT = 1
-"""Exit code where the same run did not give the same samples."""
+"""Exit code if an unchanged run gives other samples."""
 
 
 @dataclass(frozen=True)
 class ResimOptions:
-    """What the command line says; whatever is given asks "what if"."""
+    """Arguments of `rb_sim resim`; scene, changes, method, step and tolerance change the run."""
 
     bag: Path
     out: Path | None = None
@@ -43,12 +43,13 @@ class ResimOptions:
 
     @property
     def what_if(self) -> bool:
-        """True if something is to differ from the recorded run."""
+        """True if the run shall differ from the recorded one."""
         return bool(self.scene or self.changes or self.method or self.step or self.tolerance)
 
 
 def resim(options: ResimOptions) -> int:
-    """Simulate again; 0, or DIFFERENT where nothing was changed and yet the samples differ.
+    """Simulate a recorded run again; returns 0, or DIFFERENT if an unchanged run gives other
+    samples.
 
     Raises RbSimError.
     """
@@ -108,7 +109,7 @@ def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:
 
 
 def identity_lines(found: Identity, other: dict[str, Any]) -> list[str]:
-    """What the comparison showed. other: versions and host that are not those of the recording."""
+    """Lines on the result of the comparison. other: versions and host that have changed."""
     lines = [f"{found.identical} of {found.samples} samples are identical"]
     names = ("only recorded", "only simulated again")
     lines += [f"{n} samples {name}" for n, name in zip(found.only_in, names, strict=True) if n]

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim run`: integrate a scene, log it, and say what the run showed."""
+"""`rb_sim run`: integrate a scene, log it, and print a summary."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
     from rb_sim.simulation.simulation import Simulation
 
 
-# What the command line says of a run: its options, checked, and the scene with them in place.
+# Options of a run, and the scene with these options applied.
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What the command line says. None: the scene's own value, or the default."""
+    """Arguments of `rb_sim run`. None: the scene's own value, or the default."""
 
     scene: str
     out: Path | None = None
@@ -69,16 +69,17 @@ class RunOptions:
     strict: bool = False
     certify: bool = False
     check: bool | None = None
-    """whether a second run is made of all of it; None: unless it takes long (checks/second_run)."""
+    """whether the global error is measured by a second run; None: only if that is quick
+    (checks/second_run)."""
     max_wall: float | None = None
     changes: tuple[str, ...] = ()
-    """KEY=VALUE in place of values of the scene."""
+    """KEY=VALUE changes of the scene."""
     split_size: int | None = None
     split_duration: float | None = None
 
 
 def given(options: RunOptions) -> dict[str, Any]:
-    """What the command line puts in place of the scene's own values."""
+    """Values of the scene that command-line options override."""
     from rb_sim.scene.load import OVERRIDES
 
     values = {name: getattr(options, name) for name in OVERRIDES}
@@ -86,7 +87,7 @@ def given(options: RunOptions) -> dict[str, Any]:
 
 
 def splitting(options: RunOptions) -> dict[str, Any]:
-    """Where the bag is split, for BagSink. Raises RbSimError."""
+    """Size [bytes] and duration [s] at which BagSink splits the bag. Raises RbSimError."""
     from rb_sim.io.bag.bag_sink import LEAST_SPLIT
 
     size, duration = options.split_size, options.split_duration
@@ -98,7 +99,7 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 
 
 def scene_of(options: RunOptions) -> Scene:
-    """The scene with the options in place of its own values; SceneError, RbSimError."""
+    """The scene with the options applied. Raises SceneError, RbSimError."""
     from rb_sim.cli.verbs.scenes import scene_to_run
     from rb_sim.io.bag.reader import with_value
     from rb_sim.scene import yaml_reader
@@ -107,7 +108,7 @@ def scene_of(options: RunOptions) -> Scene:
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
         with warnings.catch_warnings():
-            if options.changes:  # those of the scene as it is run are enough
+            if options.changes:  # the changed scene warns itself
                 warnings.simplefilter("ignore", SceneWarning)
             scene = scene_to_run(options.scene, overrides)
         if not options.changes:
@@ -124,7 +125,8 @@ def scene_of(options: RunOptions) -> Scene:
 
 
 def check_accelerations(options: RunOptions, scene: Scene) -> None:
-    """Refuse accelerations that nothing would hold, or that a method has none of; RbSimError."""
+    """Refuse --accelerations without an output for them, or with time stepping. Raises
+    RbSimError."""
     if not options.accelerations:
         return
     written = options.out is not None and (options.plots or options.bag)
@@ -135,7 +137,7 @@ def check_accelerations(options: RunOptions, scene: Scene) -> None:
 
 
 def check_npz(path: Path | None) -> None:
-    """Refuse a name that numpy would change; make its folder. Raises RbSimError."""
+    """Refuse a file name that numpy would change; create the folder. Raises RbSimError."""
     if path is None:
         return
     if path.suffix != ".npz":
@@ -146,12 +148,13 @@ def check_npz(path: Path | None) -> None:
         raise RbSimError(f"--npz {path}: cannot make its folder: {error.strerror}") from None
 
 
-# How far a run has come, as a bar in the terminal.
+# Progress bar of the simulated time in the terminal.
 
 
 @contextmanager
 def progress_bar(end: float, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, if that is a terminal; gives what to tell the simulated time."""
+    """Progress bar on standard error, if that is a terminal; yields a function of the simulated
+    time [s]."""
     if quiet or not sys.stderr.isatty():
         yield lambda t: None
         return
@@ -176,26 +179,27 @@ def progress_bar(end: float, quiet: bool) -> Iterator[Callable[[float], None]]:
 
 
 FAILED = 1
-"""Exit code of a simulation that could not go on and of a log that is not complete."""
+"""Exit code for a failed simulation or an incomplete log."""
 
 INACCURATE = 3
-"""Exit code with --strict of a run to its end in which a check saw accuracy lost."""
+"""Exit code with --strict of a completed run that failed an accuracy check."""
 
 
 def run(options: RunOptions) -> int:
-    """Run a scene; the exit code: 0, 1 (see FAILED), 130 after SIGINT, 143 after SIGTERM.
+    """Run a scene; returns the exit code: 0, 1 (FAILED), 3 (INACCURATE), 130 after SIGINT, 143
+    after SIGTERM.
 
-    Raises RbSimError for a scene, an option or an output folder that will not do.
+    Raises RbSimError for an invalid scene, option or output folder.
     """
     import numpy as np
 
-    # a run that blows up has samples near the largest number before it ends with an error
+    # a diverging run has samples near the largest double before it ends with an error
     with Interruption() as interruption, np.errstate(all="ignore"):
         return _Run(options, interruption).run()
 
 
 class _Run:
-    """One run: what its steps share."""
+    """State of one run, shared by its phases."""
 
     def __init__(self, options: RunOptions, interruption: Interruption) -> None:
         self.options, self.interruption = options, interruption
@@ -203,7 +207,7 @@ class _Run:
         self.kept: list[SampleBlock] = []
         self.failure = ""
         self.advised = False
-        """whether the failure names a step that would do, or says that none does."""
+        """whether the failure message already suggests a step, or states that none passes."""
 
     def run(self) -> int:
         from rb_sim.checks.check_list import CheckList
@@ -248,7 +252,7 @@ class _Run:
                 raise
 
     def _integrate(self, simulation: Simulation, check_list: CheckList) -> Clocks:
-        """Step, sample and log until the end, a signal or a failure."""
+        """Step, sample and log until the end, a signal or a failure; returns the times."""
         from rb_sim.checks.check import effort_of
         from rb_sim.checks.step_search import forecast_for
         from rb_sim.cli.summary import Clocks
@@ -290,7 +294,7 @@ class _Run:
             self.kept.append(block)
 
     def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
-        """Close the logs, say what the run showed; the exit code."""
+        """Close the logs and print the summary; returns the exit code."""
         from rb_sim.checks.step_search import quiet_step
         from rb_sim.cli.summary import print_summary, summarize
 
@@ -315,7 +319,7 @@ class _Run:
         return self._exit_code(check_list, complete)
 
     def _close(self, summary: dict[str, Any]) -> None:
-        """Finish the logs; plots, which take seconds, are left out where somebody wants an end."""
+        """Finish the logs; plots, which take seconds, are skipped after a signal."""
         for name, output in self.outputs.items():
             if name != "plots":
                 output.close(summary)
@@ -328,18 +332,18 @@ class _Run:
                 output.leave_out(f"not drawn after {self.interruption.cause.name}")
 
     def _undisturbed(self) -> bool:
-        """Whether no signal has come."""
+        """True if no signal was received."""
         return self.interruption.cause is None
 
     def _look(self) -> None:
-        """Raise WatchEndedError where a signal has come."""
+        """Raise WatchEndedError if a signal was received."""
         from rb_sim.motion.motion import WatchEndedError
 
         if self.interruption.cause is not None:
             raise WatchEndedError
 
     def _certified(self, simulation: Simulation) -> dict[str, Any] | None:
-        """The certificate of the run; None where a signal broke it off."""
+        """The certificate of the run; None if a signal interrupted it."""
         from rb_sim.accuracy.certify import certify
         from rb_sim.motion.motion import WatchEndedError
 
@@ -350,7 +354,7 @@ class _Run:
             return None
 
     def _exit_code(self, check_list: CheckList, complete: bool) -> int:
-        """Say what the checks found, and how the run ended if it did not run to its end."""
+        """Print findings of the checks and the reason of an early end; returns the exit code."""
         where = f"; the samples up to then are in {self.options.out}" if self.options.out else ""
         for finding in check_list.findings:
             _say(f"warning: {finding.seen if self.advised else finding}")
@@ -365,7 +369,7 @@ class _Run:
         return INACCURATE if self.options.strict and check_list.findings else 0
 
     def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
-        """summary.json and the .npz; whether both could be written."""
+        """Write summary.json and the .npz file; returns whether both succeeded."""
         from rb_sim.cli.summary import write_json
 
         complete = True
@@ -404,12 +408,12 @@ class _Run:
 
 
 def simulated(summary: dict[str, Any]) -> bool:
-    """Whether the run came beyond its start."""
+    """Whether the run advanced beyond its start."""
     return summary["simulated"] > 0.0
 
 
 def _write(path: Path, write: Callable[[], None]) -> bool:
-    """Whether the file could be written; if not, why is said."""
+    """Write a file; returns whether it succeeded, else prints a warning."""
     try:
         write()
     except OSError as error:
@@ -431,4 +435,4 @@ def _say(line: str) -> None:
 
 
 def _quiet(line: str) -> None:
-    """Says nothing."""
+    """Print nothing."""

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim scenes`, `warm` and `layout`: what is done with scenes but run them."""
+"""`rb_sim scenes`, `warm` and `layout`: list scenes, compile them in advance, write layouts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# `rb_sim warm`: compile ahead, so that a first start is as quick as a second one.
+# `rb_sim warm`: compile in advance, so that a first run starts as fast as a second one.
 
 
 def warm(names: list[str], method: str | None = None) -> int:
-    """Compile the scenes given (files or names), or all shipped ones, into the cache.
+    """Compile the given scenes (files or names), or all shipped ones, into the cache.
 
-    method: instead of the scenes' own. A scene that does not load is said and the others go on;
-    returns 1 then. Raises RbSimError if a scene given does not exist.
+    method: replaces the scenes' own. A scene that cannot be loaded is reported, the others are
+    compiled; the exit code is 1 then. Raises RbSimError if a given scene does not exist.
     """
     from rb_sim.scene.listing import find_scene, list_scenes
     from rb_sim.scene.load import load_scene
@@ -59,13 +59,13 @@ def warm(names: list[str], method: str | None = None) -> int:
     return 1 if failed else 0
 
 
-# `rb_sim layout`: how other programs are to show the topics of a scene.
+# `rb_sim layout`: layouts of other programs for the topics of a scene.
 
 
 def layout(name: str, out: Path | None = None) -> int:
-    """Write the layouts of a scene for Foxglove, RViz and PlotJuggler into `out`, or here.
+    """Write layouts of a scene for Foxglove, RViz and PlotJuggler into `out` or the current folder.
 
-    Raises SceneError, RbSimError for a folder that cannot be written.
+    Raises SceneError; RbSimError for a folder that cannot be written.
     """
     from rb_sim.io.layouts import foxglove, plotjuggler, rviz, shown
     from rb_sim.scene.compile import compile_scene
@@ -91,9 +91,9 @@ def layout(name: str, out: Path | None = None) -> int:
 
 
 def scenes(folder: Path | None = None, statics: bool = False) -> int:
-    """List the shipped scenes, or those of a folder. Raises RbSimError if there are none.
+    """Print the shipped scenes, or those of a folder. Raises RbSimError if there are none.
 
-    statics: list the shipped scenes for `rb_sim statics`.
+    statics: the shipped scenes for `rb_sim statics`.
     """
     from rb_sim.scene.listing import list_scenes, statics_folder
 
@@ -108,11 +108,12 @@ def scenes(folder: Path | None = None, statics: bool = False) -> int:
 
 
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
-    """The scene of a file, of a shipped name, or in a bag that rb_sim recorded.
+    """The scene of a file, of a shipped name, or in a bag recorded by rb_sim.
 
-    A bag's runs as it was recorded (method, step, duration), with `overrides` in their place where
-    they are not None; commands that were recorded are not given again.
-    Raises SceneError, with the key override.NAME for an override that will not do; SinkError.
+    A bag's scene runs as recorded (method, step, duration) unless an entry of `overrides` that is
+    not None replaces a value; recorded commands are not applied.
+
+    Raises SceneError, with the key override.NAME for an invalid override; SinkError.
     """
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene, scene_from_mapping
@@ -139,7 +140,7 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
 
 
 def _holds_bag(path: Path) -> bool:
-    if not path.is_dir():  # then nobody waits for the library of bags to be loaded
+    if not path.is_dir():  # the library of bags need not be loaded then
         return False
     from rb_sim.io.bag.folder import holds_bag
 

@@ -20,19 +20,18 @@ from rb_sim.statics.statics_tables import print_report, write_json
 
 
 def statics(scene: Path, out: Path | None = None) -> int:
-    """Solve a scene at its initial pose; print the table.
+    """Solve a scene at its initial pose and print the reactions.
 
-    With `out` also write statics.json and statics.png.
-
-    Returns the exit code: 0 where the bodies can stay at rest, 1 where they cannot.
-    Raises RbSimError for a scene that cannot be read and a folder that cannot be written.
+    With `out` also write statics.json and statics.png. Returns the exit code: 0 if the bodies can
+    stay at rest, else 1. Raises RbSimError for a scene that cannot be read or a folder that cannot
+    be written.
     """
     description = load_statics(scene)
     result = solve(description)
     console = plain_console(soft_wrap=False)
     print_report(description, result, console)
     if out is not None:
-        from rb_sim.statics.picture import save_picture  # matplotlib loads when it is used
+        from rb_sim.statics.picture import save_picture  # imports matplotlib, when used
 
         try:
             out.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""`rb_sim sweep PLAN [--out DIR]` runs a plan; `rb_sim sweep report DIR` says what it found."""
+"""`rb_sim sweep PLAN [--out DIR]` runs a plan; `rb_sim sweep report DIR` prints its results."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ def sweep(
     batch: int | None,
     lanes: bool = True,
 ) -> int:
-    """Run all runs of a plan that `out` does not hold yet; returns the exit code 0.
+    """Run all runs of a plan that `out` does not contain yet; returns the exit code 0.
 
-    Raises RbSimError for a plan, an option or a folder that cannot be used, KeyboardInterrupt on
-    Ctrl-C: every batch that ended is kept, and the same command goes on.
+    Raises RbSimError for an invalid plan, option or folder; KeyboardInterrupt on Ctrl-C: finished
+    batches are kept, and the same command continues.
     """
     loaded = load_plan(plan)
     folder = out or Path("out") / f"sweep_{Path(loaded.file).stem}"
     print(f"{loaded.plan.runs} runs of {Path(loaded.scene_file).stem} into {folder}")
     try:
         with _bar(loaded.plan.runs) as show, warnings.catch_warnings():
-            warnings.simplefilter("ignore", AccuracyWarning)  # said below
+            warnings.simplefilter("ignore", AccuracyWarning)  # printed below
             result = run_plan(
                 loaded,
                 folder,
@@ -76,7 +76,7 @@ def sweep(
 
 @contextmanager
 def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
-    """A bar of the runs that are done; gives the function that moves it."""
+    """Progress bar of finished runs; yields the function that updates it."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -127,7 +127,7 @@ def sweep_report(folder: Path) -> int:
 
 
 def sweep_plans() -> int:
-    """List the plans that come with rb_sim; returns the exit code 0."""
+    """Print the shipped plans; returns the exit code 0."""
 
     for name, path in shipped_plans().items():
         loaded = load_plan(path)

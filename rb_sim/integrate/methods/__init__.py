@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The methods: one file each, with its settings and its step."""
+"""The integration methods: one file each, with its settings and its step."""

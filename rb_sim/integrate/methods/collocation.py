@@ -31,7 +31,7 @@ from rb_sim.numerics.kernels import call_law, helper, part
 
 @helper
 def factor(n, a, order):
-    """L U of the rows of a (n * n numbers) in place; `order` keeps the row exchanges."""
+    """L U factors of the rows of a (n * n numbers) in place; `order` stores the row exchanges."""
     for k in range(n):
         best, size = k, abs(a[k * n + k])
         for i in range(k + 1, n):
@@ -52,7 +52,7 @@ def factor(n, a, order):
 
 @helper
 def solve_factored(n, a, order, x):
-    """x becomes the solution of A x = b for what `factor` made of A; x holds b before."""
+    """Solve A x = b in place, with the factors of A from `factor`; x is b before."""
     for k in range(n):
         best = int(order[k])
         if best != k:
@@ -124,8 +124,8 @@ def solve_complex(n, re, im, order, x, z):
 
 ITERATIONS = 40
 STALLED = 1e-7
-"""Change up to which an iteration that gains no more has: stiff laws leave noise of this size at
-most, since it is the round-off of the configuration times the fastest rate."""
+"""Relative change up to which an iteration that no longer improves counts as converged: stiff laws
+leave noise up to this size, the rounding of the configuration times the fastest rate."""
 
 
 def transformed(a):
@@ -140,15 +140,15 @@ def transformed(a):
 
 
 F, W, Z = SLOPES, SLOPES + 3, SLOPES + 6
-"""Rows of work: the laws at the stages, the transformed unknowns, the stages."""
+"""First rows of work for the laws at the stages, the transformed unknowns and the stages."""
 ORDER_1, ORDER_2, RIGHT = SLOPES + 9, SLOPES + 10, SLOPES + 11
 MATRICES = SLOPES + 16
-"""First of 3 n rows: the real matrix and both parts of the complex one."""
+"""First of 3 n rows for the real matrix and both parts of the complex one."""
 
 
 @helper
 def factorise(jacobian, values, n, t, y, h, p, work):
-    """The matrices values / h - df/dy of the step, factorised."""
+    """Factorise the matrices values / h - df/dy of the step."""
     real, re, im = (
         part(work, MATRICES * n),
         part(work, (MATRICES + n) * n),
@@ -169,7 +169,7 @@ def factorise(jacobian, values, n, t, y, h, p, work):
 
 @helper
 def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
-    """One iteration of Newton's method; the largest change of a stage relative to its size."""
+    """One iteration of Newton's method; returns the largest relative change of a stage."""
     at, f, w, z = part(work, AT * n), part(work, F * n), part(work, W * n), part(work, Z * n)
     x = part(work, RIGHT * n)
     for i in range(3):
@@ -205,16 +205,17 @@ def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
             moved = basis[i, 0] * x[m] + basis[i, 1] * x[n + m] + basis[i, 2] * x[2 * n + m]
             z[i * n + m] = basis[i, 0] * w[m] + basis[i, 1] * w[n + m] + basis[i, 2] * w[2 * n + m]
             size = abs(moved) / size_of(n, y, work, m)
-            if not size <= change:  # NaN too
+            if not size <= change:  # also for NaN
                 change = size
     return change
 
 
 @helper
 def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, work, stalled):
-    """The stages of a step in rows Z of work; False where the iteration does not converge.
+    """The stages of a step, in rows Z of work; False if the iteration does not converge.
 
-    stalled: change up to which an iteration that gains no more has (see STALLED)."""
+    stalled: relative change up to which an iteration that no longer improves counts as converged.
+    """
     factorise(jacobian, values, n, t, y, h, p, work)
     w, z = part(work, W * n), part(work, Z * n)
     for m in range(3 * n):

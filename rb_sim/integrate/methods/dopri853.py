@@ -9,9 +9,9 @@
 
 """Dormand-Prince method of order 8 with error estimates of orders 5 and 3.
 
-Hairer, Norsett, Wanner I, section II.5 and the code DOP853.  Between grid points the state is found
-by one more step of the length wanted, from the grid point before it: order 8 at every sample time,
-paid only where a sample is asked for.  The step is `integrate.methods.dopri853`.
+Hairer, Norsett, Wanner I, section II.5 and the code DOP853. Between grid points the state is found
+by one more step of the required length from the grid point before: order 8 at every sample time, at
+no cost without samples.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ PUBLISHED_E3 = (
 )
 
 
-# Dormand-Prince 8(5,3) (Hairer, Norsett, Wanner I, section II.10): increment and its error.
+# Step of Dormand-Prince 8(5,3) (Hairer, Norsett, Wanner I, section II.10): increment and error.
 
 
 STAGES = 12
@@ -164,14 +164,17 @@ for _i, _row in enumerate(PUBLISHED_A):
 B, C = np.array(PUBLISHED_B), np.array(PUBLISHED_C)
 E5, E3 = np.array(PUBLISHED_E5), np.array(PUBLISHED_E3)
 OVERFLOWS = 1e300
-"""Sum of squares of estimates from which on their quotient, over infinity, would be no error."""
+"""Sum of squared estimates from which on the error is set to this value: the quotient of infinities
+would be NaN."""
 
 
 @step(STAGES)
 def dopri853(law, jacobian, n, t, y, h, p, dy, work):
-    """The estimate of DOP853, e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over y.
+    """Step with the error estimate of DOP853, e5^2 / sqrt(e5^2 + e3^2 / 100), root mean square over
+    y.
 
-    Each coordinate's error is relative to max(1, |y_i|), or less where it moves by little.
+    The error of each coordinate is relative to max(1, |y_i|), or to less for small motions
+    (`size_of`).
     """
     at, k = part(work, AT * n), part(work, SLOPES * n)
     call_law(law, t, y, p, k)
@@ -204,7 +207,7 @@ def dopri853(law, jacobian, n, t, y, h, p, dy, work):
 
 
 def combination(weights, slopes):
-    """For each coordinate the weighted sum of its slopes."""
+    """Weighted sum of the slopes for each coordinate."""
     terms = [(float(w), k) for w, k in zip(weights, slopes, strict=False) if w != 0.0]
     sums = [0.0] * len(slopes[0])
     for w, k in terms:
@@ -214,7 +217,7 @@ def combination(weights, slopes):
 
 @dopri853.on_tuples
 def dopri853_traced(rate, t, y, h, velocities):
-    """The step on tuples, for laws in lanes: (change of y, error relative to max(1, |y|))."""
+    """The step on tuples, for traced laws: (change of y, error relative to max(1, |y|))."""
     slopes = [rate(t, y)]
     for i in range(1, STAGES):
         move = combination(A[i], slopes)
@@ -233,15 +236,16 @@ def dopri853_traced(rate, t, y, h, velocities):
 
 
 class Dopri853(NamedTuple):
-    """Fixed step [s]."""
+    """Dormand-Prince 8(5,3) with a fixed step [s]."""
 
     step: float
 
 
 class AdaptiveDopri853(NamedTuple):
-    """Step chosen so that the estimated local error stays within the tolerance."""
+    """Dormand-Prince 8(5,3) with steps such that the estimated local error is within the
+    tolerance."""
 
     tolerance: float
-    """relative to max(1, |y_i|) of each coordinate."""
+    """local error relative to max(1, |y_i|) of each coordinate."""
     largest_step: float
-    """[s]."""
+    """largest step [s]."""

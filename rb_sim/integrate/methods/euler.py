@@ -7,10 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Semi-implicit (symplectic) Euler, order 1: the game engines' method, kept as the baseline.
+"""Semi-implicit (symplectic) Euler method, order 1: common in game engines, kept as the baseline.
 
-Velocities first, v1 = v0 + h a(q0, v0), then the configuration with the new velocities; the step
-is `integrate.methods.euler`.
+Velocities first, v1 = v0 + h a(q0, v0), then the configuration with the new velocities.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from rb_sim.numerics.kernels import call_law, part, step
 
 @step(2)
 def euler(law, jacobian, n, t, y, h, p, dy, work):
-    """Write the change of y over one step into dy; returns 0, for there is no error estimate.
+    """Write the change of y over one step into dy; returns 0, as there is no error estimate.
 
     law: address of (t, y, p, dy/dt); work: workspace of n numbers a row.
     """
@@ -45,7 +44,7 @@ def euler(law, jacobian, n, t, y, h, p, dy, work):
 
 @euler.on_tuples
 def euler_traced(rate, t, y, h, velocities):
-    """The step on tuples, for laws in lanes: (change of y, 0)."""
+    """The step on tuples, for traced laws: (change of y, 0)."""
     first = rate(t, y)
     at = tuple(a + h * k if v else a for a, k, v in zip(y, first, velocities, strict=True))
     last = rate(t, at)
@@ -54,6 +53,6 @@ def euler_traced(rate, t, y, h, velocities):
 
 
 class Euler(NamedTuple):
-    """Fixed step [s]."""
+    """Semi-implicit Euler with a fixed step [s]."""
 
     step: float

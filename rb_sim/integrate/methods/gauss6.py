@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Gauss collocation of order 6 (3 stages): the structure-preserving method for long runs.
+"""Gauss collocation of order 6 (3 stages): structure-preserving, for long runs.
 
 Symplectic and symmetric; it keeps every quadratic invariant of the equations exactly (Hairer,
 Lubich, Wanner, Geometric Numerical Integration, section IV.2): |q|^2, and since the height of a
-body point is quadratic in q, the energy of a free body and of a heavy top; elsewhere the energy
-error stays bounded.  The step is `integrate.methods.gauss6`.
+body point is quadratic in q, the energy of a free body and of a heavy top; for other systems the
+energy error stays bounded.
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ from rb_sim.integrate.methods.collocation import STALLED as CONVERGED
 from rb_sim.integrate.methods.collocation import Z, find_stages, transformed
 from rb_sim.numerics.kernels import call_law, part, step
 
-# Gauss collocation of order 6, three stages, by fixed-point iteration to round-off.
-#
-# Symplectic and symmetric: Hairer, Lubich, Wanner, Geometric Numerical Integration, section IV.2.
+# Gauss collocation of order 6 with three stages, by fixed-point iteration up to rounding (Hairer,
+# Lubich, Wanner, Geometric Numerical Integration, section IV.2).
 
 
 R15 = math.sqrt(15.0)
@@ -45,18 +44,18 @@ B = np.array((5 / 18, 4 / 9, 5 / 18))
 C = np.array((0.5 - R15 / 10, 0.5, 0.5 + R15 / 10))
 VALUES, BASIS, INVERSE = transformed(A)
 END = B @ np.linalg.inv(A)
-"""dy by the stages: h b^T F with F = A^-1 Z / h, which no round-off of a stiff law gets into."""
+"""Weights of the stages in dy: h b^T F with F = A^-1 Z / h, free of the rounding of a stiff law."""
 ITERATIONS = 50
 GAIN = 0.5
-"""Share of the change before that a sweep may leave for the iteration to go on."""
+"""Ratio of a sweep's change to the previous one up to which the fixed-point iteration goes on."""
 MOST_COORDINATES = 26
-"""Up to two bodies: the Jacobian of more takes too long to compile for a method that seldom
-needs it (radau5 always does)."""
+"""Most coordinates with Newton's method (two bodies): a larger Jacobian takes too long to compile
+for a method that seldom needs it (radau5 always does)."""
 
 
 @step(3, implicit=MOST_COORDINATES)
 def gauss6(law, jacobian, n, t, y, h, p, dy, work):
-    """Fixed-point iteration; where it gains little, Newton's method; NaN where that diverges."""
+    """Step by fixed-point iteration; Newton's method if that converges slowly; NaN if both fail."""
     at, k, fresh = part(work, AT * n), part(work, SLOPES * n), part(work, (SLOPES + 3) * n)
     call_law(law, t, y, p, k)
     for m in range(n):
@@ -96,6 +95,6 @@ def gauss6(law, jacobian, n, t, y, h, p, dy, work):
 
 
 class Gauss6(NamedTuple):
-    """Fixed step [s]."""
+    """Gauss collocation with a fixed step [s]."""
 
     step: float

@@ -9,7 +9,7 @@
 
 """Radau IIA of order 5: L-stable, for stiff springs, strong damping and extreme mass ratios.
 
-The step is `integrate.methods.radau5`; it needs the Jacobian of traced laws.
+It needs the Jacobian of traced laws.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ from rb_sim.integrate.methods.collocation import (
 )
 from rb_sim.numerics.kernels import call_law, helper, part, step
 
-# Radau IIA of order 5, three stages: L-stable, so that what has died out costs no steps.
+# Radau IIA of order 5 with three stages: L-stable, so that decayed components do not limit the
+# step.
 #
 # Hairer & Wanner, Solving Ordinary Differential Equations II, section IV.8: stages by simplified
 # Newton with one real and one complex factorisation a step, and the error estimate filtered twice
-# by the real one (equations 8.20 and 8.21), which stays bounded however stiff the law is.
+# by the real one (equations 8.20 and 8.21), which stays bounded for any stiffness.
 
 
 R6 = math.sqrt(6.0)
@@ -54,25 +55,26 @@ E = np.array((-(13 + 7 * R6) / 3, (-13 + 7 * R6) / 3, -1 / 3))
 
 
 SLIPS_STALLED = 1e-13
-"""As STALLED, of slips whose speed is all that tells their direction: they are as slow as 1e-10 of
-the speeds that they are differences of."""
+"""As STALLED, for slips whose velocity determines their direction: they are as slow as 1e-10 of the
+velocities of which they are differences."""
 
 
 @step(8, implicit=sys.maxsize)
 def radau5(law, jacobian, n, t, y, h, p, dy, work):
-    """The estimate of order 3 is the root mean square over y, relative as that of dopri853."""
+    """Step with an error estimate of order 3: root mean square over y, relative as that of
+    dopri853."""
     return radau(law, jacobian, n, t, y, h, p, dy, work, STALLED)
 
 
 @step(8, implicit=sys.maxsize)
 def radau5_of_slips(law, jacobian, n, t, y, h, p, dy, work):
-    """As radau5, for bodies in contact that slip slowly."""
+    """As radau5, for bodies in contact with slow slip."""
     return radau(law, jacobian, n, t, y, h, p, dy, work, SLIPS_STALLED)
 
 
 @helper
 def radau(law, jacobian, n, t, y, h, p, dy, work, stalled):
-    """One step, and its error; stalled: the largest change that may be left of a stage."""
+    """Write one step into dy; returns its error. stalled: as in `find_stages`."""
     if not find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work, stalled):
         for m in range(n):
             dy[m] = math.nan
@@ -101,13 +103,14 @@ def radau(law, jacobian, n, t, y, h, p, dy, work, stalled):
 
 
 class Radau5(NamedTuple):
-    """Fixed step [s]."""
+    """Radau IIA with a fixed step [s]."""
 
     step: float
 
 
 class AdaptiveRadau5(NamedTuple):
-    """Local tolerance, relative to max(1, |y|) in each coordinate; largest step [s]."""
+    """Radau IIA with steps by a local tolerance, relative to max(1, |y|) of each coordinate;
+    largest step [s]."""
 
     tolerance: float
     largest_step: float

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The classical Runge-Kutta method of order 4 (Kutta 1901); its step is `integrate.methods.rk4`."""
+"""The classical Runge-Kutta method of order 4 (Kutta 1901)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from typing import NamedTuple
 from rb_sim.integrate.layout import AT, SLOPES
 from rb_sim.numerics.kernels import call_law, part, step
 
-# The classical Runge-Kutta method of order 4 (Kutta 1901).
+# Step of the classical Runge-Kutta method.
 
 
 @step(4)
 def rk4(law, jacobian, n, t, y, h, p, dy, work):
-    """Write the change of y over one step into dy; returns 0, for there is no error estimate.
+    """Write the change of y over one step into dy; returns 0, as there is no error estimate.
 
     law: address of (t, y, p, dy/dt); work: workspace of n numbers a row.
     """
@@ -46,7 +46,7 @@ def rk4(law, jacobian, n, t, y, h, p, dy, work):
 
 @rk4.on_tuples
 def rk4_traced(rate, t, y, h, velocities):
-    """The step on tuples, for laws in lanes: (change of y, 0)."""
+    """The step on tuples, for traced laws: (change of y, 0)."""
     half = 0.5 * h
     k1 = rate(t, y)
     k2 = rate(t + half, tuple(a + half * k for a, k in zip(y, k1, strict=True)))
@@ -58,6 +58,6 @@ def rk4_traced(rate, t, y, h, velocities):
 
 
 class Rk4(NamedTuple):
-    """Fixed step [s]."""
+    """Classical Runge-Kutta method with a fixed step [s]."""
 
     step: float

@@ -7,17 +7,17 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Taylor's method: the series of the motion itself, to an order that follows from the tolerance.
+"""Taylor's method: the series of the motion, to an order that follows from the tolerance.
 
 Jorba & Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
-methods, Experimental Mathematics 14 (2005): an order that grows with -ln(tolerance), so that the
-work per time is least, and a step for which the last two terms of the series are within the
-tolerance.  The step is known before it is taken, so hardly any is rejected.  Near round-off the
-order is about 20 and a step spans a good part of the radius of convergence: far fewer steps than a
+methods, Experimental Mathematics 14 (2005): the order grows with -ln(tolerance), so that the work
+per time is least, and the step is such that the last two terms of the series are within the
+tolerance. The step is known before it is taken, so few are rejected. Near rounding the order is
+about 20 and a step spans a large part of the radius of convergence: far fewer steps than a
 Runge-Kutta method needs.
 
-The series is that of the traced law (`graph.taylor`), of a few systems in other variables than
-their coordinates (`mechanics.taylor_variables`); the step is `integrate.methods.taylor`.
+The series is that of the traced law (`graph.taylor_series`), for a few systems in other variables
+than their coordinates (`Variables` of `mechanics.laws`).
 """
 
 from __future__ import annotations
@@ -29,51 +29,48 @@ from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import DY, size_of
 from rb_sim.numerics.kernels import SeriesStep, call_law, helper, part
 
-# Steps along the Taylor series of the motion: how long they may be, and the state at their end.
+# Steps along the Taylor series of the motion: their length, and the state at their end.
 #
-# Jorba & Zou, Experimental Mathematics 14 (2005): the step is that for which the last two terms of
-# the series are within the tolerance; it is known before it is taken.  What the last terms cannot
-# tell is looked at afterwards: the slope of the series at the end must be dy/dt there, and no event
-# may have changed its sign on the way.  A step that fails is shortened; its series stays.
-#
-# The root of a square is such an event: where a body turns round on a line its speed is |v|, and
-# the series of it is v, which is negative from there on.  A drag |v| v that is leapt over twice has
-# the right slope again.  A step may end a little beyond the zero, though, where the slope tells
-# whether it matters: nearer to it the series has nothing left but rounding.
-#
-# The series may be that of other variables z than the coordinates y: a law gives z at the start of
-# a step, and another the change of y from that of z.
+# Jorba & Zou, Experimental Mathematics 14 (2005): the last two terms of the series are within the
+# tolerance, so the step is known in advance. Two checks follow: the slope of the series at the end
+# must equal dy/dt there, and no event function may change sign within the step. A step that fails
+# is shortened; its series is kept. The root of a square is such an event: if a body reverses on a
+# line its speed is |v|, while the series continues v, which becomes negative. A drag |v| v that is
+# crossed twice has the right slope again. A step may end slightly beyond such a zero, where the
+# slope shows whether it matters: nearer to the zero the series has only rounding left. The series
+# may be that of other variables z than the coordinates y: one law gives z at the start of a step,
+# another the change of y from that of z.
 
 
 SERIES_SIZES = 8
 ORDERS, COORDINATES_AT, WIDTH, EVENTS, EVENTS_AT, COUNT, VARIABLES_AT, ROOTS = range(SERIES_SIZES)
-"""Places in `sizes`: highest order; in the workspace of the series the first row, numbers of a row,
-events, where their values at order 0 are; how many variables have a series, and where they are if
-they are not the coordinates: y, then z, then the change of z; how many of the events, the first of
-them, are roots."""
+"""Indices of `sizes`: highest order; first row in the workspace of the series, numbers of a row,
+number of events, place of their values at order 0; number of variables with a series, and their
+place if they are not the coordinates: y, then z, then the change of z; number of events, the first
+ones, that are roots."""
 
 LOOKS = 16
-"""Parts of a step within which the change of sign of an event is found."""
+"""Number of parts of a step, to one of which the sign change of an event is located."""
 
 LEAST_LOOK = 2.0**-24
-"""Part of a step below which an event that comes near zero is not looked at: what is missed is in
-the square of it, 4e-15 of how far the event goes in the step."""
+"""Part of a step below which an event close to zero is not resolved: the error of missing it is its
+square, 4e-15 of the change of the event in the step."""
 
 
 MISFIT = 300.0
-"""Times the tolerance by which slope times step may miss: the first term left out counts as often
-as its order, and the series may fall slowly."""
+"""Factor of the tolerance that the error of slope times step may reach: the first omitted term
+counts with its order, and the series may converge slowly."""
 
 MOST_EXPONENT = 700.0
-"""Steps beyond e to this power are as long as may be."""
+"""Logarithm of the step from which on the largest step is taken."""
 
 NOISE = 1e-13
-"""The same relative to the slope itself: rounding."""
+"""Error of the slope, relative to the slope itself, that is only rounding."""
 
 
 @helper
 def variables(begin, sizes, n, t, y, p, workspace):
-    """The variables that have a series, at the start of a step."""
+    """The variables with a series, at the start of a step."""
     if not begin:
         return y
     at = part(workspace, sizes[VARIABLES_AT])
@@ -85,7 +82,7 @@ def variables(begin, sizes, n, t, y, p, workspace):
 
 @helper
 def of_coordinates(end, sizes, n, t, p, workspace, work):
-    """Turn the change of the variables, in DY, into that of the coordinates."""
+    """Replace the change of the variables, in DY, by that of the coordinates."""
     if not end:
         return
     at, dy, first = part(workspace, sizes[VARIABLES_AT]), part(work, DY * n), n + sizes[COUNT]
@@ -96,16 +93,16 @@ def of_coordinates(end, sizes, n, t, p, workspace, work):
 
 @helper
 def of_variable(own, n, y, work, m):
-    """The size to which the error of m is relative.
+    """Scale to which the error of variable m is relative.
 
-    own: of variables of their own, of which there may be more than n.
+    own: variables other than the coordinates, of which there may be more than n.
     """
     return max(1.0, abs(y[m])) if own else size_of(n, y, work, m)
 
 
 @helper
 def longest(own, sizes, setting_tolerance, largest, n, y, workspace, work):
-    """The step for which the last two terms are within the tolerance [s]; NaN if they are not
+    """Step for which the last two terms are within the tolerance [s]; NaN if they are not
     finite."""
     order = sizes[ORDERS]
     rows = part(workspace, sizes[COORDINATES_AT])
@@ -130,13 +127,13 @@ def longest(own, sizes, setting_tolerance, largest, n, y, workspace, work):
 
 @helper
 def evaluate(add, sizes, h, workspace, dy):
-    """dy becomes y(h) - y(0), and the numbers after it dy/dt(h); of the variables."""
+    """Write y(h) - y(0) of the variables into dy, followed by dy/dt(h)."""
     call_law(add, h, part(workspace, sizes[COORDINATES_AT]), workspace, dy)
 
 
 @helper
 def event(sizes, h, i, workspace):
-    """The event function i after h; its coefficients lie after those of the variables."""
+    """Value of the event function i after h; its coefficients follow those of the variables."""
     value = 0.0
     at = sizes[COORDINATES_AT] + sizes[COUNT] + i
     for k in range(sizes[ORDERS] - 1, 0, -1):
@@ -146,8 +143,7 @@ def event(sizes, h, i, workspace):
 
 @helper
 def bend(sizes, h, i, workspace):
-    """A bound of h^2 |e''| of the event function i on the whole step h: of the sums of the terms'
-    absolute values."""
+    """Upper bound of h^2 |e''| of the event function i within the step h: sum of absolute terms."""
     value = 0.0
     at = sizes[COORDINATES_AT] + sizes[COUNT] + i
     for k in range(sizes[ORDERS] - 1, 1, -1):
@@ -157,7 +153,7 @@ def bend(sizes, h, i, workspace):
 
 @helper
 def leaving(sizes, h, i, workspace):
-    """The part of h after which the event function i, zero at its start, is beyond rounding."""
+    """Part of h after which the event function i, zero at the start, exceeds rounding."""
     while abs(event(sizes, 0.5 * h, i, workspace)) > SUM_ROUNDING:
         h *= 0.5
     return h
@@ -165,10 +161,11 @@ def leaving(sizes, h, i, workspace):
 
 @helper
 def before_events(sizes, h, workspace):
-    """The part of h before which no event changes its sign, a root but in its last part.
+    """Part of h [s] without a sign change of an event; a root may change sign in its last part.
 
-    Over a part d of it an event function is off its chord by no more than (d/h)^2 bend / 8: where
-    its ends are further from zero, on the same side, it has no zero between them.
+    Over a fraction d/h of the step an event function differs from its chord by at most (d/h)^2 bend
+    / 8: if both its ends have the same sign and are further from zero, there is no zero between
+    them.
     """
     free = h
     for i in range(sizes[EVENTS]):
@@ -197,9 +194,9 @@ def before_events(sizes, h, workspace):
 
 @helper
 def agrees(own, rate, tolerance, sizes, n, t, h, y, p, work):
-    """Whether the slope of the series at the end t of a step is dy/dt there; y: the variables.
+    """Whether the slope of the series at the end t of a step equals dy/dt there; y: the variables.
 
-    In DY and behind it what `evaluate` wrote.
+    DY and the following rows hold the output of `evaluate`.
     """
     count, dy = sizes[COUNT], part(work, DY * n)
     slope, at, true = part(dy, count), part(dy, 2 * count), part(dy, 3 * count)
@@ -215,7 +212,7 @@ def agrees(own, rate, tolerance, sizes, n, t, h, y, p, work):
     return True
 
 
-# Taylor's method: the series of the motion itself, to an order that follows from the tolerance.
+# Order and settings of Taylor's method.
 
 
 LEAST_ORDER, LARGEST_ORDER = 4, 40
@@ -224,9 +221,9 @@ LEAST_ORDER, LARGEST_ORDER = 4, 40
 def order(tolerance: float) -> int:
     """The order for a local tolerance.
 
-    The terms fall like (h / radius)^n.  The products alone would have least work per time at
-    h = radius / e^2, that is at 1 - ln(tolerance)/2 (Jorba & Zou 2005); eight or nine more terms
-    pay for what a step costs beside them, on the shipped scenes.
+    The terms fall like (h / radius)^n. The products alone have least work per time at h = radius /
+    e^2, that is at the order 1 - ln(tolerance)/2 (Jorba & Zou 2005); eight or nine more terms
+    compensate the other costs of a step, on the shipped scenes.
     """
     return min(max(math.ceil(9.5 - 0.5 * math.log(tolerance)), LEAST_ORDER), LARGEST_ORDER)
 
@@ -235,9 +232,10 @@ taylor = SeriesStep(order)
 
 
 class AdaptiveTaylor(NamedTuple):
-    """Order and step chosen so that the last two terms of the series stay within the tolerance."""
+    """Taylor's method: order and step such that the last two terms of the series are within the
+    tolerance."""
 
     tolerance: float
-    """relative to max(1, |y_i|) of each coordinate."""
+    """local error relative to max(1, |y_i|) of each coordinate."""
     largest_step: float
-    """[s]."""
+    """largest step [s]."""

@@ -7,4 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Systems: one body in reduced coordinates, or many bodies in maximal ones with multipliers."""
+"""Systems: one body in reduced coordinates, or several bodies in maximal ones with multipliers."""

@@ -26,51 +26,51 @@ from rb_sim.numerics.kernels import inline, part, pointer, routine
 from rb_sim.numerics.linear_solves import of_rank
 from rb_sim.numerics.rank import RANK_TOLERANCE, rank_of
 
-# Which rows of constraints depend on others: decided once, so that doubles can keep the decision.
+# Constraint rows that depend on others: decided once, with as many digits as possible.
 #
-# Of rows that depend on each other some are left out, and there is a choice.  Left out in the
-# order of elimination as soon as a pivot is round-off, what remains may be all but dependent, too:
-# pivots then shrink to 1e-6 of their diagonal elements, the next ones are round-off of 1e-10, and
-# so is the rank.  Here the rank comes from the rows as a whole, and rows are left out whose
-# pivots are small as long as enough others remain.
+# Of dependent rows some are omitted, and there is a choice. If a row is omitted in the order of
+# elimination only when its pivot is rounding, the remaining rows may be nearly dependent, too:
+# pivots shrink to 1e-6 of their diagonal elements, the next ones are rounding errors of 1e-10, and
+# so is the rank. Here the rank comes from all rows together, and rows with small pivots are omitted
+# as long as enough others remain.
 
 
 LIMITS = tuple(10.0**-k for k in range(1, 11)) + (RANK_TOLERANCE,)
-"""Shares of the diagonal element up to which a pivot leaves its row out, tried in turn."""
+"""Pivots, relative to the diagonal element, up to which a row is omitted; tried in turn."""
 SURE = 1e-3
-"""Share of the diagonal element above which pivots cost few digits, so that none is round-off."""
+"""Pivot, relative to the diagonal element, above which few digits are lost, so that no pivot is
+rounding."""
 MOST = 1500
-"""Rows up to which the rank is asked of all rows as a whole, which takes their number cubed."""
+"""Most rows for which the rank of all rows together is computed; its cost is cubic."""
 
 
 class Dependent(NamedTuple):
-    """Rows that depend on others for good, and get no multiplier.
+    """Rows that permanently depend on others and get no multiplier.
 
-    A stage of a step lies a little off the manifold, where they contradict the others: whoever asks
-    anew there which rows depend on others finds none as soon as the step is long.
+    A stage of a step lies a little off the manifold, where these rows contradict the others: a new
+    decision there would find no dependent rows as soon as the step is long.
     """
 
     rows: frozenset[int] = frozenset()
-    """among all rows."""
+    """dependent rows among all rows."""
     positions: frozenset[int] = frozenset()
-    """among the holonomic rows alone."""
+    """dependent rows among the holonomic rows alone."""
 
 
 INDEPENDENT = Dependent()
-"""No row depends on others."""
+"""No dependent rows."""
 
 MOST_CHANGING = 60
-"""Rows in loops up to which it is chosen anew on the way which of them get no multiplier."""
+"""Most rows in loops for which the choice of omitted rows is repeated during the motion."""
 
 
 def changing_rows(system: MultiBody, dependent: Dependent, holonomic: list[bool]) -> list[int]:
-    """The holonomic rows in loops of three bodies and more, the world one of them, where some are
-    left out.
+    """Holonomic rows in loops of three or more bodies (the world included) with omitted rows.
 
-    In such a loop rows that are left out at one place are needed at another.  Of two bodies the
-    rows turn with the parent, so that one choice serves for good.  Rows that are not holonomic,
-    as of a drive, are kept, whichever of the others are.  Where they depend on the others positions
-    and velocities have choices of their own: none is made anew.
+    In such a loop rows that are omitted in one position are needed in another. With two bodies the
+    rows turn with the parent, so that one choice holds throughout. Rows that are not holonomic, as
+    of a drive, are always kept. If holonomic rows depend on them, positions and velocities would
+    need different choices: then the choice is not repeated.
     """
     found = rows_in_loops(system)
     placed = [k for k in found if holonomic[k]]
@@ -80,7 +80,7 @@ def changing_rows(system: MultiBody, dependent: Dependent, holonomic: list[bool]
 
 
 def rows_in_loops(system: MultiBody) -> list[int]:
-    """The rows in loops of three bodies and more, the world one of them."""
+    """The rows in loops of three or more bodies, the world included."""
     pairs = [frozenset((c.body, c.parent)) for c in system.constraints]
     loops, first = set(pairs), system.first_row
     while True:
@@ -98,7 +98,8 @@ def rows_in_loops(system: MultiBody) -> list[int]:
 
 
 def factored(system: MultiBody, order: list[int]) -> Factors:
-    """A = G M^-1 G^T of the rows as written, in this order; what it keeps depends on no others.
+    """Factors of A = G M^-1 G^T of the rows as written, in this order; the rows kept are
+    independent.
 
     system: its tables hold numbers.
     """
@@ -114,7 +115,8 @@ def factored(system: MultiBody, order: list[int]) -> Factors:
 
 
 def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
-    """The rank of A by its eigenvalues; `otherwise` where the rows are too many or not finite."""
+    """The rank of A by its eigenvalues; `otherwise` if there are too many rows or they are not
+    finite."""
     if len(order) > MOST:
         return otherwise
     matrix = dense_matrix(system, order)
@@ -122,7 +124,7 @@ def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
 
 
 def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:
-    """A = G M^-1 G^T of these rows as written, with its zeros."""
+    """A = G M^-1 G^T of these rows as written, zeros included."""
     at = {k: i for i, k in enumerate(rows)}
     matrix = np.zeros((len(at), len(at)))
     for k, row in constraint_matrix(system, rows).items():
@@ -131,27 +133,27 @@ def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:
     return matrix
 
 
-# A lambda = b for the sparse A = G M^-1 G^T, written once for numbers and for symbols.
+# A lambda = b for the sparse A = G M^-1 G^T, for numbers and for symbols: L D L^T without pivoting,
+# in an order with little fill-in.
 #
-# L D L^T without pivoting, in an order that fills little in.  A pivot that is round-off of its
-# diagonal element belongs to a row that depends on those before it: it gets no multiplier, which
-# for a consistent right side leaves G^T lambda what it is.
+# A pivot that is rounding of its diagonal element belongs to a row that depends on earlier ones: it
+# gets no multiplier, which for a consistent right side does not change G^T lambda.
 
 
 NEARLY_DEPENDENT = 1e-4
-"""Pivot relative to its diagonal element up to which small errors of a row are not corrected: what
-rounds off of them would move bodies by a hundred times as much and more, and velocities by the
-square of that."""
+"""Pivot, relative to its diagonal element, up to which small errors of a row are not corrected:
+their rounding would be amplified at least a hundred times in positions, and by the square of that
+in velocities."""
 
 
 Matrix = dict[int, dict[int, Any]]
-"""Rows of a symmetric matrix: both triangles, structural zeros left out."""
+"""Rows of a symmetric matrix by index: both triangles, without structural zeros."""
 
 
 def elimination_order(neighbours: Sequence[set[int]], last: Sequence[int] = ()) -> list[int]:
-    """Minimum degree: the node with the fewest neighbours goes next and makes them neighbours.
+    """Minimum-degree order: the node with the fewest neighbours is next and couples its neighbours.
 
-    neighbours: of each node, itself left out. last: ranks of the nodes, lower ones go first.
+    neighbours: of each node, without itself. last: ranks of the nodes; lower ones come first.
     """
     graph = {i: set(near) for i, near in enumerate(neighbours)}
     ranks = last or [0] * len(graph)
@@ -167,7 +169,7 @@ def elimination_order(neighbours: Sequence[set[int]], last: Sequence[int] = ()) 
 
 
 def rows_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) -> list[int]:
-    """The rows of the parts (their indices each) in the order of elimination.
+    """The rows of the parts (indices for each part) in the order of elimination.
 
     bodies: those on which a part acts; parts that share one are neighbours.
     """
@@ -180,11 +182,11 @@ def rows_in_order(parts: Sequence[Iterable[int]], bodies: Sequence[set[int]]) ->
 
 
 class Factors:
-    """L D L^T of a sparse matrix, which is used up; `rank` counts the pivots that are kept.
+    """L D L^T of a sparse matrix, which is consumed; `rank` counts the kept pivots.
 
-    smallest: share of its diagonal element up to which a pivot is not kept. sure: unknowns that
-    are no rows; their pivots are kept, whatever their sign, and not counted. scales: of rows
-    whose pivots are compared with another number than their diagonal element.
+    smallest: pivot relative to its diagonal element up to which it is dropped. sure: unknowns that
+    are not rows; their pivots are always kept and not counted. scales: for some rows, comparison
+    values instead of their diagonal elements.
     """
 
     def __init__(
@@ -199,7 +201,7 @@ class Factors:
         self.inverse: dict[int, Any] = {}
         self.rows: dict[int, dict[int, Any]] = {}
         self.shares: dict[int, Any] = {}
-        """each pivot relative to its diagonal element: round-off where a row depends on others."""
+        """each pivot relative to its diagonal element: rounding if the row depends on others."""
         diagonal = {k: scales[k] if k in scales else matrix[k][k] for k in order}
         self.rank: Any = 0.0
         for k in order:
@@ -223,17 +225,17 @@ class Factors:
 
     @property
     def kept(self) -> dict[int, Any]:
-        """The shares of the pivots that are kept, which are numbers, by row."""
+        """Kept pivots relative to their diagonal elements (numbers), by row."""
         return {k: share for k, share in self.shares.items() if share > self.smallest}
 
     def solve(
         self, right: Mapping[int, Any], rounding: Mapping[int, float] = MappingProxyType({})
     ) -> dict[int, Any]:
-        """x with A x = b; of `sure`, b may be left out where it is zero.
+        """x with A x = b; entries of b for `sure` unknowns default to zero.
 
-        rounding: of rows, up to which b counts as zero once the rows before are solved, if the
-        pivot is small. Near a singular configuration such a pivot would make a jump of round-off;
-        what is left of b goes out beyond it.
+        rounding: for rows with a small pivot, |b| after the previous rows that counts as zero. Near
+        a singular configuration such a pivot would turn rounding into a jump; the remaining error
+        is corrected beyond it.
         """
         z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
         for k in self.order:
@@ -250,7 +252,7 @@ class Factors:
         return x
 
 
-# Tables of bodies and rows that may hold symbols, and what is done with them.
+# Tables of bodies and rows that may hold symbols, and operations on them.
 
 
 def hasten(system: MultiBody, y: list[Any]) -> None:
@@ -262,7 +264,7 @@ def hasten(system: MultiBody, y: list[Any]) -> None:
 
 
 def with_object_tables(system: MultiBody) -> MultiBody:
-    """The system with tables of its own that may hold symbols."""
+    """The system with its own tables, which may hold symbols."""
     names = ("bodies", "rows", "vectors", "anchors")
     return system._replace(**{name: getattr(system, name).astype(object) for name in names})
 
@@ -270,9 +272,9 @@ def with_object_tables(system: MultiBody) -> MultiBody:
 def constraint_matrix(
     system: MultiBody, rows: Any, besides: frozenset[int] = frozenset()
 ) -> Matrix:
-    """A = G M^-1 G^T of these rows; entries only where two share a body.
+    """A = G M^-1 G^T of these rows; entries only for rows that share a body.
 
-    besides: bodies that are left out, as if nothing could move them.
+    besides: bodies that are omitted, as if they could not move.
     """
     matrix: Matrix = {i: {} for i in rows}
     on: dict[int, list[tuple[int, int]]] = {}
@@ -290,7 +292,7 @@ def constraint_matrix(
 
 
 def take_least_norm(system: MultiBody, rank: Any) -> None:
-    """Replace the multipliers by those of least norm with the same G^T lambda."""
+    """Replace the multipliers by those of minimum norm with the same G^T lambda."""
 
     rows = range(system.row_table.shape[0])
     matrix = constraint_matrix(system, rows)
@@ -298,24 +300,24 @@ def take_least_norm(system: MultiBody, rank: Any) -> None:
     system.vectors[MULTIPLIERS] = least_norm(entries, list(system.vectors[MULTIPLIERS]), rank)
 
 
-# Which of rows that hold a motion more often than needed get a multiplier, as one function.
+# Choice of the redundant rows that get a multiplier, as one external function.
 #
-# In loops of bodies a choice that serves at one place loses digits at another: rows are left out
-# that are needed there.  So it is made anew after every step.  Pivots by value: compiled once and
-# called by address, as the least-norm multipliers are.
+# In loops of bodies a choice that suits one position loses digits in another: an omitted row may be
+# needed there. So it is repeated after every step. It pivots by value: compiled once and called by
+# address, as the minimum-norm multipliers.
 
 
 TIE = 1e-6
-"""Share by which a pivot must be larger to go before one with a lower number: which of equal ones
-comes first is not left to round-off."""
+"""Relative excess of a pivot over one of a lower index to be taken first: rounding must not decide
+between equal ones."""
 
 
 def largest_pivots(n, rank, matrix, chosen, left, factors):
-    """(least pivot, its row) of `rank` rows, each in its turn the one with the largest pivot.
+    """(least pivot, its row) of `rank` rows, each chosen as the one with the largest pivot.
 
-    Pivots of A = G M^-1 G^T scaled to a diagonal of ones, as L L^T with rows of L as they are
-    found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: becomes 1 for these rows,
-    0 for the others. left (n) and factors (rank n) are workspace.
+    Pivots of A = G M^-1 G^T scaled to a unit diagonal, as L L^T with the rows of L in the order
+    found (Golub & Van Loan, section 4.2.8). matrix: A by rows. chosen: set to 1 for these rows, 0
+    for the others. left (n) and factors (rank n) are workspace.
     """
     for i in range(n):
         chosen[i], left[i] = 0.0, 1.0
@@ -333,7 +335,7 @@ def largest_pivots(n, rank, matrix, chosen, left, factors):
 
 
 def next_row(n, k, pivot_row, matrix, left, factors):
-    """Write row k of L, of the row, and take it from what is left of the diagonal."""
+    """Write row k of L for a pivot row, and subtract its squares from the remaining diagonal."""
     row, diagonal = part(factors, k * n), matrix[pivot_row * n + pivot_row]
     for i in range(n):
         row[i] = matrix[pivot_row * n + i] / math.sqrt(diagonal * matrix[i * n + i])
@@ -359,7 +361,7 @@ def choice_routine(arguments, results):
 
 
 def external(name: str, owner: Any, results: int, **more: Any) -> External:
-    """A routine as a function that laws call, of which it is also the plain form."""
+    """A routine as an external function of laws, with a Python equivalent."""
 
     def plain(*arguments: float) -> tuple[float, ...]:
         found = np.zeros(results)
@@ -371,12 +373,12 @@ def external(name: str, owner: Any, results: int, **more: Any) -> External:
 
 @cache
 def choice_external(n: int) -> External:
-    """The function for n rows: arguments n, rank and A by rows."""
+    """The external function of n rows: arguments n, rank and A by rows."""
     return external("rb_sim_choice", choice_routine, n + 2)
 
 
 def chosen_rows(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
-    """For n rows 1 if they are chosen and 0 if not; the least pivot, and the number of its row.
+    """For each of n rows 1 if it is chosen else 0; then the least pivot and the index of its row.
 
     entries: A row by row, of this rank.
     """
@@ -384,21 +386,20 @@ def chosen_rows(n: int, rank: int, entries: list[Any]) -> tuple[Any, ...]:
 
 
 def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
-    """Part rows that are not chosen, those with 0, from all others; they keep their own pivots."""
+    """Decouple the rows that are not chosen (0) from all others; they keep their own pivots."""
     for i, row in matrix.items():
         for j, value in row.items():
             if i != j:
                 row[j] = value * chosen.get(i, 1.0) * chosen.get(j, 1.0)
 
 
-# Least-norm multipliers where constraints depend on each other, as one function for all scenes:
-# P x, P = A+ A. The only part of a law that pivots by value: it is compiled once and called by
-# address.
+# Minimum-norm multipliers of dependent constraints, as one external function for all scenes: P x, P
+# = A+ A. This part of a law pivots by value: it is compiled once and called by address.
 
 
 @inline
 def times(matrix, x, n, result):
-    """A x."""
+    """A x for a vector x."""
     for i in range(n):
         result[i] = 0.0
         for j in range(n):
@@ -407,7 +408,7 @@ def times(matrix, x, n, result):
 
 @routine
 def least_norm_routine(arguments, results):
-    """arguments: n, rank, the matrix (n n), x (n); results: n numbers."""
+    """arguments: n, rank, A (n n), x (n); results: P x (n)."""
     n, rank = int(arguments[0]), int(arguments[1])
     matrix, x, workspace = part(arguments, 2), part(arguments, 2 + n * n), np.empty(n * (n + 5))
     right, work = pointer(workspace), part(pointer(workspace), n)
@@ -417,9 +418,9 @@ def least_norm_routine(arguments, results):
 
 @routine
 def changed_routine(arguments, results):
-    """The change of P x as A changes and keeps its rank:
+    """Change of P x for changes of A that keep its rank.
 
-        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973).
+        dP = (1 - P) dA A+ + A+ dA (1 - P)   (Golub & Pereyra 1973)
 
     arguments: n, rank, A (n n), x (n), dA (n n), dx (n); results: n numbers.
     """
@@ -448,12 +449,13 @@ def changed_routine(arguments, results):
 
 @cache
 def changed_external(n: int) -> External:
-    """The function for n multipliers: arguments n, rank, A by rows, x, dA by rows and dx."""
+    """The external function of n multipliers: arguments n, rank, A by rows, x, dA by rows and
+    dx."""
     return external("rb_sim_least_norm_changed", changed_routine, n)
 
 
 def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
-    """The changes of `least_norm`; its arguments, n and the rank first, then their changes."""
+    """Changes of `least_norm`; arguments: those of it (n and rank first), then their changes."""
     given = len(arguments) // 2
     n, rank, *numbers = arguments[:given]
     return call(changed_external(int(n)), n, rank, *numbers, *arguments[given + 2 :])
@@ -461,10 +463,10 @@ def changes_of_least_norm(*arguments: Any) -> tuple[Any, ...]:
 
 @cache
 def least_norm_external(n: int) -> External:
-    """The function for n multipliers: arguments n, rank, A by rows and x."""
+    """The external function of n multipliers: arguments n, rank, A by rows and x."""
     return external("rb_sim_least_norm", least_norm_routine, n, along=changes_of_least_norm)
 
 
 def least_norm(entries: list[Any], x: list[Any], rank: Any) -> tuple[Any, ...]:
-    """x of least norm among those with the same A x; entries: A row by row, of this rank."""
+    """x of minimum norm with the same A x; entries: A row by row, of this rank."""
     return call(least_norm_external(len(x)), float(len(x)), rank, *entries, *x)

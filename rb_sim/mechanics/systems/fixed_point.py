@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Body held at a point or on an axis: the torque equations, and the reactions that hold it."""
+"""Body on a fixed point or a fixed axis: equations of motion and reactions."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class FixedPointBody(NamedTuple):
 
     body: Inertial
     rho: Vec3
-    """from the fixed point to C, body axes [m]."""
+    """vector from the fixed point to C, body axes [m]."""
     point: Vec3
     """the fixed point, world [m]."""
     inertia_O: Symmetric
-    """about the fixed point, body axes."""
+    """inertia about the fixed point, body axes [kg m^2]."""
     inverse_O: Symmetric
     effects: tuple
 
@@ -78,8 +78,8 @@ def pivot_spin_rate(system, t, B):
 
 @inline
 def held_reaction(system, t, B, alpha):
-    """Reaction force (world) and its torque about C (world) of a body that turns about a fixed
-    point, which C is `rho` from."""
+    """Reaction force and its torque about C (both world) of a body that turns about the point C -
+    rho."""
     w, rho = B.w_WB_B, system.rho
     a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
     f, k = total_wrench(system.effects, t, system.body, B)
@@ -95,13 +95,13 @@ def pivot_rate(system, t, y):
 
 @project.register(FixedPointBody)
 def pivot_settle(system, t, y):
-    """The quaternion brought back to length 1."""
+    """y with the quaternion normalised."""
     return unit_if_needed(y[0:4]) + y[4:7]
 
 
 @sample.register(FixedPointBody)
 def pivot_sample(system, t, y, out):
-    """State, the reaction about the fixed point, and balances."""
+    """Write state, reaction about the fixed point, and balances."""
     B = pivot_state(system, y)
     force, torque_C = held_reaction(system, t, B, pivot_spin_rate(system, t, B))
     i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
@@ -114,7 +114,7 @@ def pivot_inside(system, y):
     return True
 
 
-# A body on a fixed axis, and the reactions of its two bearings.
+# A body on a fixed axis, with the reactions of its two bearings.
 
 
 class FixedAxisBody(NamedTuple):
@@ -122,9 +122,9 @@ class FixedAxisBody(NamedTuple):
 
     body: Inertial
     rho: Vec3
-    """from bearing A to C, body axes [m]."""
+    """vector from bearing A to C, body axes [m]."""
     point: Vec3
-    """bearing A, world [m]."""
+    """position of bearing A, world [m]."""
     axis_B: Vec3
     q_0: Quaternion
     """orientation at phi = 0."""
@@ -132,7 +132,7 @@ class FixedAxisBody(NamedTuple):
     """1 / (n . I_A n) [1/(kg m^2)]."""
     bearing_distance: float
     axial_share_A: float
-    """share of the axial force that bearing A carries: 0, 1, or 1/2 where it is indeterminate."""
+    """fraction of the axial force on bearing A: 0, 1, or 1/2 if it is not unique."""
     effects: tuple
 
 
@@ -159,7 +159,7 @@ def hinge_angular_acceleration(system, t, B):
 
 @rate.register(FixedAxisBody)
 def hinge_rate(system, t, y):
-    """The rates of the angle and of its rate."""
+    """Angular velocity and angular acceleration."""
     return (y[1], hinge_angular_acceleration(system, t, hinge_state(system, y)))
 
 
@@ -171,7 +171,7 @@ def hinge_settle(system, t, y):
 
 @sample.register(FixedAxisBody)
 def hinge_sample(system, t, y, out):
-    """State, the total reaction about bearing A, the forces at A and B, and balances.
+    """Write state, total reaction about bearing A, forces at A and B, and balances.
 
     The transverse forces follow from the torque about A; the axial one is divided by
     `axial_share_A`.

@@ -49,7 +49,7 @@ from rb_sim.numerics.vectors import (
 )
 
 SMALL_DEFECT = 1e-13
-"""|q|^2 - 1 below which the quaternion is left alone: rescaling would only add rounding."""
+"""| |q|^2 - 1 | up to which the quaternion is not normalised: that would only add rounding."""
 
 
 class FreeBody(NamedTuple):
@@ -84,7 +84,7 @@ def free_rate(system, t, y):
 
 @inline
 def unit_if_needed(q):
-    """q scaled to length 1 if its square is off by more than SMALL_DEFECT."""
+    """q normalised if | |q|^2 - 1 | exceeds SMALL_DEFECT."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     s = rarely(abs(square - 1.0) > SMALL_DEFECT, 1.0 / sqrt(square), 1.0)
     return (s * q[0], s * q[1], s * q[2], s * q[3])
@@ -92,13 +92,13 @@ def unit_if_needed(q):
 
 @project.register(FreeBody)
 def free_settle(system, t, y):
-    """The quaternion brought back to length 1."""
+    """y with the quaternion normalised."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
 
 
 @sample.register(FreeBody)
 def free_sample(system, t, y, out):
-    """State and balances; nothing holds the body."""
+    """Write state and balances; there is no reaction."""
     B = free_state(y)
     residual = quaternion_defect(B.q_WB)
     put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
@@ -110,19 +110,19 @@ def free_inside(system, y):
     return True
 
 
-# Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37).
+# Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37), I1
+# dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves by m dV/dt = F.
 #
-# I1 dw1/dt = (I2 - I3) w2 w3 and cyclically; C moves as m dV/dt = F tells.
-#
-# The spin stays on its polhode, where two ellipsoids meet.  Near the middle axis a deviation across
-# the polhode of relative size e grows to e (w2/w1)^2 in a flip, and with it the time of the next
-# one: after some flips rounding alone decides the phase.  So after every step the spin is put back
-# on the polhode on which it started.  What is left is rounding along the polhode, which does not
-# grow.
+# The angular velocity stays on its polhode, the intersection of two ellipsoids. Near the middle
+# axis a deviation across the polhode of relative size e grows to e (w2/w1)^2 in a flip, and with it
+# the error of the time of the next flip: after some flips rounding alone decides the phase. So
+# after every step the angular velocity is projected onto its initial polhode. The remaining
+# rounding error along the polhode does not grow.
 
 
 LARGEST_TURN = 0.05
-"""Relative change of a component of the spin above which it is no rounding: it is left alone."""
+"""Relative change of a component of the angular velocity above which it is not rounding, and no
+projection is made."""
 
 
 class FreeRotor(NamedTuple):
@@ -130,15 +130,15 @@ class FreeRotor(NamedTuple):
 
     body: Inertial
     q_BP: Quaternion
-    """principal axes to body axes."""
+    """rotation from principal axes to body axes."""
     moments: Vec3
     """principal moments, in the order of P's axes [kg m^2]."""
     coupling: Vec3
     """(I2 - I3) / I1 and cyclically."""
     weights: Vec3
-    """I / 2E of the initial spin [s^2/rad^2]; zero where it is at rest."""
+    """I / 2E of the initial angular velocity [s^2/rad^2]; zero at rest."""
     contrast: Vec3
-    """1 - I / Ik, k the principal axis next to which the polhode comes."""
+    """1 - I / Ik, with k the principal axis closest to the polhode."""
     polhode: tuple[float, float]
     """sum weights w^2 = 1 and sum weights contrast w^2 = 1 - M^2 / (2 E Ik) at the start."""
     effects: tuple
@@ -148,10 +148,10 @@ CONFIGURATION[FreeRotor] = 7
 
 
 def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
-    """The system with the polhode through the spin in y.
+    """The system with the polhode through the angular velocity in y.
 
-    The second invariant is a difference that vanishes where the spin is along the axis k; with k
-    the axis of the least such difference it keeps its digits next to a separatrix too.
+    The second invariant is a difference that vanishes if the angular velocity is along the axis k;
+    with k the axis of the smallest such difference it keeps its digits next to a separatrix, too.
     """
     moments, w = system.moments, y[10:13]
     twice_energy = dot(moments, (w[0] * w[0], w[1] * w[1], w[2] * w[2]))
@@ -173,7 +173,7 @@ def polhode_inputs(system: FreeRotor, t: float, onwards: bool) -> tuple[float, .
 
 
 def with_polhode(system: FreeRotor, inputs: tuple) -> FreeRotor:
-    """The system on inputs of a traced law."""
+    """The system as a traced law takes it, from its inputs."""
     return system._replace(weights=inputs[0:3], contrast=inputs[3:6], polhode=inputs[6:8])
 
 
@@ -190,7 +190,8 @@ def polhode_of(weights, contrast, w):
 
 @inline
 def on_polhode(system, w):
-    """The spin after one Newton step to the polhode, every component by a factor of its own.
+    """The angular velocity after one Newton step onto the polhode, each component by its own
+    factor.
 
     The step w_i (1 + alpha contrast_i + beta) is the shortest in the metric of the energy; small
     components keep their relative precision.
@@ -214,7 +215,7 @@ def on_polhode(system, w):
 
 @inline
 def rotor_state(y):
-    """The state with P in the place of the body axes."""
+    """The state with principal axes P in place of the body axes."""
     return BodyState(
         (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
     )
@@ -222,7 +223,7 @@ def rotor_state(y):
 
 @rate.register(FreeRotor)
 def rotor_rate(system, t, y):
-    """Newton's equations, and Euler's in principal axes without torque."""
+    """Newton's equations, and Euler's equations without torque in principal axes."""
     P, k = rotor_state(y), system.coupling
     f, _ = total_wrench(system.effects, t, system.body, P)
     a, w = scale(1.0 / system.body.mass, f), P.w_WB_B
@@ -232,13 +233,13 @@ def rotor_rate(system, t, y):
 
 @project.register(FreeRotor)
 def rotor_settle(system, t, y):
-    """The quaternion brought back to length 1, and the spin to its polhode."""
+    """y with the quaternion normalised and the angular velocity projected onto its polhode."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
 
 
 @sample.register(FreeRotor)
 def rotor_sample(system, t, y, out):
-    """State, turned from principal to body axes, and balances."""
+    """Write state, rotated from principal to body axes, and balances."""
     P = rotor_state(y)
     q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
     B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
@@ -264,17 +265,17 @@ def free_rotor(
     return start_rotor(system, y), y
 
 
-# The spin of a body without torque among others: put back on the polhode on which it started.
+# Angular velocity of torque-free bodies among others: projected onto its initial polhode.
 #
-# In maximal coordinates, too, a body that nothing turns keeps its energy and angular momentum as
-# exactly as alone (see free_rotor, which tells why that matters near the middle axis).
+# In maximal coordinates, too, a torque-free body then keeps its energy and angular momentum as
+# exactly as alone (see FreeRotor for why that matters near the middle axis).
 
 
 class FreeSpin(NamedTuple):
-    """The polhode of one of many bodies; fields as those of FreeRotor."""
+    """The polhode of one of several bodies; fields as in FreeRotor."""
 
     body: int
-    """its index."""
+    """index of the body."""
     q_BP: Quaternion
     moments: Vec3
     weights: Vec3 = ZERO
@@ -286,7 +287,7 @@ CHANGING[FreeSpin] = Changing(8, polhode_inputs, with_polhode)
 
 
 def untouched(system: MultiBody) -> list[int]:
-    """The bodies that no joint holds and no torque turns."""
+    """Bodies without joints and without torque."""
     held = {i for c in system.constraints for i in (c.body, c.parent)}
     for effect in system.effects:
         if type(effect.row) not in CENTRAL or effect.parent >= 0:
@@ -295,9 +296,10 @@ def untouched(system: MultiBody) -> list[int]:
 
 
 def with_spins(system: MultiBody, bodies: list[Inertial], principal: Any, y: Any) -> MultiBody:
-    """The system that keeps the spins of its untouched bodies on the polhodes through those in y.
+    """The system with the polhodes of its torque-free bodies through the angular velocities in y.
 
-    principal: gives the principal moments of an inertia and the quaternion from their axes.
+    principal: function that returns the principal moments of an inertia and the quaternion from
+    principal to body axes.
     """
     spins = []
     for i in untouched(system):
@@ -307,7 +309,7 @@ def with_spins(system: MultiBody, bodies: list[Inertial], principal: Any, y: Any
 
 
 def start_spins(system: MultiBody, y: Any) -> MultiBody:
-    """The system for a motion that starts at y."""
+    """The system with the polhodes through the angular velocities in y."""
     started = []
     for spin in system.spins:
         own = [float(x) for x in y[WIDTH * spin.body : WIDTH * (spin.body + 1)]]
@@ -320,7 +322,8 @@ STARTS[MultiBody] = start_spins
 
 
 def settle_spins(system: MultiBody, y: list[Any]) -> None:
-    """The spins put back, in place; the change is turned into body axes, not the spin itself."""
+    """Project the angular velocities onto their polhodes, in place; only the change is rotated to
+    body axes."""
     for spin in system.spins:
         first = WIDTH * spin.body + 10
         w_P = rotate(conjugate(spin.q_BP), tuple(y[first : first + 3]))

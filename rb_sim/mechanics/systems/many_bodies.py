@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The state of N bodies in maximal coordinates, and the walks over their effects and constraints.
+"""State of N bodies in maximal coordinates, and loops over their effects and constraints.
 
-Each walk is unrolled over the kinds that the scene names while it is compiled; what is not named
-is not there.
+The loops are unrolled at compile time over the kinds that the scene names; kernels of other kinds
+are not compiled.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WIDTH = 13
 MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
 """Columns of MultiBody.bodies."""
 BODY, PARENT, ORDER, ANGLE, ROW_TABLE_COLUMNS = 0, 1, 2, 3, 4
-"""Columns of MultiBody.row_table; ANGLE is 1 where a row's error is an angle, else 0."""
+"""Columns of MultiBody.row_table; ANGLE is 1 if a row's error is an angle, else 0."""
 RIGHT, MULTIPLIERS = 0, 1
 """Rows of MultiBody.vectors."""
 
@@ -43,10 +43,10 @@ class MultiBody(NamedTuple):
     """
 
     bodies: np.ndarray
-    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then work space: push =
-    M^-1 (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
+    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then workspace: push = M^-1 (f +
+    G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
     row_table: np.ndarray
-    """body and parent (-1: world) of each row, work space, and whether its error is an angle;
+    """body and parent (-1: world) of each row, workspace, and whether its error is an angle;
     integers, shape (n, ROW_TABLE_COLUMNS)."""
     rows: np.ndarray
     """Jacobian, bias, error, rate, holonomic (see catalogue.constraints.rows), shape (n, 16)."""
@@ -55,9 +55,10 @@ class MultiBody(NamedTuple):
     first_row: np.ndarray
     """first row of each part of a constraint, the total at the end; integers (parts + 1,)."""
     members: np.ndarray
-    """per reaction: the part it is about, then 1 for each part that counts; (K, 1 + parts)."""
+    """for each reaction the part that gives its reference point, then 1 for each part in it; (K, 1
+    + parts)."""
     anchors: np.ndarray
-    """work space: anchor of each part, world, shape (parts, 3)."""
+    """workspace: anchor of each part, world [m], shape (parts, 3)."""
     length: float
     """characteristic length of the scene [m]."""
     speed: float
@@ -65,14 +66,13 @@ class MultiBody(NamedTuple):
     effects: tuple
     constraints: tuple
     spins: tuple = ()
-    """what keeps the spins of bodies without torque where they belong (see `FreeSpin` in free)."""
+    """polhodes of torque-free bodies (see `FreeSpin` in free)."""
     chosen: Any = ()
-    """in laws, of rows in loops that hold more than they need: {row: 1, or 0 for one that gets no
-    multiplier now}."""
+    """in laws, for redundant rows in loops: {row: 1, or 0 if it gets no multiplier now}."""
 
 
 def without_work_space(system):
-    """The system with zeros in its work space."""
+    """The system with a zero workspace."""
     bodies, row_table = system.bodies.copy(), system.row_table.copy()
     bodies[:, PUSH:] = 0.0
     row_table[:, ORDER] = 0
@@ -87,7 +87,7 @@ CLEARED[MultiBody] = without_work_space
 
 @inline
 def state_of(y, i):
-    """State of body i; the world for -1."""
+    """State of body i; that of the world for -1."""
     if i < 0:
         return WORLD
     k = WIDTH * i
@@ -113,7 +113,7 @@ def six(a, i, k):
 
 @inline
 def inertial_of(system, i):
-    """Mass and inertia of body i, for effects; about C, which is the origin of their vectors."""
+    """Mass and inertia of body i for effects; its origin is C."""
     return Inertial(system.bodies[i, MASS], six(system.bodies, i, INERTIA), (0.0, 0.0, 0.0))
 
 
@@ -127,7 +127,7 @@ def add_load(bodies, i, force, torque):
 
 @inline
 def apply_one(placed, t, system, y):
-    """Add the wrench of one effect to its body, and the opposite to its parent."""
+    """Add the wrench of one effect to the load of its body, and the opposite to its parent."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     f, k = wrench(placed.row, t, inertial_of(system, placed.body), B, A)
     add_load(system.bodies, placed.body, f, k)
@@ -138,20 +138,20 @@ def apply_one(placed, t, system, y):
 
 
 def apply_effects(effects, t, system, y):
-    """Add the wrenches of all effects to the loads."""
+    """Add the wrenches of all effects to the loads of their bodies."""
     for placed in effects:
         apply_one(placed, t, system, y)
 
 
 @inline
 def fill_one(placed, t, system, y, part):
-    """Write the rows of one constraint, which has the number `part`."""
+    """Write the rows of one constraint part, given its index."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     fill(placed.row, t, B, A, system.rows, system.first_row[part])
 
 
 def fill_all(constraints, t, system, y, part):
-    """Write the rows of all constraints, the first of which is this part."""
+    """Write the rows of all constraints; part: index of the first one."""
     for i, placed in enumerate(constraints):
         fill_one(placed, t, system, y, part + i)
 
@@ -165,7 +165,7 @@ def anchor_one(placed, system, y, part):
 
 
 def anchor_all(constraints, system, y, part):
-    """Write the anchors of all parts, the first of which is this one."""
+    """Write the anchors of all parts; part: index of the first one."""
     for i, placed in enumerate(constraints):
         anchor_one(placed, system, y, part + i)
 
@@ -201,19 +201,18 @@ def energetics(effects, t, system, y):
 
 
 def arms(rows: Sequence[Any], length: Any) -> list[Any]:
-    """For each row of the rows that of its violation makes a length [m]: 1, but of an angle the
-    arm `length` [m] at whose end it is looked at."""
+    """Factor of each row that turns its error into a length: 1, or `length` [m] for an angle."""
     return [length if angle else 1.0 for angle in angles(rows)]
 
 
 def angles(rows: Sequence[Any]) -> list[int]:
-    """For each row of the rows 1 if its error is an angle, else 0."""
+    """For each row 1 if its error is an angle, else 0."""
     return [int(type(row) in ANGLES) for row in rows for _ in range(COUNT[type(row)])]
 
 
 @inline
 def arm_of(system, k):
-    """As `arms`, of row k alone."""
+    """The factor of `arms` for row k."""
     if system.row_table[k, ANGLE] != 0:
         arm = system.length
     else:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""N bodies and any constraints in maximal coordinates: what multipliers do, and what is reported.
+"""N bodies with any constraints in maximal coordinates: multipliers, corrections and samples.
 
 Traced laws (`multibody_laws`), the start (`initial_projection`) and contacts call these kernels, on
 symbols or on numbers.
@@ -63,7 +63,7 @@ from rb_sim.numerics.vectors import (
 
 @inline
 def inverse_mass_times(system, i, k, column):
-    """M_i^-1 J^T of row k on body i, whose columns start at `column`."""
+    """M_i^-1 J^T of row k for body i, whose columns start at `column`: (linear, angular)."""
     force = scale(1.0 / system.bodies[i, MASS], vec(system.rows, k, column))
     inverse = six(system.bodies, i, INVERSE)
     return force, symmetric_times(inverse, vec(system.rows, k, column + 3))
@@ -71,14 +71,13 @@ def inverse_mass_times(system, i, k, column):
 
 @inline
 def coupling(rows, i, column, force, turn):
-    """Row i, from `column` on, times the motion (force, turn) of one body."""
+    """Row i, columns from `column` on, times the motion (force, turn) of one body."""
     return dot(vec(rows, i, column), force) + dot(vec(rows, i, column + 3), turn)
 
 
 @inline
 def rise_of(system, j, b, a, of_body, of_parent):
-    """What row j gains by the accelerations (linear, angular) of a push on body b and its parent
-    a, -1 for the world."""
+    """Change of row j by accelerations (linear, angular) of body b and its parent a (-1: world)."""
     rows, row_table, s = system.rows, system.row_table, 0.0
     if row_table[j, BODY] == b:
         s += coupling(rows, j, 0, of_body[0], of_body[1])
@@ -110,7 +109,7 @@ def clear_push(system):
 
 @inline
 def add_multiplier(system, k, x):
-    """push += M^-1 J^T x of row k."""
+    """push += M^-1 J^T x for row k."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     force, turn = inverse_mass_times(system, b, k, 0)
     add_push(system.bodies, b, force, turn, x)
@@ -163,7 +162,7 @@ def clear_loads(system):
 
 @inline
 def free_accelerations(system, y):
-    """push = accelerations (world, body axes) that the loads alone would give."""
+    """push = accelerations (world, body axes) under the loads alone."""
     bodies = system.bodies
     for i in range(bodies.shape[0]):
         w = state_of(y, i).w_WB_B
@@ -177,13 +176,13 @@ def free_accelerations(system, y):
 
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
-    """Each constraint's `fill` in turn."""
+    """Write the rows of each constraint by its `fill`, in order."""
     fill_all(system.constraints, t, system, y, 0)
 
 
 @inline
 def move_by_push(system, y):
-    """Shift and turn every body by push, read as a small displacement."""
+    """Displace and rotate every body by push, taken as a small displacement."""
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
         turn = quaternion_rate(B.q_WB, vec(system.bodies, i, PUSH + 3))
@@ -198,7 +197,7 @@ def move_by_push(system, y):
 
 @inline
 def put_rates(system, y, dy):
-    """dy/dt of all bodies, the accelerations in push."""
+    """dy/dt of all bodies, with accelerations from push."""
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
         turn = quaternion_rate(B.q_WB, B.w_WB_B)
@@ -212,7 +211,8 @@ def put_rates(system, y, dy):
 
 @inline
 def put_reactions(system, y, out, first):
-    """Reactions from the multipliers: force, torque about the anchor, anchor; world axes."""
+    """Write the reactions from the multipliers: force, torque about the anchor, anchor; world
+    axes."""
     rows, members = system.rows, system.members
     anchor_all(system.constraints, system, y, 0)
     at = first
@@ -238,7 +238,7 @@ def put_reactions(system, y, out, first):
 
 @inline
 def violation_of(system, y, k):
-    """|g| / length or |G u - b| / speed of row k, an angle or spin at the end of its arm."""
+    """|g| / length or |G u - b| / speed of row k; angles are multiplied by their arm."""
     arm = arm_of(system, k)
     gap = abs(system.rows[k, ERROR]) * system.rows[k, HOLONOMIC] * arm
     slip = abs(row_velocity(system, y, k) - system.rows[k, RATE]) * arm
@@ -246,7 +246,7 @@ def violation_of(system, y, k):
 
 
 def worst_gap(system, holonomic):
-    """The largest error of the holonomic rows as written [m], angles at the end of their arms."""
+    """Largest error of the holonomic rows as written [m]; angles are multiplied by their arm."""
     worst = 0.0
     for k, held in enumerate(holonomic):
         if held:
@@ -256,7 +256,7 @@ def worst_gap(system, holonomic):
 
 @inline
 def residual_of(system, y):
-    """The worst violation over all rows."""
+    """Largest violation of all rows."""
     worst = 0.0
     for k in range(system.row_table.shape[0]):
         worst = maximum(worst, violation_of(system, y, k))
@@ -265,7 +265,8 @@ def residual_of(system, y):
 
 @inline
 def put_momenta(system, y, out, at):
-    """Momentum and angular momentum about the world origin into out; the kinetic energy."""
+    """Write momentum and angular momentum about the world origin into out; returns the kinetic
+    energy."""
     kinetic = 0.0
     momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(system.bodies.shape[0]):
@@ -282,7 +283,7 @@ def put_momenta(system, y, out, at):
 
 
 def put_balances(system, t, y, out, at, reaction_power):
-    """Energies, power, momenta and the residual."""
+    """Write energies, power, momenta and the residual."""
     kinetic = put_momenta(system, y, out, at + 3)
     u, power = energetics(system.effects, t, system, y)
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
@@ -333,7 +334,7 @@ def multibody(
 
 
 def body_table(bodies: list[Inertial]) -> np.ndarray:
-    """Constants and work space of the bodies, (N, BODY_WIDTH)."""
+    """Table of the constants of the bodies, with workspace, (N, BODY_WIDTH)."""
     table = np.zeros((len(bodies), BODY_WIDTH))
     for i, body in enumerate(bodies):
         table[i, MASS] = body.mass

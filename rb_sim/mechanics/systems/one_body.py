@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What the systems of one body share: the active wrench and the sample."""
+"""Functions common to the systems of one body: active wrench and sample."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def reaction_at_com(body, B, a_W, alpha_B, f_W, k_B):
 
 @inline
 def put3(out, i, a):
-    """Write a vector into out from i on; returns the next free place."""
+    """Write a vector into out from index i on; returns the next index."""
     out[i], out[i + 1], out[i + 2] = a[0], a[1], a[2]
     return i + 3
 
 
 @inline
 def put_state(out, B):
-    """Position, orientation, velocities of the one body; returns the next index."""
+    """Write position, orientation and velocities of the body; returns the next index."""
     i = put3(out, 0, B.p_WC)
     q = B.q_WB
     out[i], out[i + 1], out[i + 2], out[i + 3] = q[0], q[1], q[2], q[3]
@@ -76,19 +76,19 @@ def put_state(out, B):
 
 @inline
 def put_wrench(out, i, force, torque, point):
-    """Force, torque about `point` and the point; all world."""
+    """Write force, torque about `point`, and the point; all world. Returns the next index."""
     return put3(out, put3(out, put3(out, i, force), torque), point)
 
 
 @inline
 def put_reaction(out, i, B, force, torque_C, point):
-    """The wrench about `point` of a force and a torque about C."""
+    """Write the reaction about `point` of a force and a torque about C. Returns the next index."""
     return put_wrench(out, i, force, add(torque_C, cross(sub(B.p_WC, point), force)), point)
 
 
 @inline
 def put_balance(out, i, effects, t, body, B, residual):
-    """Energies, power, momenta and the residual."""
+    """Write energies, power, momenta and the residual."""
     spin = symmetric_times(body.inertia, B.w_WB_B)
     u, power = energetics(effects, t, body, B)
     momentum = scale(body.mass, B.v_WC)

@@ -60,9 +60,9 @@ class RollingBody(NamedTuple):
     body: Inertial
     surface: tuple
     normal: Vec3
-    """of the plane towards the body, world."""
+    """normal of the plane towards the body, world."""
     offset: float
-    """normal . x of the plane's points [m]."""
+    """normal . x of points x in the plane [m]."""
     effects: tuple
 
 
@@ -77,7 +77,7 @@ class LineRollingBody(NamedTuple):
     centre_0: Vec3
     """centre of the cylinder at phi = 0, world [m]."""
     forward: Vec3
-    """direction in which the centre moves for phi > 0, world; the axis crossed with the normal."""
+    """direction of motion of the centre for phi > 0, world; the axis crossed with the normal."""
     effects: tuple
 
 
@@ -124,7 +124,7 @@ def rolling_rate(system, t, y):
 
 @project.register(RollingBody)
 def rolling_settle(system, t, y):
-    """Unit quaternion, and the height at which the surface touches the plane."""
+    """y with a unit quaternion and the height at which the surface touches the plane."""
     q = unit_if_needed(y[3:7])
     gamma = unrotate(q, system.normal)
     lowest = dot(gamma, support(system.surface, gamma))
@@ -156,7 +156,7 @@ def put_contact(system, t, out, B, rho, rho_dot, alpha):
 
 @sample.register(RollingBody)
 def rolling_sample(system, t, y, out):
-    """State, the reaction at the contact point, and balances."""
+    """Write state, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = rolling_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 
@@ -179,7 +179,7 @@ def line_motion(system, t, y):
 
 @rate.register(LineRollingBody)
 def line_rate(system, t, y):
-    """The rates of the angle and of its rate."""
+    """Angular velocity and angular acceleration."""
     _, _, _, alpha = line_motion(system, t, y)
     return (y[1], dot(system.surface.axis_B, alpha))
 
@@ -192,7 +192,7 @@ def line_settle(system, t, y):
 
 @sample.register(LineRollingBody)
 def line_sample(system, t, y, out):
-    """State, the reaction at the contact point, and balances."""
+    """Write state, the reaction at the contact point, and balances."""
     B, rho, rho_dot, alpha = line_motion(system, t, y)
     put_contact(system, t, out, B, rho, rho_dot, alpha)
 

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Translation: the body does not turn; free, or with a point led along a guide c(s).
+"""Translation: the body does not rotate; free, or with a point on a guide c(s).
 
-m dv/dt = F . tau gives s'' |c'|^2 + s'^2 c' . c'' = c' . F / m; the reaction is the force that
-Newton's law lacks and the torque that keeps the body from turning.
+m dv/dt = F . tau gives s'' |c'|^2 + s'^2 c' . c'' = c' . F / m; the reaction is the force m a - F
+and the torque that prevents rotation.
 """
 
 from __future__ import annotations
@@ -43,14 +43,13 @@ from rb_sim.mechanics.systems.one_body import (
 from rb_sim.numerics.kernels import dispatch, inline
 from rb_sim.numerics.vectors import ZERO, add, dot, rotate, scale, sub
 
-# Guides along splines: where a motion is among their pieces, and the steps that must end there.
+# Guides along splines: position of a motion among their pieces, and steps that must end at breaks.
 #
-# A law along a spline is smooth on each piece only, and no method keeps its order across their
-# ends.
+# A law along a spline is smooth on each piece only, and no method keeps its order across a break.
 
 
 def splines_of(system: Any) -> list[Pieces]:
-    """The splines along which something is guided, in the order of `ways`."""
+    """The splines that guide a body, in the order of `ways`."""
     if isinstance(system, GuidedBody):
         return [system.curve.pieces] if isinstance(system.curve, SplineCurve) else []
     return [placed.row.curve.pieces for placed in _guided(system)]
@@ -70,7 +69,7 @@ def ways(system: Any, y: Sequence[Any]) -> list[Any]:
 
 
 def on_guides(system: Any, y: Sequence[Any]) -> Any:
-    """False once a body in maximal coordinates has left the end of its spline."""
+    """False once a body in maximal coordinates has left its spline."""
     within: Any = True
     for placed, s in zip(_guided(system), ways(system, y)[::2], strict=True):
         within = on_curve(placed.row.curve, s) & within
@@ -78,8 +77,9 @@ def on_guides(system: Any, y: Sequence[Any]) -> Any:
 
 
 def share_law(splines: Sequence[Pieces]) -> Law | PlainLaw | None:
-    """The share of a step after which the first piece ends; y is as `integrate.loop` gives it to
-    SHARE. None where there are no splines.
+    """Law of the fraction of a step up to the end of the first piece; None without splines.
+
+    y is as `integrate.loop` passes it to SHARE.
     """
     if not splines:
         return None
@@ -92,18 +92,18 @@ def share_law(splines: Sequence[Pieces]) -> Law | PlainLaw | None:
 
 
 class GuidedLaws:
-    """What the laws of every system say of its splines."""
+    """Base of all laws: those about splines."""
 
     system: Any
 
     @cached_property
     def splines(self) -> int:
-        """Guides whose pieces end steps."""
+        """Number of splines that guide a body."""
         return len(splines_of(self.system))
 
     @cached_property
     def share(self) -> Law | PlainLaw | None:
-        """The share of a step after which a piece of a spline ends."""
+        """Fraction of a step after which a piece of a spline ends."""
         return share_law(splines_of(self.system))
 
 
@@ -200,7 +200,7 @@ def put_translation(system, t, out, B, a, f, k):
 
 @sample.register(TranslatingBody)
 def translating_sample(system, t, y, out):
-    """State, the torque that keeps the body from turning, and balances."""
+    """Write state, the torque that prevents rotation, and balances."""
     B = translating_state(system, y)
     f, k = total_wrench(system.effects, t, system.body, B)
     put_translation(system, t, out, B, scale(1.0 / system.body.mass, f), f, k)
@@ -208,7 +208,7 @@ def translating_sample(system, t, y, out):
 
 @sample.register(GuidedBody)
 def guided_sample(system, t, y, out):
-    """State, the reaction of the guide and of the lock, and balances."""
+    """Write state, the reaction of guide and lock, and balances."""
     B = guided_state(system, y)
     f, k = total_wrench(system.effects, t, system.body, B)
     _, a = guided_acceleration(system, t, y, f)
