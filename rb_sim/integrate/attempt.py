@@ -63,13 +63,13 @@ has not converged and the state becomes NaN."""
 def position_error(way, t, y):
     """(largest position error of the rows at (t, y) [m], these rows as `correct_positions` takes
     them)."""
-    raise TypeError(f"{type(way)}: no lines")
+    raise TypeError(f"{type(way)}: no constraint rows")
 
 
 @dispatch
 def correct_positions(way, t, y, rows):
     """One step of Newton's iteration on the position errors found last; y changes in place."""
-    raise TypeError(f"{type(way)}: no lines")
+    raise TypeError(f"{type(way)}: no constraint rows")
 
 
 @helper

@@ -104,7 +104,7 @@ class WrenchTable(Spec):
     EQUATION: ClassVar[str] = """
     t_i <= t < t_(i+1):  F = F_i + (F_(i+1) - F_i) (t - t_i) / (t_(i+1) - t_i)     linear
                          F = F_i                                                    hold
-    t < t_0, t >= t_n:   F = 0
+    t < t_0, t > t_n:    F = 0
     and K likewise; F acts at point_B, in axes of the body both turn with it
     """
 

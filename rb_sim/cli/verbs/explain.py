@@ -27,6 +27,7 @@ from rich.text import Text
 from rb_sim.accuracy.costs import Cost, Explanation, Item, RunCost
 from rb_sim.accuracy.costs import explain as explain_scene
 from rb_sim.base.errors import AccuracyWarning, RbSimError
+from rb_sim.cli.plain import plain_console
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
 
@@ -42,7 +43,7 @@ def explain(scene: Path, out: Path | None = None) -> int:
     cannot be written.
     """
     described = load_scene(scene)
-    console = Console(soft_wrap=False)
+    console = plain_console(soft_wrap=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
