@@ -67,7 +67,7 @@ class RollingBody(NamedTuple):
 
 
 class LineRollingBody(NamedTuple):
-    """A cylinder that rolls in a straight line: y = phi [rad], dphi/dt; phi counts from the initial pose."""
+    """A cylinder that rolls in a straight line: y = (phi, dphi/dt); phi [rad] from its first pose."""
 
     body: Inertial
     surface: tuple
