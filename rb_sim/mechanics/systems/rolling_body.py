@@ -67,7 +67,7 @@ class RollingBody(NamedTuple):
 
 
 class LineRollingBody(NamedTuple):
-    """A cylinder that rolls in a straight line: y = (phi, dphi/dt); phi [rad] from its first pose."""
+    """A cylinder that rolls straight: y = (phi, dphi/dt); phi from the first pose [rad]."""
 
     body: Inertial
     surface: tuple
