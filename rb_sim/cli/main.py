@@ -41,6 +41,15 @@ INTERRUPTED = 130
 class PlainFlags(TyperCommand):
     """A verb whose help shows no type behind a flag."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As the base class; an error knows whose --help to name also without its value."""
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            if hasattr(error, "format_message") and getattr(error, "ctx", None) is None:
+                error.ctx = ctx  # type: ignore[attr-defined]
+            raise
+
     def get_params(self, ctx: Any) -> list[Any]:
         """The arguments and options, --help included."""
         return _without_types(super().get_params(ctx))
@@ -95,6 +104,8 @@ def _complain(error: Any) -> int:
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     message = NEAREST.sub(r" (did you mean \1?)", message)
+    if takers := _verbs_with(getattr(error, "option_name", None), context):
+        message = f"{error.option_name}: must stand after the command ({', '.join(takers)})"
     verb = NO_COMMAND.fullmatch(message)
     if (
         verb is not None and context is not None
@@ -104,6 +115,19 @@ def _complain(error: Any) -> int:
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
+
+
+MOST_VERBS = 3
+"""That one line lists."""
+
+
+def _verbs_with(option: str | None, context: Any) -> list[str]:
+    """Commands that take an option that was given before any of them; few."""
+    verbs = getattr(getattr(context, "command", None), "commands", {})
+    names = [
+        name for name, verb in verbs.items() if any(option in param.opts for param in verb.params)
+    ]
+    return names[:MOST_VERBS] + (["..."] if len(names) > MOST_VERBS else [])
 
 
 KINDS = {"float": "a number", "int": "a whole number", "integer": "a whole number"}
@@ -383,24 +407,23 @@ def statics(
         ),
     ],
     out: opt.Out = None,
+    change: opt.Change = None,
 ) -> int:
     """Compute reactions of bodies at rest, their ranges if not unique, or why none exist.
 
     A scene of motion is taken at its initial pose, without velocities and commands.
     """
     from rb_sim.cli.verbs.statics import statics as solve
-    from rb_sim.scene.listing import find_scene
 
-    return solve(find_scene(scene), out)
+    return solve(scene, out, change or ())
 
 
 @verb()
-def explain(scene: opt.Scene, out: opt.Out = None) -> int:
+def explain(scene: opt.Scene, out: opt.Out = None, change: opt.Change = None) -> int:
     """List the parts of a scene and the CPU time that each one costs."""
     from rb_sim.cli.verbs.explain import explain as tell
-    from rb_sim.scene.listing import find_scene
 
-    return tell(find_scene(scene), out)
+    return tell(scene, out, change or ())
 
 
 @verb()
@@ -410,6 +433,7 @@ def linearize(
     axes: opt.Axes = "world",
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
+    change: opt.Change = None,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON, including A, B, C and D, instead of tables.")
     ] = False,
@@ -420,9 +444,8 @@ def linearize(
     and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
-    from rb_sim.scene.listing import find_scene
 
-    return tell(find_scene(scene), at, axes, turning, out, json)
+    return tell(scene, at, axes, turning, out, json, change or ())
 
 
 # Verbs that run a scene, or many, more than once.
@@ -449,6 +472,7 @@ def accuracy(
         float,
         typer.Option(metavar="SECONDS", help="Wall-clock time of all runs, without compiling."),
     ] = 60.0,
+    change: opt.Change = None,
 ) -> int:
     """Measure error against CPU time for each method on a scene.
 
@@ -461,8 +485,8 @@ def accuracy(
 
     path = find_scene(scene)
     if is_statics(path):
-        return of_statics(path, out, target)
-    return of_motion(path, out, target, budget)
+        return of_statics(path, out, target, change or ())
+    return of_motion(path, out, target, budget, change or ())
 
 
 @verb(name="hard-cases")
@@ -681,14 +705,7 @@ def resim(
         str | None,
         typer.Option(metavar="SCENE", help="Simulate this scene instead of the recorded one."),
     ] = None,
-    change: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
-        ),
-    ] = None,
+    change: opt.Change = None,
     method: opt.Method = None,
     step: opt.Step = None,
     tolerance: opt.Tolerance = None,

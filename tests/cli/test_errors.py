@@ -77,6 +77,26 @@ def test_bad_scene(name, tmp_path):
         (("run", "heavy_top", "--rate", "quick"), "error: --rate: got 'quick'; must be a number;"),
         (("sweep", "coin", "--workers", "2.5"), "error: --workers: got '2.5'; must be a whole"),
         (("run", "heavy_top", "pendulum"), "error: Got unexpected extra argument"),
+        (
+            ("run", "heavy_top", "--duration"),
+            "error: Option '--duration' requires an argument; see rb_sim run --help",
+        ),
+        (
+            ("fit", "b", "--noise", "1"),
+            "error: Option '--noise' requires 2 arguments; see rb_sim fit",
+        ),
+        (
+            ("--duration", "3", "run", "heavy_top"),
+            "error: --duration: must stand after the command (run); see rb_sim --help",
+        ),
+        *(
+            (
+                (verb, "pendulum", "--set", "bodies.rod.mass=-1"),
+                f"error: {find_scene('pendulum')}: bodies.rod.mass: got -1; must be",
+            )
+            for verb in ("run", "statics", "explain", "linearize", "accuracy")
+        ),
+        (("statics", "pendulum", "--set", "a"), "error: --set a: must be KEY=VALUE with a path"),
         (("fly",), "error: No such command 'fly'"),
         (
             ("rum", "heavy_top"),

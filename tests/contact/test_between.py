@@ -177,7 +177,8 @@ WITHOUT_GROUP: list[tuple[str, dict[str, Any]]] = [
     ("heap.between: got 'all'; must be omitted unless", {"heap": {"between": "all"}}),
     ("heap.body: got 'a'; must be omitted if", {"heap": {"between": "all", "body": "a"}}),
     ("heap.between: got ['a', 'b']; must be bodies with", {"heap": {"between": ["a", "b"]}}),
-    ("floor_a: got 'floor_a'; must be another", {"floor": {"body": "all"}, "floor_a": {"body": "a"}}),
+    ("floor_a: got 'floor_a'; must be another",
+     {"floor": {"body": "all"}, "floor_a": {"body": "a"}}),
 ]  # fmt: skip
 
 
