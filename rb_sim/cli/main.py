@@ -88,9 +88,7 @@ def _without_types(params: list[Any]) -> list[Any]:
     return params
 
 
-NEAREST = re.compile(
-    r"(?:\.| \(Possible options:| Did you mean) *(?:Did you mean)? *'?([\w-]+)'?[?)]$"
-)
+NEAREST = re.compile(r"(?:\.? Did you mean| \(Possible options:) *'?([\w-]+)'?[?)]$")
 """The nearest name at the end of a message of click's, in the forms of its versions."""
 
 NO_COMMAND = re.compile(r"No such command '(.*)'")

@@ -97,6 +97,18 @@ def test_bad_scene(name, tmp_path):
             for verb in ("run", "statics", "explain", "linearize", "accuracy")
         ),
         (("statics", "pendulum", "--set", "a"), "error: --set a: must be KEY=VALUE with a path"),
+        (
+            ("run", "a.yaml", "b.yaml"),
+            "error: Got unexpected extra argument(s) (b.yaml); see rb_sim run --help",
+        ),
+        (
+            ("linearize", "pendulum", "--axes", "wrld"),
+            "error: --axes: got 'wrld'; must be world or",
+        ),
+        (
+            ("compare", "pendulum", "a.csv"),
+            "error: BAG: got pendulum, a scene; must be a bag, record one first: rb_sim run pendul",
+        ),
         (("fly",), "error: No such command 'fly'"),
         (
             ("rum", "heavy_top"),

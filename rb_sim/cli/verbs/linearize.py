@@ -35,6 +35,9 @@ TALLEST = 60
 """Rows of it."""
 
 
+AXES = ("world", "body")
+"""Of the states."""
+
 LATER = 0.01
 """When the motion is looked at again, in times of the fastest mode."""
 
@@ -60,6 +63,8 @@ def linearize(
     """
     if not at >= 0.0:
         raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
+    if axes not in AXES:
+        raise RbSimError(f"--axes: got {axes!r}; must be {' or '.join(AXES)}")
     simulation = Simulation(with_changes(scene, changes, load_scene))
     check_smooth(simulation.layout)  # before anything of contacts is compiled
     simulation.advance(at)
