@@ -27,6 +27,7 @@ from typer.core import TyperCommand, TyperGroup
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
 from rb_sim.cli import options as opt
+from rb_sim.cli.plain import Unread
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
 
 # Errors of usage in one line, as all other errors: what was wrong, and whose --help to read.
@@ -816,6 +817,8 @@ def fit(
 
 def main() -> None:
     """Entry point of the console script; leaves through sys.exit."""
+    sys.stdout = Unread(sys.stdout)  # type: ignore[assignment]
+    sys.stderr = sys.stderr or sys.stdout
     app(prog_name="rb_sim")
 
 
