@@ -115,6 +115,8 @@ ALSO_CALLED = {
     "omega": ("angular_velocity",),
     "rpy": ("orientation",),
     "quaternion": ("orientation",),
+    "quat": ("orientation",),
+    "euler": ("orientation",),
     "degrees": ("angle",),
     "deg": ("angle",),
     "diameter": ("radius",),
@@ -127,6 +129,10 @@ ALSO_CALLED = {
     "g": ("acceleration",),
     "dt": ("step",),
     "timestep": ("step",),
+    "t_end": ("duration",),
+    "end_time": ("duration",),
+    "frequency": ("rate",),
+    "fps": ("rate",),
     "rtol": ("tolerance",),
     "gravity": ("effects",),
     "contacts": ("constraints",),
@@ -142,11 +148,17 @@ MOST_NAMES = 14
 """Most names in a message: the length of the longest list of keys, that of a contact."""
 
 
+SHORTEST = 3
+"""Letters of the beginning of a name that stand for it."""
+
+
 def meant(value: object, names: Iterable[str]) -> str | None:
     """The one of `names` that `value` was probably meant to be."""
     known = {name.lower(): name for name in sorted(names)}
     word = value[:64].lower() if isinstance(value, str) else ""
     close = [name for name in (word, *ALSO_CALLED.get(word, ())) if name in known]
+    if len(word) >= SHORTEST:  # pos: position
+        close = close or [name for name in known if name.startswith(word)]
     close = close or get_close_matches(word, known, n=1)
     return known[close[0]] if close else None
 

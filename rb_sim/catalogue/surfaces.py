@@ -178,7 +178,8 @@ def pairs_of(
         return [*low, *chain.from_iterable(others)]
     found = MAKERS[shape.type](centre, shape, support)
     if found is None:
-        raise refuse(f"on a surface that its {shape.type} can touch, or with given points")
+        kinds = ", ".join(touched_by(centre, shape))
+        raise refuse(f"on one of {kinds}, which its {shape.type} can touch, or with given points")
     return [pair for pair in found if not (bilateral and getattr(pair, "second", 0.0))]
 
 
@@ -336,3 +337,25 @@ MAKERS = {
 }
 """Functions that make the contact pairs of each shape on other supports; None if it cannot
 touch."""
+
+ORIGIN, UPWARD = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+WIDE: dict[str, Support] = {
+    "plane": Flat(ORIGIN, UPWARD),
+    "sphere": Round(ORIGIN, None, math.inf, 1.0),
+    "sphere from inside": Round(ORIGIN, None, math.inf, -1.0),
+    "cylinder": Round(ORIGIN, UPWARD, math.inf, 1.0),
+    "cylinder from inside": Round(ORIGIN, UPWARD, math.inf, -1.0),
+    "box of a parent": Solid(solids.Box(ORIGIN, (math.inf, math.inf, math.inf))),
+}
+"""A support of each kind, larger than any shape."""
+
+
+def touched_by(centre: Vec3, shape: Any) -> list[str]:
+    """The kinds of support that a shape can touch."""
+    return [
+        name
+        for name, support in WIDE.items()
+        if (shape.type in SOLIDS and on_outer_sphere(support) is not None)
+        or MAKERS[shape.type](centre, shape, support) is not None
+    ]

@@ -88,9 +88,14 @@ def finer_step(step: float, figure: float, bound: float, order: int) -> float:
     return round_down(step * min(0.5, ratio ** (1.0 / order)))
 
 
-def try_step(step: float) -> str:
-    """Advice to try a step [s] that has not been tried."""
-    return f"try step {step:g} s, or method dopri853 with a tolerance"
+def try_step(step: float, alone: bool = False) -> str:
+    """Advice to try a step [s] that has not been tried; alone: no other method takes the scene."""
+    return f"try step {step:g} s" + ("" if alone else ", or method dopri853 with a tolerance")
+
+
+def steps_alone(simulation: Any) -> bool:
+    """Whether time stepping is the only method that takes the scene."""
+    return simulation.compiled.between is not None
 
 
 def round_down(step: float) -> float:
@@ -176,6 +181,8 @@ class Effort(NamedTuple):
     """the tolerance that the scene gives, where `auto` chose another one to keep it."""
     kept_to: float = 0.0
     """the end of the time over which `auto` measured that its choice keeps it [s]."""
+    alone: bool = False
+    """whether no other method takes the scene."""
 
     @property
     def order(self) -> int:
@@ -210,7 +217,7 @@ class Effort(NamedTuple):
     def advice(self, finer: float | None) -> str:
         """What makes the error of the motion smaller. finer: step to try [s], if one is fixed."""
         if finer is not None:
-            return try_step(finer)
+            return try_step(finer, self.alone)
         return f"try a tolerance below {self.tolerance if self.asked is None else self.asked:g}"
 
 
@@ -237,4 +244,5 @@ def effort_of(simulation: Any) -> Effort:
         simulation.between,
         None if choice is None else choice.target,
         options.duration if choice is not None and choice.reached else 0.0,
+        steps_alone(simulation),
     )

@@ -51,7 +51,7 @@ from rb_sim.accuracy.choice import TIGHTEST, Setting, counted_time
 from rb_sim.accuracy.runs import motion_size, motions_apart
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
-from rb_sim.checks.check import finer_step, round_down, try_step
+from rb_sim.checks.check import finer_step, round_down, steps_alone, try_step
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import WatchEndedError
@@ -380,7 +380,7 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
         entry = METHODS.get(simulation.setting.name)
         known = figure if math.isfinite(figure) else 100.0 * bound
         finer = finer_step(step, known, bound, entry.order if entry else 1)
-        advice = try_step(finer)
+        advice = try_step(finer, steps_alone(simulation))
     else:
         tolerance = simulation.setting.tolerance or 0.0
         known = figure if math.isfinite(figure) else 100.0 * bound

@@ -96,7 +96,8 @@ def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Itera
     # a spin that blows up may be no number, and says nothing of a step that resolves it
     finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
     t = float(block.t[i])
-    yield Finding("turn", t, fastest * step, MOST_TURN, what, bodies[body], try_step(finer), finer)
+    advice = try_step(finer, effort.alone)
+    yield Finding("turn", t, fastest * step, MOST_TURN, what, bodies[body], advice, finer)
 
 
 def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
@@ -170,7 +171,7 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
     ):  # fmt: skip
         if figure > bound:
             finer = None if try_part is None else round_down(try_part * step)
-            advice = why if finer is None else f"{why}: {try_step(finer)}"
+            advice = why if finer is None else f"{why}: {try_step(finer, effort.alone)}"
             yield Finding("contact steps", t, figure, bound, what, where, advice, finer)
             return
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check import below, effort_of
+from rb_sim.checks.check import below, effort_of, steps_alone
 from rb_sim.checks.check_list import CheckList
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
@@ -146,6 +146,8 @@ def _in_longer_steps(simulation: Any, share: float) -> str:
 def _otherwise(simulation: Any) -> str:
     """What to try where no step does."""
     if METHODS[simulation.setting.name].family == "time-stepping":
+        if steps_alone(simulation):
+            return "no other method takes a contact `between`"
         return "try method dopri853, which locates the events of contacts"
     return "use method dopri853 with a tolerance"
 

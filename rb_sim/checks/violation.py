@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -160,4 +161,7 @@ def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:
         touching,
     )
 
-    return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)
+    try:
+        return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)
+    except ZeroDivisionError:  # no point of the shape is the nearest one
+        return -inf

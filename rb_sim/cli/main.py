@@ -28,6 +28,7 @@ from typer.core import TyperCommand, TyperGroup
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
 from rb_sim.cli import options as opt
+from rb_sim.cli.plain import Unread
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
 
 # Usage errors are printed in one line, as all other errors: the problem, and which --help to read.
@@ -41,6 +42,15 @@ INTERRUPTED = 130
 
 class PlainFlags(TyperCommand):
     """A verb whose help shows no type behind a flag."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As the base class; an error knows whose --help to name also without its value."""
+        try:
+            return super().parse_args(ctx, args)
+        except Exception as error:
+            if hasattr(error, "format_message") and getattr(error, "ctx", None) is None:
+                error.ctx = ctx  # type: ignore[attr-defined]
+            raise
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The arguments and options, including --help."""
@@ -80,9 +90,7 @@ def _without_types(params: list[Any]) -> list[Any]:
     return params
 
 
-NEAREST = re.compile(
-    r"(?:\.| \(Possible options:| Did you mean) *(?:Did you mean)? *'?([\w-]+)'?[?)]$"
-)
+NEAREST = re.compile(r"(?:\.? Did you mean| \(Possible options:) *'?([\w-]+)'?[?)]$")
 """The suggested name at the end of a message of click, in the forms of its versions."""
 
 NO_COMMAND = re.compile(r"No such command '(.*)'")
@@ -96,6 +104,8 @@ def _complain(error: Any) -> int:
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     message = NEAREST.sub(r" (did you mean \1?)", message)
+    if takers := _verbs_with(getattr(error, "option_name", None), context):
+        message = f"{error.option_name}: must stand after the command ({', '.join(takers)})"
     verb = NO_COMMAND.fullmatch(message)
     if verb is not None and context is not None:  # older versions of typer suggest none
         near = get_close_matches(verb[1], context.command.list_commands(context), n=1)
@@ -103,6 +113,19 @@ def _complain(error: Any) -> int:
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
+
+
+MOST_VERBS = 3
+"""That one line lists."""
+
+
+def _verbs_with(option: str | None, context: Any) -> list[str]:
+    """Commands that take an option that was given before any of them; few."""
+    verbs = getattr(getattr(context, "command", None), "commands", {})
+    names = [
+        name for name, verb in verbs.items() if any(option in param.opts for param in verb.params)
+    ]
+    return names[:MOST_VERBS] + (["..."] if len(names) > MOST_VERBS else [])
 
 
 KINDS = {"float": "a number", "int": "a whole number", "integer": "a whole number"}
@@ -385,24 +408,23 @@ def statics(
         ),
     ],
     out: opt.Out = None,
+    change: opt.Change = None,
 ) -> int:
     """Compute reactions of bodies at rest, their ranges if not unique, or why none exist.
 
     A scene of motion is taken at its initial pose, without velocities and commands.
     """
     from rb_sim.cli.verbs.statics import statics as solve
-    from rb_sim.scene.listing import find_scene
 
-    return solve(find_scene(scene), out)
+    return solve(scene, out, change or ())
 
 
 @verb()
-def explain(scene: opt.Scene, out: opt.Out = None) -> int:
+def explain(scene: opt.Scene, out: opt.Out = None, change: opt.Change = None) -> int:
     """List the parts of a scene and the CPU time that each one costs."""
     from rb_sim.cli.verbs.explain import explain as tell
-    from rb_sim.scene.listing import find_scene
 
-    return tell(find_scene(scene), out)
+    return tell(scene, out, change or ())
 
 
 @verb()
@@ -412,6 +434,7 @@ def linearize(
     axes: opt.Axes = "world",
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
+    change: opt.Change = None,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON, including A, B, C and D, instead of tables.")
     ] = False,
@@ -422,9 +445,8 @@ def linearize(
     and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
     from rb_sim.cli.verbs.linearize import linearize as tell
-    from rb_sim.scene.listing import find_scene
 
-    return tell(find_scene(scene), at, axes, turning, out, json)
+    return tell(scene, at, axes, turning, out, json, change or ())
 
 
 # Verbs that run one or many scenes more than once.
@@ -451,6 +473,7 @@ def accuracy(
         float,
         typer.Option(metavar="SECONDS", help="Wall-clock time of all runs, without compiling."),
     ] = 60.0,
+    change: opt.Change = None,
 ) -> int:
     """Measure error against CPU time for each method on a scene.
 
@@ -463,8 +486,8 @@ def accuracy(
 
     path = find_scene(scene)
     if is_statics(path):
-        return of_statics(path, out, target)
-    return of_motion(path, out, target, budget)
+        return of_statics(path, out, target, change or ())
+    return of_motion(path, out, target, budget, change or ())
 
 
 @verb(name="hard-cases")
@@ -683,14 +706,7 @@ def resim(
         str | None,
         typer.Option(metavar="SCENE", help="Simulate this scene instead of the recorded one."),
     ] = None,
-    change: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
-        ),
-    ] = None,
+    change: opt.Change = None,
     method: opt.Method = None,
     step: opt.Step = None,
     tolerance: opt.Tolerance = None,
@@ -803,6 +819,8 @@ def fit(
 
 def main() -> None:
     """Entry point of the console script; leaves through sys.exit."""
+    sys.stdout = Unread(sys.stdout)  # type: ignore[assignment]
+    sys.stderr = sys.stderr or sys.stdout
     app(prog_name="rb_sim")
 
 

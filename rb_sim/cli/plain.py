@@ -11,8 +11,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
+
+from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,6 +23,43 @@ if TYPE_CHECKING:
 
 WIDTH = 160
 """Width of a line in a file or a pipe [characters]: long names are not folded there."""
+
+
+class Unread:
+    """Standard output whose reader may leave, as `head` does: what it does not read is dropped, and
+    the command goes on to write its files.
+
+    stream: None if it was closed before the start.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """As of any text stream."""
+        try:
+            return self._stream.write(text)
+        except OSError as error:
+            self._drop(error)
+            return len(text)
+
+    def flush(self) -> None:
+        """As of any text stream."""
+        try:
+            self._stream.flush()
+        except OSError as error:
+            self._drop(error)
+
+    def _drop(self, error: OSError) -> None:
+        """Drop all from now on. Raises RbSimError if no reader has left (full disk)."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+        if not isinstance(error, BrokenPipeError):
+            raise RbSimError(f"standard output: cannot be written: {error.strerror}")
 
 
 def width() -> int | None:

@@ -20,7 +20,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rb_sim.accuracy.choice import listed
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.constraints.joints import Free
+from rb_sim.catalogue.contact import Touching
 from rb_sim.contact.events.shares import undetermined_at_start
+from rb_sim.contact.least_shares import MOST_CONTACTS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -106,7 +109,25 @@ def summarize(
         "worst_residual": ledger.worst_residual,
         "warnings": [finding.as_dict() for finding in check_list.findings],
         **({} if contacts is None else {"contacts": contacts | _law_of_impacts(options)}),
+        **({"load_distribution": ONE_OF_SEVERAL} if is_heap(simulation) else {}),
     }
+
+
+ONE_OF_SEVERAL = "one of the admissible distributions"
+"""Loads of the contacts of a heap that the laws leave open."""
+
+
+def is_heap(simulation: Simulation) -> bool:
+    """Whether time stepping does not look for the least of the loads that the laws leave open: of
+    bodies that touch each other without joints, or at many points."""
+    scene = simulation.scene
+    if scene.simulation.method != "time_stepping":
+        return False
+    touching = [spec for spec in scene.constraints.values() if isinstance(spec, Touching)]
+    joined = any(not isinstance(s, (Touching, Free)) for s in scene.constraints.values())
+    each_other = any(s.parent is not None or getattr(s, "between", None) for s in touching)
+    many = len(simulation.compiled.contact_laws) > MOST_CONTACTS
+    return each_other and (many or not joined)
 
 
 MOST_RANGED = 8
@@ -221,9 +242,11 @@ def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(
             (
                 "redundant constraints",
-                _indeterminate(summary["indeterminate_reactions"], summary["ranges_at_start"]),
+                _indeterminate(summary),
             )
         )
+    if "load_distribution" in summary:
+        rows.append(("load distribution", f"{summary['load_distribution']} if it is not unique"))
     return rows
 
 
@@ -306,11 +329,13 @@ def _balance(balance: dict[str, Any], unit: str) -> str:
     return text
 
 
-def _indeterminate(names: list[str], ranges: dict[str, dict[str, list[float]]]) -> str:
+def _indeterminate(summary: dict[str, Any]) -> str:
     """Redundant reactions, each with its components that are not unique and their bounds."""
+    names, ranges = summary["indeterminate_reactions"], summary["ranges_at_start"]
+    reported = "" if "load_distribution" in summary else ": minimum-norm reactions reported"
     shown = [f"{name} ({_spans(ranges[name])})" if name in ranges else name for name in names]
     more = f" and {len(shown) - SHOWN_RANGES} more" if len(shown) > SHOWN_RANGES else ""
-    return f"{', '.join(shown[:SHOWN_RANGES])}{more}: minimum-norm reactions reported"
+    return f"{', '.join(shown[:SHOWN_RANGES])}{more}{reported}"
 
 
 def _spans(components: dict[str, list[float]]) -> str:

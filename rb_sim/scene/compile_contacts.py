@@ -45,6 +45,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     LEAN_SIGN,
     MOST_RANK,
     NORMAL_SIGN,
+    POINT,
     RESTITUTION,
     RIM,
     ROLLING_ARM,
@@ -159,10 +160,13 @@ def check_contacts(
     With `project_initial` overlapping bodies are moved apart instead; y changes in place.
     """
     try:
-        write_rows(system, t, y)
+        with np.errstate(all="ignore"):
+            write_rows(system, t, y)
+        known = np.isfinite(system.touch[:, GAP : POINT + 3]).all()
     except ZeroDivisionError:
+        known = False
+    if not known:
         refuse_middle(scene, system, y, names, t)
-        raise
     if scene.simulation.project_initial:
         if not move_apart(system, y, laws, t):
             raise SceneError(
@@ -190,20 +194,25 @@ def check_contacts(
 def refuse_middle(
     scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], t: float
 ) -> None:
-    """Raise SceneError if a body that is not round is at the centre of a hollow support: its
-    nearest point is undefined there."""
+    """Raise SceneError if no point of a body that is not round is the nearest to a hollow support:
+    its centre of mass is at the centre, or a rim touches all round."""
     for c, placed in enumerate(one for group in system.contacts for one in group):
         try:
-            write_contact(placed, t, system, y, c)
+            with np.errstate(all="ignore"):
+                write_contact(placed, t, system, y, c)
+            known = np.isfinite(system.touch[c, GAP : POINT + 3]).all()
         except ZeroDivisionError:
+            known = False
+        if not known:
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
-                f"the center of mass of {body} is at the centre of the round surface, so no "
-                f"point is nearest; change bodies.{body}.position slightly",
+                f"no point of {body} is nearest to the round surface: its center of mass is at the "
+                f"centre, or its rim lies all round; change bodies.{body}.position, or tilt the "
+                "body, by 0.1 rad say",
                 key=f"constraints.{name}",
                 file=scene.file,
-            ) from None
+            )
 
 
 def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: float) -> bool:

@@ -185,6 +185,13 @@ UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s")}
 """Units of an initial violation: (of a length, of an angle)."""
 
 
+def _turns(system: Any, line: int) -> int:
+    """1 if the error of a line is an angle or a spin, else 0."""
+    rows = [constraint.row for constraint in system.constraints]
+    row = rows[part_of(system, line)]
+    return int(angles(rows)[line] or getattr(row, "linear", None) == (0.0, 0.0, 0.0))
+
+
 def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     """Refuse an initial state that the reduced coordinates cannot represent."""
     if scene.simulation.project_initial:
@@ -235,8 +242,7 @@ def check_maximal(
     for what, amounts, error in misfits if checked else ():
         if error.max() > MISFIT:
             line = int(error.argmax())
-            turns = angles([constraint.row for constraint in system.constraints])[line]
-            amount = f"{amounts[line]:.2g} {UNITS[what][turns]}"
+            amount = f"{amounts[line]:.2g} {UNITS[what][_turns(system, line)]}"
             problem = f"the initial {what} violates it by {amount}"
             refuse_initial(scene, owners[part_of(system, line)], problem)
     left = relative(system, after, system.length, system.speed)

@@ -173,19 +173,26 @@ def load_scene(source: str | PathLike[str] | Mapping[str, Any], **overrides: Any
     return _build(data, text, path.stem, str(path), overrides)
 
 
-def load_statics(source: str | PathLike[str] | Mapping[str, Any]) -> StaticsScene:
-    """Load and check a scene of bodies at rest; mass and inertia may be omitted.
+def load_statics(
+    source: str | PathLike[str] | Mapping[str, Any],
+    *,
+    name: str = "statics",
+    file: str = IN_MEMORY,
+) -> StaticsScene:
+    """Load and check a scene of bodies at rest, whose mass and inertia may be omitted.
 
     Args:
         source: As in `load_scene`.
+        name: What a scene of a mapping is called.
+        file: What its errors call it.
 
     Raises:
         SceneError: The scene is not valid; the text names file, key, value and the allowed values.
     """
     if isinstance(source, Mapping):
-        plain = _plain(source, IN_MEMORY)
+        plain = _plain(source, file)
         text = partial(yaml_reader.write, plain)
-        scene = _build(plain, text, "statics", IN_MEMORY, {}, kind=StaticsScene)
+        scene = _build(plain, text, name, file, {}, kind=StaticsScene)
     else:
         path = _path_of(source)
         text = yaml_reader.read_text(path)

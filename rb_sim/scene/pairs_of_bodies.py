@@ -90,17 +90,8 @@ class Between:
         return (self._place.from_com(name, shape.center_B), shape.model_dump_json())
 
     def _check(self) -> None:
-        """Refuse a group of one body, a pair in two groups, and shapes that cannot touch each
-        other."""
+        """Refuse shapes that cannot touch, and a pair in two groups."""
         for group, members in self.groups.items():
-            names = {self.names[i] for i in members}
-            between = self._specs[group].between
-            if len(members) < 2 or (between != "all" and set(between or ()) != names):
-                what = "body cannot be combined with between; omit body"
-                raise SceneError(what, key=f"constraints.{group}", file=self.scene.file)
-            if shapeless := [name for name in names if self._place.shape(name) is None]:
-                what = f"{min(shapeless)} has no shape; every body in between needs one"
-                raise SceneError(what, key=f"constraints.{group}.between", file=self.scene.file)
             examples: dict[Any, list[int]] = {}
             for i in members:
                 of_kind = examples.setdefault(self._kinds[i], [])

@@ -305,40 +305,26 @@ class Scene(Spec):
         scene._name, scene._file, scene._text = name, file, text
         return scene
 
-    @model_validator(mode="before")
-    @classmethod
-    def _empty_sections(cls, data: Any) -> Any:
-        """Drop sections without entries (null in YAML)."""
-        if isinstance(data, Mapping):
-            optional = ("description", "simulation", *SECTIONS)
-            data = {k: v for k, v in data.items() if v is not None or k not in optional}
-            return {**data, **_each_body(data)}
-        return data
-
     @model_validator(mode="wrap")  # type: ignore[arg-type]  # pydantic takes class methods
     @classmethod
-    def _names_fit(cls, data: Any, validate: Callable[[Any], Scene]) -> Scene:
-        """Refuse names that coincide in topics, and constraints and effects on bodies that do not
-        exist, or on one body twice; reported together with all other errors of the scene."""
+    def _whole(cls, data: Any, validate: Callable[[Any], Scene]) -> Scene:
+        """Write out contacts of many bodies; refuse what concerns several entries (names that are
+        taken, bodies that do not exist) together with all else that is wrong with the scene."""
+        plain, further = _each_body(_without_empty(data))
         try:
-            scene = validate(data)
+            scene = validate(plain)
         except ValidationError as error:
             found = problems_of(error)
-            seen = {tuple(key for key in path if key != "[key]") for path, _, _ in found}
-            further = [of for of in _misnamed(_as_given(data)) if of[0] not in seen]
-            raise refuse_at(*found, *further) from None
-        if problems := _misnamed({name: getattr(scene, name) for name in ("bodies", *SECTIONS)}):
-            raise refuse_at(*problems)
-        return scene
+            seen = {_plain_path(path) for path, _, _ in found}
+            further += _misnamed(_sections_of(plain))
+            others = [problem for problem in further if _plain_path(problem[0]) not in seen]
+            raise refuse_at(*found, *others) from None
+        if further or (further := _misnamed(scene.__dict__)):
+            raise refuse_at(*further)
+        return scene._written_out()
 
-    @model_validator(mode="after")
     def _written_out(self) -> Scene:
         """Move supports to the constraints and loads to the effects."""
-        for short, long in (("supports", "constraints"), ("loads", "effects")):
-            given = getattr(self, short)
-            if twice := [name for name in given if name in getattr(self, long)]:
-                allowed = refuse(f"another name: {long} have one called {twice[0]}")
-                raise refuse_at(((short, twice[0]), twice[0], allowed))
         if not self.supports and not self.loads:
             return self
         made = {name: self._support(name, spec) for name, spec in self.supports.items()}
@@ -400,25 +386,46 @@ class StaticsScene(Scene):
     at_rest: ClassVar[bool] = True
 
 
-def _each_body(data: Mapping[str, Any]) -> dict[str, Any]:
-    """{"constraints": ...} in which a contact of all bodies, or between several, is one for each
-    body.
+KEY = "[key]"
+"""The end of a path by which pydantic says that the key is wrong, not its value."""
 
-    {} if there is nothing to expand. An entry with errors keeps its own name.
-    """
+
+def _plain_path(path: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    return tuple(part for part in path if part != KEY)
+
+
+def _without_empty(data: Any) -> Any:
+    """The scene without sections that have no entries (null in YAML)."""
+    if not isinstance(data, Mapping):
+        return data
+    optional = ("description", "simulation", *SECTIONS)
+    return {k: v for k, v in data.items() if v is not None or k not in optional}
+
+
+def _each_body(data: Any) -> tuple[Any, list[Problem]]:
+    """The scene in which a contact of all bodies, or between several, is one for each body; and
+    the problems of these contacts. An entry with errors keeps its own name."""
+    if not isinstance(data, Mapping):
+        return data, []
     bodies, constraints = data.get("bodies"), data.get("constraints")
     if not isinstance(bodies, Mapping) or not isinstance(constraints, Mapping):
-        return {}
+        return data, []
+    problems: list[Problem] = []
     spread: dict[str, Any] = {}
     for name, value in constraints.items():
         names = _names_of(value, bodies)
-        made = {name: value} if names is None else _spread(name, value, names, bodies)
+        made = {name: value}
+        if names is not None:
+            key, allowed = _no_group(value, names, bodies)
+            if allowed:
+                problems.append((("constraints", name, key), value[key], refuse(allowed)))
+            made = _spread(name, value, names, bodies)
         for key in made:
             if key != name and (key in constraints or key in spread):
                 allowed = refuse(f"another name: {name} makes {key} as well")
-                raise refuse_at((("constraints", key), key, allowed))
+                problems.append((("constraints", key, KEY), key, allowed))
         spread |= made
-    return {"constraints": spread}
+    return {**data, "constraints": spread}, problems
 
 
 def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
@@ -426,10 +433,8 @@ def _names_of(value: Any, bodies: Mapping[str, Any]) -> list[str] | None:
     if not isinstance(value, Mapping) or value.get("type") != "contact":
         return None
     between = value.get("between")
-    if value.get("body") == "all" and "all" not in bodies and between is None:
-        return list(bodies)
-    if between is None or "body" in value:
-        return None
+    if between is None:
+        return list(bodies) if value.get("body") == "all" and "all" not in bodies else None
     if between == "all":
         return [name for name, body in bodies.items() if _shape_of(body) is not None]
     return [n for n in between if isinstance(n, str)] if isinstance(between, (list, tuple)) else []
@@ -439,13 +444,25 @@ def _shape_of(body: Any) -> Any:
     return body.get("shape") if isinstance(body, Mapping) else getattr(body, "shape", None)
 
 
+def _no_group(
+    value: Mapping[str, Any], names: list[str], bodies: Mapping[str, Any]
+) -> tuple[str, str]:
+    """Why a contact has no bodies to be between: the key, and what is allowed there; or "", ""."""
+    if value.get("between") is None:
+        return "", ""
+    if "body" in value:
+        return "body", "omitted if between is given"
+    if value["between"] == "all" and len(names) < 2:
+        return "between", "omitted unless two bodies have a shape"
+    if shapeless := [n for n in names if n in bodies and _shape_of(bodies[n]) is None]:
+        return "between", f"bodies with a shape: {', '.join(shapeless)} has none"
+    return "", ""
+
+
 def _spread(
     name: str, value: Mapping[str, Any], names: list[str], bodies: Mapping[str, Any]
 ) -> dict[str, Any]:
     """One contact per body; an invalid contact stays a single entry under its own name."""
-    if value.get("between") == "all" and len(names) < 2:
-        allowed = refuse("omitted unless two bodies have a shape")
-        raise refuse_at((("constraints", name, "between"), "all", allowed))
     first = {**value, "body": next(iter([*names, *bodies]), "all")}
     if not set(names) <= set(bodies):
         return {name: first}
@@ -456,25 +473,24 @@ def _spread(
     return {f"{name}_{body}": spec.model_copy(update={"body": body}) for body in names}
 
 
-def _as_given(data: Any) -> dict[str, Any]:
+def _sections_of(data: Any) -> dict[str, Any]:
     """The sections of an invalid scene that are mappings."""
-    if not isinstance(data, Mapping):
-        return {}
-    try:
-        data = {**data, **_each_body(data)}
-    except ValidationError:
-        pass  # reported already
-    sections = {name: data.get(name) for name in ("bodies", *SECTIONS)}
+    given = data if isinstance(data, Mapping) else {}
+    sections = {name: given.get(name) for name in ("bodies", *SECTIONS)}
     return {name: of for name, of in sections.items() if isinstance(of, Mapping)}
 
 
 def _misnamed(sections: Mapping[str, Mapping[str, Any]]) -> list[Problem]:
-    """Problems of names that coincide in topics, and of references to bodies."""
+    """Problems of names: two that coincide in topics, one in both forms, references to no body."""
     found: list[Problem] = []
     for section, taken in (("bodies", "world"), ("constraints", ""), ("supports", "")):
         for name, other, called in clashes(map(str, sections.get(section, ())), taken):
             allowed = refuse(f"another name: topics call both {other} and {name} {called}")
-            found.append(((section, name), name, allowed))
+            found.append(((section, name, KEY), name, allowed))
+    for short, long in (("supports", "constraints"), ("loads", "effects")):
+        for name in (name for name in sections.get(short, {}) if name in sections.get(long, {})):
+            allowed = refuse(f"another name: {long} have one called {name}")
+            found.append(((short, name, KEY), name, allowed))
     bodies = sections.get("bodies")
     for section in SECTIONS if bodies else ():
         for name, entry in sections.get(section, {}).items():

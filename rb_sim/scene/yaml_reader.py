@@ -101,8 +101,13 @@ def _keys_text(paths: list[Keys]) -> str:
 
 def _line(model: type[BaseModel], data: Any, path: Keys, same: list[Any]) -> str:
     """Error at one path and the values allowed there."""
-    absent = same[0]["type"] in ("missing", "union_tag_not_found")
-    phrases = _phrases_for_missing(model, data, path) if absent else []
+    phrases: list[str] = []
+    if same[0]["type"] in ("missing", "union_tag_not_found"):
+        phrases = _phrases_for(model, data, path, path)
+    elif same[0]["type"] == "model_attributes_type":  # one of several models, by `type`
+        unknown = {"type": f"{_at(data, path)}?"}  # the nearest name comes first
+        names = _phrases_for(model, data, path, (*path, "type"), unknown)
+        phrases = [f"a mapping {{type: NAME}}; NAME is {name}" for name in names]
     return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
 
 
@@ -111,13 +116,17 @@ def _phrases(details: list[Any]) -> list[str]:
     return list(dict.fromkeys(_allowed(detail) for detail in details))
 
 
-def _phrases_for_missing(model: type[BaseModel], data: Any, path: Keys) -> list[str]:
-    """Values allowed for a missing key, found by validating with an impossible value there."""
+def _phrases_for(
+    model: type[BaseModel], data: Any, path: Keys, below: Keys, value: Any = None
+) -> list[str]:
+    """Values allowed at `below`, found by validating with an impossible `value` at `path`; default:
+    one that is impossible everywhere."""
+    changed = _with_value(data, path, object() if value is None else value)
     try:
-        model.model_validate(_with_value(data, path, object()))
+        model.model_validate(changed)
     except ValidationError as error:
         details = error.errors(include_url=False)
-        return _phrases([detail for detail in details if _path_in(data, detail) == path])
+        return _phrases([detail for detail in details if _path_in(changed, detail) == below])
     return []
 
 
@@ -148,6 +157,14 @@ def _path_in(data: Any, detail: Mapping[str, Any]) -> Keys:
     return tuple(path)
 
 
+def _at(data: Any, path: Keys) -> Any:
+    """The value at `path` of `data`, or _MISSING."""
+    at = data
+    for part in path:
+        at = _below(at, part)
+    return at
+
+
 def _below(at: Any, part: str | int) -> Any:
     """The entry `part` of `at`, or _MISSING."""
     if isinstance(at, Mapping):
@@ -161,9 +178,7 @@ def _found(data: Any, path: Keys, detail: Mapping[str, Any]) -> str:
     """The value found, or that the key is missing or unknown."""
     if detail["type"] == "rb_sim_key":
         return "unknown key"
-    at = data
-    for part in path:
-        at = _below(at, part)
+    at = _at(data, path)
     if at is _MISSING:
         return MISSING
     key_itself = "[key]" in detail["loc"]

@@ -73,7 +73,10 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
             pitch = float(push @ axis)
             if abs(pitch) > NEGLIGIBLE * (speed + spin):
                 found.append(_failing_force(name, axis, float(force @ axis)))
-    return tuple(found)
+    # a body that only moves along carries no load in that direction
+    arm = {"force": 1.0, "torque": lever}
+    weight = max((abs(of.amount) / arm[of.kind] for of in found), default=0.0)
+    return tuple(of for of in found if abs(of.amount) > NEGLIGIBLE * weight * arm[of.kind])
 
 
 def _support_on(system: Equilibrium, body: str, through: Array, axis: Array) -> Array:

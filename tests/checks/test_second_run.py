@@ -25,6 +25,7 @@ from benchmarks.known_motions import stick_slip
 from rb_sim import Simulation, Trajectory
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.checks.second_run import SecondRun, apart
+from rb_sim.checks.step_search import quiet_step, step_that_runs
 from rb_sim.cli.main import app
 
 W = 2.0 * math.pi
@@ -385,6 +386,25 @@ def test_the_solver_of_a_pile_is_counted() -> None:
         simulation.run(0.1, 20.0, check=False)
         counted.append(counted_time(simulation.motion, simulation.setting))
     assert counted[0] > 3.0 * counted[1] > 0.0
+
+
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_no_other_method_is_advised_where_none_takes_the_scene() -> None:
+    """Two balls that fall on each other in long steps; only time stepping takes `between`."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    contact = {"type": "contact", "restitution": 0.8}
+    scene = {
+        "bodies": {"a": ball | {"position": [0, 0, 0.5]}, "b": ball | {"position": [0.02, 0, 0.9]}},
+        "constraints": {"each": contact | {"between": "all"}, "floor": contact | {"body": "all"}},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 1.0, "method": "time_stepping", "step": 0.01},
+    }
+    simulation = Simulation(scene, announce=None)
+    found = simulation.run().findings
+    assert found and any("try step" in finding.advice for finding in found)
+    assert not [finding for finding in found if "dopri853" in finding.advice]
+    assert "dopri853" not in quiet_step(simulation, found)
+    assert "dopri853" not in step_that_runs(simulation, 0.5, 1.0)
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")

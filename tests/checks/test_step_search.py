@@ -246,6 +246,7 @@ class Tried:
             setting=SimpleNamespace(step=0.1, name="rk4"),
             layout=SimpleNamespace(bodies=("a",)),
             scene=SimpleNamespace(simulation=options),
+            compiled=SimpleNamespace(between=None),
         )
 
 

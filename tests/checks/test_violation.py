@@ -154,6 +154,22 @@ def test_with_both_ends_or_none_listed_nothing_sinks(method):
         assert not findings
 
 
+def test_a_rim_all_round_in_a_bowl_is_looked_at_without_a_traceback():
+    """An upright cylinder in the middle of a bowl: all points of its rim are equally near."""
+    bowl = {"type": "sphere", "center": [0, 0, 1], "radius": 1.0, "side": "inside"}
+    cylinder = {"type": "cylinder", "radius": 0.1, "length": 0.4}
+    contact = {"type": "contact", "body": "b", "points": [[0, 0, -0.2]], "surface": bowl}
+    scene = {
+        "bodies": {"b": {"mass": 1.0, "shape": cylinder, "position": [0, 0, 0.3]}},
+        "constraints": {"bowl": contact},
+        "effects": {"weight": {"type": "gravity"}},
+        "simulation": {"duration": 0.5},
+    }
+    run, (finding,) = found(scene, {})
+    z = run.position["b"][int(abs(run.t - finding.t).argmin()), 2] - 0.2
+    assert finding.figure == pytest.approx(math.hypot(1.0 - z, 0.1) - 1.0, rel=1e-6)
+
+
 def test_a_body_without_a_shape_has_nothing_to_sink():
     scene = rod(0.8, points=[[0, 0, 0]])
     del scene["bodies"]["ladder"]["shape"]

@@ -14,9 +14,11 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from rb_sim.checks.balance import Ledger
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
@@ -101,6 +103,29 @@ def test_redundant_corners_are_said_to_be_undetermined(tmp_path):
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["indeterminate_reactions"] == ["floor/1", "floor/2", "floor/3", "floor/4"]
     assert "minimum-norm reactions reported" in " ".join(done.stdout.split())
+
+
+@pytest.mark.parametrize(("bodies", "heap"), [(1, False), (2, True)])
+def test_loads_that_a_heap_leaves_open_are_said_to_be_one_of_several(bodies, heap, tmp_path):
+    """One box has the minimum-norm ones under time stepping, too; a stack may have others."""
+    box = {"type": "box", "size": [1.0, 1.0, 0.2]}
+    stack = {
+        f"box{i}": {"mass": 1.0, "shape": box, "position": [0.0, 0.0, 0.1 + 0.2 * i]}
+        for i in range(bodies)
+    }
+    contacts: dict[str, Any] = {"floor": {"type": "contact", "body": "box0"}}
+    if heap:
+        on = {"type": "contact", "body": "box1", "parent": "box0", "surface": {"type": "shape"}}
+        contacts["on"] = on
+    options = {"method": "time_stepping", "step": 0.001, "duration": 0.02}
+    weight = {"weight": {"type": "gravity"}}
+    scene = {"bodies": stack, "constraints": contacts, "effects": weight, "simulation": options}
+    (tmp_path / "stack.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
+    done = invoke("run", tmp_path / "stack.yaml")
+    assert done.exit_code == 0, done.output
+    text = " ".join(done.stdout.split())
+    assert ("load distribution one of the admissible distributions if" in text) is heap
+    assert ("minimum-norm reactions reported" in text) is not heap
 
 
 def test_counts_do_not_grow_with_the_run():

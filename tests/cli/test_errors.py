@@ -77,6 +77,38 @@ def test_bad_scene(name, tmp_path):
         (("run", "heavy_top", "--rate", "quick"), "error: --rate: got 'quick'; must be a number;"),
         (("sweep", "coin", "--workers", "2.5"), "error: --workers: got '2.5'; must be a whole"),
         (("run", "heavy_top", "pendulum"), "error: Got unexpected extra argument"),
+        (
+            ("run", "heavy_top", "--duration"),
+            "error: Option '--duration' requires an argument; see rb_sim run --help",
+        ),
+        (
+            ("fit", "b", "--noise", "1"),
+            "error: Option '--noise' requires 2 arguments; see rb_sim fit",
+        ),
+        (
+            ("--duration", "3", "run", "heavy_top"),
+            "error: --duration: must stand after the command (run); see rb_sim --help",
+        ),
+        *(
+            (
+                (verb, "pendulum", "--set", "bodies.rod.mass=-1"),
+                f"error: {find_scene('pendulum')}: bodies.rod.mass: got -1; must be",
+            )
+            for verb in ("run", "statics", "explain", "linearize", "accuracy")
+        ),
+        (("statics", "pendulum", "--set", "a"), "error: --set a: must be KEY=VALUE with a path"),
+        (
+            ("run", "a.yaml", "b.yaml"),
+            "error: Got unexpected extra argument(s) (b.yaml); see rb_sim run --help",
+        ),
+        (
+            ("linearize", "pendulum", "--axes", "wrld"),
+            "error: --axes: got 'wrld'; must be world or",
+        ),
+        (
+            ("compare", "pendulum", "a.csv"),
+            "error: BAG: got pendulum, a scene; must be a bag, record one first: rb_sim run pendul",
+        ),
         (("fly",), "error: No such command 'fly'"),
         (
             ("rum", "heavy_top"),

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +27,38 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.run_plots import Plots
 from rb_sim.trajectory.record import accelerating
 from tests.bags.scenes import PUSHED
-from tests.cli.process import invoke, rb_sim
+from tests.cli.process import COMMAND, PATIENCE, environment, invoke, rb_sim
 from tests.interpreted import interpreted
 
 
 def run(folder, *more):
     options = ("--out", folder, "--duration", "0.1", "--no-plots", "--no-rerun", "--quiet")
     return invoke("run", "pendulum", *options, *more)
+
+
+@pytest.mark.parametrize("closed", ["", ">&-", ">&- 2>&-", "| head -n 1", "| true"])
+def test_files_are_written_also_if_nobody_reads_the_output(tmp_path, closed):
+    command = f"{' '.join(COMMAND)} linearize pendulum --out out {closed}; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert (done.stdout.splitlines()[-1], done.stderr) == ("0", "")
+    assert (tmp_path / "out" / "linear_model.npz").exists()
+    assert (tmp_path / "out" / "poles.png").exists()
+
+
+def test_a_full_disk_below_the_output_is_one_line(tmp_path):
+    command = f"{' '.join(COMMAND)} scenes > /dev/full"
+    done = subprocess.run(["bash", "-c", command], env=environment(), capture_output=True,
+                          text=True, timeout=PATIENCE, check=False)  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "error: standard output: cannot be written: No space left on device\n"
 
 
 def test_a_second_run_into_a_folder_is_refused_in_one_line(tmp_path):

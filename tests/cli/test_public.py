@@ -28,6 +28,7 @@ from rb_sim import RbSimError, Simulation
 from rb_sim.cli.verbs.compare import CompareOptions, compare
 from rb_sim.cli.verbs.info import info
 from rb_sim.cli.verbs.linearize import linearize
+from rb_sim.cli.verbs.statics import statics
 from rb_sim.io.bag.bag_sink import BagSink
 from tests.bags.analysis.foreign import EPOCH, STORE, pose_stamped, swing
 from tests.linear.test_linearize import LEVER, THRESHOLD, disk, top
@@ -54,6 +55,26 @@ def bag(tmp_path: Path) -> Path:
     sink.write(simulation.run().block)
     sink.close()
     return tmp_path / "bag"
+
+
+def test_values_of_a_scene_can_be_set_where_it_is_not_run(tmp_path: Path, capsys: Any):
+    """Twice the load, twice the tension; a quarter of gravity, half the frequency."""
+    set_in = ("loads.push.force=[0, 0, -120]",)
+    tensions = []
+    for changes in ((), set_in):
+        assert statics("hinged_rods", tmp_path, changes) == 0
+        written = json.loads((tmp_path / "statics.json").read_text(encoding="utf-8"))
+        tensions.append(written["reactions"]["string"]["force_N"])
+    assert tensions[1] == pytest.approx(np.multiply(2.0, tensions[0]), rel=1e-9)
+    capsys.readouterr()
+    frequencies = []
+    for weight in ("9.81", "2.4525"):
+        hangs = ("bodies.rod.orientation=[0, 0, 0, 1]",)
+        weights = f"effects.weight.acceleration=[0, 0, -{weight}]"
+        linearize("pendulum", 0.0, "world", 0.0, None, True, (*hangs, weights))
+        model = json.loads(capsys.readouterr().out)
+        frequencies.append(np.abs(np.linalg.eigvals(model["A"])).max())
+    assert frequencies[0] == pytest.approx(2.0 * frequencies[1], rel=1e-9)
 
 
 def test_statics_takes_scenes_of_both_kinds():

@@ -156,7 +156,9 @@ def test_what_cannot_be_is_refused_in_a_line():
     refused(r"constraints\.heap\.between\[1\]: got 'c'", two, between(["a", "c"]))
     refused(r"constraints\.heap\.between", {"a": two["a"]}, between("all"))
     refused(r"constraints\.heap\.parent: got 'a'; must be omitted", two, between("all", parent="a"))
-    refused(r"constraints\.heap: body cannot be combined", two, between("all", body="a"))
+    refused(r"constraints\.heap\.body: got 'a'; must be omitted", two, between("all", body="a"))
+    point = {"mass": 1.0, "inertia": [1, 1, 1]}
+    refused(r"got \['a', 'c'\]; .*: c has none$", two | {"c": point}, between(["a", "c"]))
     refused(r"constraints\.heap\.restitution", two, between("all", restitution=2.0))
     refused("box and cylinder", {"a": box([0, 0, 0]), "b": roller}, between("all"))
     refused("a and b overlap by", two | {"b": ball([0.15, 0, 0])}, between("all"))
@@ -169,6 +171,32 @@ def test_what_cannot_be_is_refused_in_a_line():
         climb(load_scene(scene(two, between("all"))))
     with pytest.raises(SceneError, match=r"constraints\.heap_a\.between"):
         at_rest(load_scene(scene(two, between("all"))))
+
+
+WITHOUT_GROUP: list[tuple[str, dict[str, Any]]] = [
+    ("heap.between: got 'all'; must be omitted unless", {"heap": {"between": "all"}}),
+    ("heap.body: got 'a'; must be omitted if", {"heap": {"between": "all", "body": "a"}}),
+    ("heap.between: got ['a', 'b']; must be bodies with", {"heap": {"between": ["a", "b"]}}),
+    ("floor_a: got 'floor_a'; must be another",
+     {"floor": {"body": "all"}, "floor_a": {"body": "a"}}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "contacts"), WITHOUT_GROUP)
+def test_a_group_that_cannot_be_does_not_hide_other_errors(line: str, contacts: dict[str, Any]):
+    point = {"mass": 1.0, "inertia": [1, 1, 1]}
+    given = {name: {"type": "contact"} | more for name, more in contacts.items()}
+    given["hinge"] = {"type": "fixed_point", "body": "c"}
+    data = {
+        "bodies": {"a": ball([0, 0, 0]) | {"mass": -1.0}, "b": point},
+        "constraints": given,
+        "simulation": {"rate": 0},
+    }
+    with pytest.raises(SceneError) as error:
+        load_scene(data)
+    for part in (f"constraints.{line}", "bodies.a.mass: got -1.0", "simulation.rate: got 0",
+                 "constraints.hinge.body: got 'c'"):  # fmt: skip
+        assert part in str(error.value)
 
 
 @pytest.mark.filterwarnings("ignore")

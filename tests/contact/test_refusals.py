@@ -75,12 +75,17 @@ REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
     "cylinder on a cylinder": (
         body(CYLINDER, [0, 0, 1]),
         touch(surface={"type": "cylinder", "radius": 0.5, "side": "outside"}),
-        ("points", "cylinder"),
+        ("points", "one of plane, sphere, sphere from inside, cylinder from inside, which its cyl"),
+    ),
+    "upright in a bowl": (
+        body(CYLINDER, [0, 0, 0.5]),
+        touch(surface={"type": "sphere", "center": [0, 0, 1], "radius": 1.0, "side": "inside"}),
+        ("rim lies all round", "bodies.body.position"),
     ),
     "in the middle of a bowl": (
         body({"type": "ellipsoid", "semi_axes": [0.1, 0.12, 0.14]}, [0, 0, 1]),
         touch(surface={"type": "sphere", "center": [0, 0, 1], "radius": 1.0, "side": "inside"}),
-        ("centre of the round surface", "bodies.body.position"),
+        ("at the centre, or its rim", "bodies.body.position"),
     ),
     "on a parent without shape": (
         {"body": BALL, "a": {"mass": 1.0, "inertia": [1, 1, 1]}},

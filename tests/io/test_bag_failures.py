@@ -139,7 +139,7 @@ def test_recover_that_is_broken_off_leaves_nothing(record, tmp_path, monkeypatch
 
 def test_recover_what_has_nothing(tmp_path):
     (tmp_path / "text.mcap").write_text("hello, I am not a bag")
-    with pytest.raises(SinkError, match="not an MCAP file$"):
+    with pytest.raises(SinkError, match="not an MCAP file; a bag is a folder"):
         recover_bag(tmp_path / "text.mcap")
     with pytest.raises(SinkError, match="no such bag$"):
         recover_bag(tmp_path / "none")

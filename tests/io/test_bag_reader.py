@@ -102,6 +102,9 @@ def one_line(path) -> str:
     return line.removeprefix(f"{path}")
 
 
+NO_MCAP = ": not an MCAP file; a bag is a folder, an .mcap or a .db3 file"
+
+
 def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     assert one_line(tmp_path / "none") == ": no such bag"
     assert one_line(tmp_path) == ": not a bag: no .mcap or .db3 file in it"
@@ -109,9 +112,9 @@ def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     inner.mkdir(parents=True)
     assert one_line(tmp_path / "out").endswith(f"; the bag of this run is {inner}")
     (tmp_path / "text.mcap").write_text("hello")
-    assert one_line(tmp_path / "text.mcap") == ": not an MCAP file"
+    assert one_line(tmp_path / "text.mcap") == NO_MCAP
     (tmp_path / "empty.mcap").write_text("")
-    assert one_line(tmp_path / "empty.mcap") == ": not an MCAP file"
+    assert one_line(tmp_path / "empty.mcap") == NO_MCAP
     assert one_line(tmp_path).startswith(": not one bag: 2 files without metadata.yaml")
     bag = record("whole/bag")
     data = (bag / "bag_0.mcap").read_bytes()

@@ -250,6 +250,23 @@ def test_a_spin_is_refused_by_its_speed_at_the_scene_s_size(size: float) -> None
     Simulation(scene_from_mapping(upright(size, spin=1e-8 * fall / size)))
 
 
+def test_a_driven_spin_that_starts_otherwise_is_refused_in_its_unit() -> None:
+    """A shaft that a drive turns at 3 rad/s, and one that a knife edge moves at 3 m/s."""
+    shaft = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+    hinge = {"type": "fixed_axis", "body": "shaft", "axis_B": [0, 1, 0]}
+    drive = {"type": "velocity", "body": "shaft", "angular": [0, 1, 0], "rate": 3.0}
+    scene = {"bodies": {"shaft": shaft}, "constraints": {"hinge": hinge, "drive": drive}}
+    with pytest.raises(SceneError, match=r"drive: .* violates it by 3 rad/s \(must be 0\)"):
+        compile_scene(load_scene(scene))
+    sled = {"type": "velocity", "body": "shaft", "linear": [1, 0, 0], "rate": 3.0}
+    scene["constraints"] = {
+        "drive": sled,
+        "hinge": {"type": "parallel", "body": "shaft", "axis_B": [0, 0, 1]},
+    }
+    with pytest.raises(SceneError, match=r"drive: .* violates it by 3 m/s \(must be 0\)"):
+        compile_scene(load_scene(scene))
+
+
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("count", [2, BODIES])
 def test_a_run_is_on_its_constraints_at_every_size(size: float, count: int) -> None:

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -460,3 +461,52 @@ def test_the_words_of_other_programs_are_understood(part: str, word: str, meant:
     with pytest.raises(SceneError) as caught:
         scene_from_mapping({"bodies": {"b": body}, part: {"it": {"type": word, "body": "b"}}})
     assert f"; must be {meant}, or one of " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("section", "word", "meant"),
+    [
+        ("a", "pos", "position"),
+        ("a", "quat", "orientation"),
+        ("a", "lin", "linear_velocity"),
+        ("simulation", "t_end", "duration"),
+        ("simulation", "tol", "tolerance"),
+    ],
+)
+def test_the_beginning_of_a_key_is_understood(section: str, word: str, meant: str) -> None:
+    body: dict = {"mass": 1.0, "inertia": [1, 1, 1]}
+    scene: dict = {"bodies": {"a": body}, "simulation": {}}
+    (body if section == "a" else scene["simulation"])[word] = 1.0
+    with pytest.raises(SceneError, match=f"{word}: unknown key; must be {meant}, or one of "):
+        load_scene(scene)
+
+
+@pytest.mark.parametrize(
+    ("entry", "line"),
+    [
+        ({"type": "translation", "guide": "line"}, "guide: got 'line'; .*NAME is line, or one of"),
+        ({"type": "translation", "guide": 3}, "guide: got 3; .*NAME is one of circle, curve, line"),
+        ({"type": "contact", "surface": "plane"}, "surface: got 'plane'; .*NAME is plane, or one"),
+    ],
+)
+def test_a_word_in_place_of_a_mapping_is_told_the_types(entry: dict, line: str) -> None:
+    for with_shape in ("sphere", 3):
+        body = {"mass": 1.0, "shape": with_shape}
+        scene = {"bodies": {"b": body}, "constraints": {"it": entry | {"body": "b"}}}
+        with pytest.raises(SceneError, match=rf"constraints\.it\.{line}") as caught:
+            load_scene(scene)
+        assert re.search(r"bodies\.b\.shape: got .*NAME is (sphere|one of)", str(caught.value))
+
+
+def test_a_table_of_wrenches_names_its_times_and_rows() -> None:
+    table = {"type": "wrench_table", "body": "b"}
+    effects = {
+        "a": table | {"times": [0, 1, 0.5], "forces": [[0, 0, 0]] * 3},
+        "c": table | {"times": [0, 1], "torques": [[0, 0, 0]]},
+    }
+    with pytest.raises(SceneError) as caught:
+        load_scene({"bodies": {"b": {"mass": 1.0, "inertia": [1, 1, 1]}}, "effects": effects})
+    assert "effects.a.times: got [0, 1, 0.5]; must be numbers that increase" in str(caught.value)
+    assert "effects.c.torques: got [[0, 0, 0]]; must be one row for each of the 2 times" in str(
+        caught.value
+    )

@@ -310,6 +310,15 @@ def test_in_a_plane_the_components_out_of_it_are_nobodys_load():
     assert set(summary["pin"]) == out_of_plane
 
 
+def test_a_body_that_only_moves_along_has_no_load_that_fails():
+    """A crank falls and takes its rod and slider along; the weight of the slider is on its rail."""
+    found = rb_sim.statics(slider_crank())
+    assert found.verdict == "no equilibrium"
+    assert [(of.kind, of.name) for of in found.findings] == [("torque", "crank"), ("torque", "rod")]
+    arm = 0.5 * R * cos(TURNED)
+    assert abs(found.findings[0].amount) == pytest.approx(1.0 * G_MOTION * arm)
+
+
 def table(speed: float, mu: float) -> dict[str, Any]:
     half = 0.5
     legs = [[sx * half, sy * half, -half] for sx in (1, -1) for sy in (1, -1)]

@@ -34,6 +34,7 @@ from rb_sim.catalogue.spec import (
     Vec3,
     Vector3,
     refuse,
+    refuse_at,
     wrench,
 )
 from rb_sim.numerics.vectors import ZERO, add, cross, rotate, scale, sin, unrotate
@@ -111,10 +112,11 @@ class WrenchTable(Spec):
     @model_validator(mode="after")
     def _shapes(self) -> WrenchTable:
         if any(later <= sooner for sooner, later in zip(self.times, self.times[1:], strict=False)):
-            raise refuse("a table whose times increase")
-        for rows in (self.forces, self.torques):
+            raise refuse_at((("times",), list(self.times), refuse("numbers that increase")))
+        for key, rows in (("forces", self.forces), ("torques", self.torques)):
             if rows is not None and len(rows) != len(self.times):
-                raise refuse(f"a table with one row per instant ({len(self.times)} times)")
+                allowed = refuse(f"one row for each of the {len(self.times)} times")
+                raise refuse_at(((key,), f"{len(rows)} rows", allowed))
         return self
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:

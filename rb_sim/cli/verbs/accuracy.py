@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -26,11 +27,16 @@ from rb_sim.accuracy.accuracy_tables import (
 from rb_sim.accuracy.ladder import climb
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
+from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.scene.load import load_scene
 
 
 def accuracy(
-    scene: Path, out: Path | None = None, target: float | None = None, budget: float = 60.0
+    scene: str | Path,
+    out: Path | None = None,
+    target: float | None = None,
+    budget: float = 60.0,
+    changes: Sequence[str] = (),
 ) -> int:
     """Run the scene with every method, coarse to fine; print the CPU time of each error.
 
@@ -44,7 +50,7 @@ def accuracy(
     for name, value in (("target", target), ("budget", budget)):
         if value is not None and not value > 0.0:
             raise RbSimError(f"--{name}: got {value!r}; must be a number > 0")
-    described = load_scene(scene)
+    described = with_changes(scene, changes, load_scene)
     console = plain_console(soft_wrap=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
@@ -69,7 +75,12 @@ def accuracy(
     return 0
 
 
-def of_statics(scene: Path, out: Path | None = None, target: float | None = None) -> int:
+def of_statics(
+    scene: str | Path,
+    out: Path | None = None,
+    target: float | None = None,
+    changes: Sequence[str] = (),
+) -> int:
     """Solve a statics scene; print the accuracy of its reactions and their CPU time.
 
     out: folder for accuracy.json, created if absent. target: refused, as nothing moves.
@@ -79,7 +90,7 @@ def of_statics(scene: Path, out: Path | None = None, target: float | None = None
     """
     from rb_sim.statics import load_statics
 
-    described = load_statics(scene)
+    described = with_changes(scene, changes, load_statics)
     if target is not None:
         raise RbSimError(
             f"target: is a global error of the pose; the bodies of {scene} are at rest"

@@ -86,6 +86,10 @@ BAGS, TEXTS = (".mcap", ".db3"), (".csv", ".txt", ".tum")
 """File suffixes of bags, and of files with poses."""
 
 
+def _is_bag(path: Path) -> bool:
+    return path.suffix in BAGS or path.is_dir()
+
+
 def first_tracks(options: CompareOptions) -> Tracks:
     """The motion of A; if OTHER is a scene, including the joint states of a bag not recorded by
     rb_sim."""
@@ -95,14 +99,20 @@ def first_tracks(options: CompareOptions) -> Tracks:
     from rb_sim.scene.load import load_scene
 
     first, other = Path(options.a), Path(options.b)
-    names_a_scene = not first.exists() and str(first) in {scene.name for scene in list_scenes()}
-    is_scene = first.suffix in (".yaml", ".yml") and first.name != "metadata.yaml"
-    if names_a_scene or is_scene or first.suffix in TEXTS:
-        kind = "a file of poses" if first.suffix in TEXTS else "a scene"
-        turned = f"rb_sim compare {options.b} {options.a}"
-        raise RbSimError(
-            f"BAG: got {options.a}, {kind}; must be a bag, OTHER may be {kind}: {turned}"
-        )
+    shipped = {scene.name for scene in list_scenes()}
+
+    def kind_of(path: Path) -> str:
+        named = not path.exists() and str(path) in shipped
+        if named or (path.suffix in (".yaml", ".yml") and path.name != "metadata.yaml"):
+            return "a scene"
+        return "a file of poses" if path.suffix in TEXTS else ""
+
+    if kind := kind_of(first):
+        way = f"OTHER may be {kind}: rb_sim compare {options.b} {options.a}"
+        if kind_of(other):
+            scene = options.a if kind == "a scene" else "SCENE"
+            way = f"record one first: rb_sim run {scene} --out DIR"
+        raise RbSimError(f"BAG: got {options.a}, {kind}; must be a bag, {way}")
     is_scene = other.suffix not in (*BAGS, *TEXTS) and not other.is_dir()
     scene = None
     if is_scene and reader_of(options.a, unfinished=True) is None:
@@ -115,7 +125,7 @@ def other_tracks(options: CompareOptions, a: Tracks) -> Tracks:
     from rb_sim.bags.tracks import tracks_of_bag, tracks_of_csv
 
     path = Path(options.b)
-    is_bag = path.suffix in BAGS or path.is_dir()
+    is_bag = _is_bag(path)
     is_csv = path.suffix in TEXTS
     if options.wrench and (is_bag or is_csv):
         raise RbSimError(f"--wrench {options.wrench[0]}: only if OTHER is a scene")

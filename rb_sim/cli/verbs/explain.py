@@ -28,21 +28,23 @@ from rb_sim.accuracy.costs import Cost, Explanation, Item, RunCost
 from rb_sim.accuracy.costs import explain as explain_scene
 from rb_sim.base.errors import AccuracyWarning, RbSimError
 from rb_sim.cli.plain import plain_console
+from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
 
 NO_PRICE = "-"
 
 
-def explain(scene: Path, out: Path | None = None) -> int:
+def explain(scene: str | Path, out: Path | None = None, changes: Sequence[str] = ()) -> int:
     """Print bodies, constraints, degrees of freedom, effects, method and measured costs.
 
-    scene: YAML file. out: folder for explain.json, created if absent.
+    scene: YAML file, or name of a shipped scene. out: folder for explain.json, created if absent.
+    changes: KEY=VALUE of the scene.
 
-    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated or a folder that
-    cannot be written.
+    Returns the exit code 0. Raises RbSimError for a scene that cannot be simulated or a folder
+    that cannot be written.
     """
-    described = load_scene(scene)
+    described = with_changes(scene, changes, load_scene)
     console = plain_console(soft_wrap=False)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from rich.table import Table
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.cli.plain import plain_console
+from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation, check_smooth
@@ -32,6 +34,9 @@ WIDEST = 8
 TALLEST = 60
 """Most rows of a printed matrix."""
 
+
+AXES = ("world", "body")
+"""Of the states."""
 
 LATER = 0.01
 """Time after which the model is computed again, in times of the fastest mode."""
@@ -47,6 +52,7 @@ def linearize(
     turning: float,
     out: Path | None,
     as_json: bool = False,
+    changes: Sequence[str] = (),
 ) -> int:
     """Print A, B, C, D and the modes of the linear model at `at` [s], or all of it as JSON.
 
@@ -56,7 +62,9 @@ def linearize(
     """
     if not at >= 0.0:
         raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
-    simulation = Simulation(load_scene(scene))
+    if axes not in AXES:
+        raise RbSimError(f"--axes: got {axes!r}; must be {' or '.join(AXES)}")
+    simulation = Simulation(with_changes(scene, changes, load_scene))
     check_smooth(simulation.layout)  # before contacts are compiled
     simulation.advance(at)
     model = simulation.linearize(axes, turning)

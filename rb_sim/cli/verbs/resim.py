@@ -72,23 +72,18 @@ def resim(options: ResimOptions) -> int:
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
     from rb_sim.cli.verbs.replay import warn
-    from rb_sim.io.bag.reader import scene_as_run, with_value
-    from rb_sim.scene import yaml_reader
-    from rb_sim.scene.listing import find_scene
-    from rb_sim.scene.load import scene_from_mapping
+    from rb_sim.cli.verbs.scenes import with_changes
+    from rb_sim.io.bag.reader import scene_as_run
+    from rb_sim.scene.load import load_scene
     from rb_sim.simulation.outputs import refuse_logs
 
     overrides = {name: getattr(options, name) for name in ("method", "step", "tolerance")}
     if options.scene is None:
         scene = scene_as_run(reader, options.changes, overrides)
     else:
-        path = find_scene(options.scene)
-        data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
-        own = vars(reader.scene.simulation)
-        for change in options.changes:
-            data = with_value(data, change)
-        times = {"duration": own["duration"], "rate": own["rate"]}
-        scene = scene_from_mapping(data, name=path.stem, file=str(path), **times, **overrides)
+        own = reader.scene.simulation
+        overrides |= {"duration": own.duration, "rate": own.rate}
+        scene = with_changes(options.scene, options.changes, load_scene, **overrides)
     if options.out is not None and (out / "metadata.yaml").exists():
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: contains the bag to be simulated again")

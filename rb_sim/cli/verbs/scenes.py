@@ -13,14 +13,16 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
+
+Loaded = TypeVar("Loaded", bound="Scene")
 
 
 # `rb_sim warm`: compile in advance, so that a first run starts as fast as a second one.
@@ -105,6 +107,30 @@ def scenes(folder: Path | None = None, statics: bool = False) -> int:
     for scene in listed:
         print(f"{scene.name:{width}}  {scene.description}".rstrip())
     return 0
+
+
+def with_changes(
+    name_or_path: str | Path,
+    changes: Sequence[str],
+    load: Callable[..., Loaded],
+    **overrides: Any,
+) -> Loaded:
+    """The scene of a file or of a shipped name with KEY=VALUE in place of its values.
+
+    load: load_scene, which takes `overrides` as well, or load_statics.
+    Raises SceneError, and RbSimError for what is no KEY=VALUE.
+    """
+    from rb_sim.io.bag.reader import with_value
+    from rb_sim.scene import yaml_reader
+    from rb_sim.scene.listing import find_scene
+
+    path = find_scene(str(name_or_path))
+    if not changes:
+        return load(path, **overrides)
+    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
+    for change in changes:
+        data = with_value(data, change)
+    return load(data, name=path.stem, file=str(path), **overrides)
 
 
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:

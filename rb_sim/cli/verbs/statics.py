@@ -11,22 +11,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.plain import plain_console
+from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.statics import load_statics, solve
 from rb_sim.statics.statics_tables import print_report, write_json
 
 
-def statics(scene: Path, out: Path | None = None) -> int:
+def statics(scene: str | Path, out: Path | None = None, changes: Sequence[str] = ()) -> int:
     """Solve a scene at its initial pose and print the reactions.
 
-    With `out` also write statics.json and statics.png. Returns the exit code: 0 if the bodies can
-    stay at rest, else 1. Raises RbSimError for a scene that cannot be read or a folder that cannot
-    be written.
+    With `out` also write statics.json and statics.png. changes: KEY=VALUE of the scene.
+
+    Returns the exit code: 0 if the bodies can stay at rest, else 1.
+    Raises RbSimError for a scene that cannot be read or a folder that cannot be written.
     """
-    description = load_statics(scene)
+    description = with_changes(scene, changes, load_statics)
     result = solve(description)
     console = plain_console(soft_wrap=False)
     print_report(description, result, console)

@@ -224,7 +224,7 @@ class Frames:
         self.size = path.stat().st_size
         if self._at(0, len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             self._file.close()
-            raise SinkError(f"{path}: not an MCAP file")
+            raise SinkError(f"{path}: not an MCAP file; a bag is a folder, an .mcap or a .db3 file")
         magic = len(MCAP0_MAGIC)
         self.complete = self.size >= 2 * magic and self._at(self.size - magic, magic) == MCAP0_MAGIC
         """whether the file has the end of a finished one."""

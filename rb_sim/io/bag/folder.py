@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
@@ -177,8 +178,9 @@ def bag_paths(bag: Path) -> list[Path]:
     """The files of `bag` in order: of a directory, or the file itself.
 
     They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
-    if their names form a series (NAME_0, NAME_1 ...). Order: by number, else as in metadata.yaml.
-    Raises SinkError if there is no file, or several bags.
+    if their names form a series (NAME_0, NAME_1 ..., or 0_NAME_TIME, 1_NAME_TIME ... of rosbag2
+    since 2026). Order: by number, else as in metadata.yaml. Raises SinkError if there is no file,
+    or several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -203,7 +205,8 @@ def bag_paths(bag: Path) -> list[Path]:
     if not listed:
         raise SinkError(
             f"{bag}: not one bag: {len(found)} files without metadata.yaml whose names are no "
-            f"series, as {found[0].name} and {found[-1].name}; name one of them"
+            f"series, as {found[0].name} and {found[-1].name}; name one of them, or call those of "
+            f"one recording NAME_0{found[0].suffix}, NAME_1{found[0].suffix} ..."
         )
     return found
 
@@ -261,7 +264,13 @@ def _listed(metadata: Path) -> list[Path]:
     return paths if all(path.suffix in STORAGES for path in paths) else []
 
 
+_NUMBER_FIRST = re.compile(r"([0-9]+)_(.+)_[0-9]{4}_[0-9]{2}_[0-9]{2}-[0-9]{2}_[0-9]{2}_[0-9]{2}")
+"""Name of a file of newer versions of rosbag2: number, name of the bag, time of its beginning."""
+
+
 def _number(path: Path) -> tuple[str, int]:
+    if first := _NUMBER_FIRST.fullmatch(path.stem):
+        return first[2], int(first[1])
     stem, _, number = path.stem.rpartition("_")
     return (stem, int(number)) if number.isdigit() else (path.stem, 0)
 
