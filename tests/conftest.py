@@ -34,6 +34,10 @@ def _ignore_alone() -> None:
 
 _ignore_alone()
 
+# Of the time of tests that trace laws, which make many objects and keep most of them while they do,
+# a sixth went to a garbage collector that looked through them after every 700.
+gc.set_threshold(20_000)
+
 
 @pytest.fixture(autouse=True)
 def _laws_of_its_own(request: pytest.FixtureRequest) -> Iterator[None]:
@@ -56,7 +60,7 @@ def no_advice(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Leave the thousands of tests to no garbage collector: it would go through them again and
-    again while laws are traced, which makes many objects; 7 % of the time of tests/engine."""
+    again."""
     del session
     gc.collect()
     gc.freeze()

@@ -287,19 +287,26 @@ def _kept(name: str) -> tuple[bytes, str] | None:
 
 
 def _code_of(key: str) -> bytes | None:
-    """The object code with this key, shipped or on disk; else None."""
+    """The object code with this key for this machine, shipped or on disk; else None."""
     code = shipped.loops().code(key)
-    if code is None:
-        found = store.read(laws_folder(str(store.cache_root())), f"loop-{_aim()}-{key}")
-        parts = None if found is None else store.unpack(found)
-        code = parts[0] if parts else None
-    return code
+    return kept_code(key, shipped.target()) if code is None else code
 
 
-def _aim() -> str:
-    """Name of the processor for which loops are compiled."""
-    aim = shipped.target()
-    return "native" if aim is None else aim.processor
+def kept_code(key: str, target: shipped.Target | None) -> bytes | None:
+    """The object code of this key for a target (None: exactly this processor) on disk."""
+    found = store.read(laws_folder(str(store.cache_root())), _file_of(key, target))
+    parts = None if found is None else store.unpack(found)
+    return parts[0] if parts else None
+
+
+def keep_code(key: str, target: shipped.Target | None, code: bytes) -> None:
+    """Keep object code for `kept_code`."""
+    place = laws_folder(str(store.cache_root()))
+    store.write(place, _file_of(key, target), store.pack([code]))
+
+
+def _file_of(key: str, target: shipped.Target | None) -> str:
+    return f"loop-{'native' if target is None else target.processor}-{key}"
 
 
 def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str]:
@@ -314,8 +321,7 @@ def _translated(name: str, translate: Callable[[Unit], Any]) -> tuple[bytes, str
     code = _code_of(key)
     if code is None:
         code = _compiled(lambda: object_code(text, shipped.target()))
-        place = laws_folder(str(store.cache_root()))
-        store.write(place, f"loop-{_aim()}-{key}", store.pack([code]))
+        keep_code(key, shipped.target(), code)
     store.write(folder(str(store.cache_root())), name, store.pack([key.encode(), known.encode()]))
     return code, known
 

@@ -63,13 +63,23 @@ def made(machines: list[str]) -> dict[str, bytes]:
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # LLVM releases the GIL
         for machine in machines:
             target = shipped.TARGETS[machine]
-            codes = pool.map(lambda text, to=target: object_code(text[0], to), texts.values())
+            codes = pool.map(lambda text, to=target: code_for(text[0], to), texts.values())
             loops = {
                 name: (program.key_of(text), known, code)
                 for (name, (text, known)), code in zip(texts.items(), codes, strict=True)
             }
             files[machine] = shipped.packed(shipped.digest(), loops)
     return files
+
+
+def code_for(text: str, target: shipped.Target) -> bytes:
+    """Object code of a loop for a target; from disk where an earlier source has led to the same."""
+    key = program.key_of(text)
+    code = program.kept_code(key, target)
+    if code is None:
+        code = object_code(text, target)
+        program.keep_code(key, target, code)
+    return code
 
 
 def main(machines: list[str]) -> None:

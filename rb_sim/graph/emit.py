@@ -232,6 +232,9 @@ class Piece(Operations):
 
     def operation(self, x: Symbol) -> str:
         """Write one operation; returns the name of its result."""
+        if x.op in _BINARY:  # nearly all of a law
+            a, b = x.operands
+            return self.line(f"{_BINARY[x.op]} {self.kind} {self.value(a)}, {self.value(b)}")
         if x.op == "call":
             return self.call(x)
         if x.op == "item":

@@ -76,6 +76,9 @@ def stepwise(*arguments: Any) -> tuple[()]:
     return ()
 
 
+OTHER_GRAPH = "symbols of two graphs in one law"
+
+
 class Symbol:
     """One operation of a graph; arithmetic on it adds operations."""
 
@@ -236,8 +239,21 @@ class Graph:
 
     def pair(self, op: str, a: Any, b: Any) -> Any:
         """As `node`, for two operands; specialised, as nearly all nodes of a law are made here."""
-        a, b = _operand(self, a), _operand(self, b)
-        known, key = self._known, (op, _key(a), _key(b))
+        if isinstance(a, Symbol):
+            left: Any = a.number
+            if a.graph is not self:
+                raise ValueError(OTHER_GRAPH)
+        else:
+            a = float(a)
+            left = _key(a)
+        if isinstance(b, Symbol):
+            right: Any = b.number
+            if b.graph is not self:
+                raise ValueError(OTHER_GRAPH)
+        else:
+            b = float(b)
+            right = _key(b)
+        known, key = self._known, (op, left, right)
         found = known.get(key)
         if found is None:
             found = known[key] = Symbol(self, len(known), op, (a, b))
@@ -272,7 +288,7 @@ def _operand(graph: Graph, x: Any) -> Any:
     """x as a symbol of this graph or a float. Raises ValueError for a symbol of another graph."""
     if isinstance(x, Symbol):
         if x.graph is not graph:
-            raise ValueError("symbols of two graphs in one law")
+            raise ValueError(OTHER_GRAPH)
         return x
     return float(x)
 

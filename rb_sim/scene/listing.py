@@ -100,15 +100,24 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
-    shipped = {scene.name: scene.path for scene in list_scenes()}
-    known = shipped_statics() | shipped
-    if str(name_or_path) in known:
-        return known[str(name_or_path)]
+    own = _shipped(str(name_or_path))
+    if own is not None:
+        return own
     what = "is a folder" if path.is_dir() else "does not exist"
-    near = meant(path.stem, shipped)
+    near = meant(path.stem, [scene.name for scene in list_scenes()])
     hint = f"; did you mean {near}?" if near else ""
     allowed = "a YAML file or a name that `rb_sim scenes` lists"
     raise scene_error(f"{what}; a scene must be {allowed}{hint}", (), str(name_or_path))
+
+
+def _shipped(name: str) -> Path | None:
+    """The shipped scene of this name, in motion or at rest; no other file is read for it."""
+    folder = next(scene_folders(), None)
+    if folder is not None and Path(name).name == name:
+        path = folder / f"{name}.yaml"
+        if path.is_file() and _description(path) is not None:
+            return path
+    return shipped_statics().get(name)
 
 
 def _description(path: Path) -> str | None:

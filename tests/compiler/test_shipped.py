@@ -106,3 +106,14 @@ def test_gigabytes_between_code_and_constants_do_no_harm():
     command = [sys.executable, "-c", PROGRAM]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0 and "ran" in done.stdout, done.stderr[-500:]
+
+
+def test_a_loop_is_made_for_a_machine_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Building a package compiles only what another source leads to, for any machine."""
+    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
+    made: list[str] = []
+    monkeypatch.setattr(ship, "object_code", lambda text, to: made.append(text) or to.name.encode())
+    for _ in range(2):
+        for target in shipped.TARGETS.values():
+            assert ship.code_for("text", target) == target.name.encode()
+    assert made == ["text"] * len(shipped.TARGETS)

@@ -18,6 +18,7 @@ from dataclasses import replace
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from rb_sim.base.errors import SinkError
 from rb_sim.io import run_plots as plots
@@ -27,8 +28,8 @@ from rb_sim.scene.load import load_scene
 
 
 @pytest.fixture
-def drawn(monkeypatch):
-    """The axes that were drawn, as {title: {label: (t, y)}}, and how they looked."""
+def pictured(monkeypatch):
+    """The axes that were drawn, by their titles."""
     seen = {}
     original = plots.draw_panel
 
@@ -40,7 +41,14 @@ def drawn(monkeypatch):
     return seen
 
 
-def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
+@pytest.fixture
+def drawn(pictured, monkeypatch):
+    """The same where no test looks at the pictures, which take most of the time: empty files."""
+    monkeypatch.setattr(Figure, "savefig", lambda *_, **options: None)
+    return pictured
+
+
+def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, pictured):
     path = tmp_path / "out" / "plots.png"
     sink = PlotSink(path)
     sink.open(scene, layout)
@@ -61,21 +69,21 @@ def test_every_quantity_has_its_panel(tmp_path, scene, layout, samples, drawn):
         "power of forces without potential": ("[W]", block.power[:, None]),
     }
     for title, (unit, expected) in check.items():
-        ax = drawn[title]
+        ax = pictured[title]
         assert ax.get_title(loc="left") == f"{title} {unit}".strip() and not ax.get_ylabel()
         for line, column in zip(ax.get_lines(), expected.T, strict=True):
             np.testing.assert_array_equal(line.get_xdata(), block.t)
             np.testing.assert_array_equal(line.get_ydata(), column)
-    assert drawn["energy"].get_title(loc="left") == "energy [J]"
+    assert pictured["energy"].get_title(loc="left") == "energy [J]"
     # one legend of the figure for the axes, none in their panels
-    (legend,) = drawn["ball: position of the centre of mass, world"].figure.legends
+    (legend,) = pictured["ball: position of the centre of mass, world"].figure.legends
     names = [text.get_text() for text in legend.get_texts()]
     assert names[:3] == ["x, roll φ", "y, pitch θ", "z, yaw ψ"] or names[:3] == list("xyz")
-    assert drawn["ball: position of the centre of mass, world"].get_legend() is None
-    assert [line.get_label() for line in drawn["energy"].get_lines()][-1] == "total"
-    assert drawn["worst violation of a constraint, relative to the scene's scale"].get_yscale() == (
-        "log"
-    )
+    assert pictured["ball: position of the centre of mass, world"].get_legend() is None
+    assert [line.get_label() for line in pictured["energy"].get_lines()][-1] == "total"
+    assert pictured[
+        "worst violation of a constraint, relative to the scene's scale"
+    ].get_yscale() == ("log")
     image = matplotlib.image.imread(path)
     assert image.shape[0] > 500 and image.shape[1] == 1430
     assert image[..., :3].std() > 0.05

@@ -159,13 +159,12 @@ def test_without_the_package_there_are_none_of_its_services(sphere, start, clien
 
 
 @pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def package() -> Any:
     """The stand-in, importable here and in nodes that start."""
     importable("rb_sim_interfaces")  # or this cannot be built either
-    place = tmp_path_factory.mktemp("built")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build_interfaces, "sources", lambda _: SOURCES)
-        folder = build_interfaces.Builder(PACKAGE, Path(place)).build()
+        folder = build_interfaces.build(PACKAGE)  # kept from one session to the next
         before = os.environ.get("PYTHONPATH", "")
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(folder), before))))
         patch.syspath_prepend(str(folder))
