@@ -36,6 +36,7 @@ from rb_sim.bags.transforms import (
     is_static,
 )
 from rb_sim.base.errors import SinkError
+from rb_sim.base.names import one_of
 from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
 from rb_sim.io.messages.cdr import HEADER, Codec, Cursor
@@ -443,6 +444,7 @@ class Readings:
         self.bytes = 0
         self.messages = 0
         self._topics = topics
+        self._others: set[str] = set()
         self._sources = Sources()
         self._clocks = Clocks()
         self._fractions = Fractions()
@@ -488,7 +490,9 @@ class Readings:
         if self._topics is not None:
             missing = self._topics - set(self._counts) - set(self._refused)
             if missing:
-                raise SinkError(f"{self.paths[0]}: no readable topic {', '.join(sorted(missing))}")
+                topics = one_of(min(missing), self._others | self._counts.keys())
+                names = ", ".join(sorted(missing))
+                raise SinkError(f"{self.paths[0]}: no readable topic {names}; must be {topics}")
 
     @property
     def notes(self) -> list[str]:
@@ -531,7 +535,11 @@ class Readings:
         topic = channel.topic
         schema = scan.schemas.get(channel.schema_id)
         ros_type = schema.name if schema else ""
-        if topic in self._refused or (self._topics is not None and topic not in self._topics):
+        if topic in self._refused:
+            return
+        if self._topics is not None and topic not in self._topics:
+            if ros_type in KINDS:
+                self._others.add(topic)
             return
         if ros_type not in KINDS:
             self._unknown[topic] = ros_type or "no type"

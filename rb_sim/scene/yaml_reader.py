@@ -108,7 +108,22 @@ def _line(model: type[BaseModel], data: Any, path: Keys, same: list[Any]) -> str
         unknown = {"type": f"{_at(data, path)}?"}  # the nearest name comes first
         names = _phrases_for(model, data, path, (*path, "type"), unknown)
         phrases = [f"a mapping {{type: NAME}}; NAME is {name}" for name in names]
+    if same[0]["type"] in ("model_type", "model_attributes_type") and not phrases:
+        keys = _required(model, data, path)
+        phrases = [f"a mapping {{{', '.join(f'{key}: ...' for key in keys)}}}"] if keys else []
     return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
+
+
+def _required(model: type[BaseModel], data: Any, path: Keys) -> list[str]:
+    """The keys that a mapping at `path` must have."""
+    changed = _with_value(data, path, {})
+    try:
+        model.model_validate(changed)
+    except ValidationError as error:
+        missing = [of for of in error.errors(include_url=False) if of["type"] == "missing"]
+        paths = [_path_in(changed, detail) for detail in missing]
+        return [str(found[-1]) for found in paths if found[:-1] == path]
+    return []
 
 
 def _phrases(details: list[Any]) -> list[str]:

@@ -498,6 +498,12 @@ def test_a_word_in_place_of_a_mapping_is_told_the_types(entry: dict, line: str) 
         assert re.search(r"bodies\.b\.shape: got .*NAME is (sphere|one of)", str(caught.value))
 
 
+def test_a_number_in_place_of_a_mapping_is_told_its_keys() -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene({"bodies": {"a": 5, "b": {"mass": -1.0, "inertia": [1, 1, 1]}}})
+    assert "bodies.a: got 5; must be a mapping {mass: ...}; bodies.b.mass" in str(caught.value)
+
+
 def test_a_table_of_wrenches_names_its_times_and_rows() -> None:
     table = {"type": "wrench_table", "body": "b"}
     effects = {

@@ -136,7 +136,8 @@ def _health(health: dict[str, Any], messages: int) -> str:
         return "cut: the run did not end, its log did (disk full, or a process was killed)"
     unchecked = health["messages_without_checksum"]
     if not unchecked:
-        return f"whole; {health['chunks']} checksums are right"
+        count = health["chunks"]
+        return f"whole; {count} {'checksums are' if count != 1 else 'checksum is'} right"
     some = "any message" if unchecked == messages else f"{unchecked} of {messages} messages"
     return f"no damage found, but no checksum covers {some}"
 

@@ -124,6 +124,12 @@ def test_nothing_to_read_is_one_line(tmp_path, kind):
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_a_topic_that_is_not_there_is_told_those_that_are(tmp_path):
+    bag = spoilt("gaps", tmp_path / "bag")
+    with pytest.raises(SinkError, match="no readable topic /bodi; must be /body$"):
+        analyze(bag, topics=frozenset({"/bodi"}))
+
+
 def test_what_lies_before_the_cut_is_analyzed(tmp_path):
     """The one chunk of this bag, of 400 poses in 4 s, is cut off after 316."""
     found = analyze(spoilt("cut off", tmp_path / "bag"))
