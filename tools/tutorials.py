@@ -68,13 +68,18 @@ def draw(page: Path) -> None:
             (kept / "curves.json").write_text("{\n" + ",\n".join(rows) + "\n}\n")
 
 
-def small(source: Path, target: Path) -> None:
-    """Write the picture with WIDTH at most, and few colours."""
+def narrow(source: Path) -> Image.Image:
+    """The picture with WIDTH at most."""
     with Image.open(source) as image:
         image = image.convert("RGB")
         if image.width > WIDTH:
             image.thumbnail((WIDTH, image.height), Image.Resampling.LANCZOS)
-        few_colors(image).save(target, optimize=True, pnginfo=data_of(source))
+        return image
+
+
+def small(source: Path, target: Path) -> None:
+    """Write the picture with WIDTH at most, and few colours."""
+    few_colors(narrow(source)).save(target, optimize=True, pnginfo=data_of(source))
 
 
 def main(names: list[str]) -> int:

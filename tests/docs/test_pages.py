@@ -27,7 +27,7 @@ from rb_sim.statics import load_statics, solve
 from tests.docs.blocks import PAGES, ROOT, blocks, name_of
 from tests.docs.page_run import pictures, run_page, same_curves
 from tools.pictures import same
-from tools.tutorials import small
+from tools.tutorials import narrow
 
 MEASURED = ("costs/accuracy.png",)
 """Pictures of CPU times, which differ from run to run."""
@@ -50,8 +50,8 @@ def test_blocks_run(page, tmp_path, monkeypatch):
                 shown = json.loads((kept.parent / "curves.json").read_text())[name]
                 assert same_curves(shown, curves[name]), again
             elif name not in MEASURED:
-                small(Path(name), Path("small.png"))
-                assert same(Path("small.png"), kept), again
+                narrow(Path(name)).save("narrow.png", compress_level=1)
+                assert same(Path("narrow.png"), kept), again
 
 
 def _to_read(page: Path) -> list[tuple[int, str]]:
