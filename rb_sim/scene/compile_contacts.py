@@ -37,6 +37,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     CHANGING,
     CLOSED,
     COMPLIANT,
+    DAMPING,
     DEPENDENT,
     DRAGS,
     GAP,
@@ -135,6 +136,7 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
             law.spinning_arm,
         )
         touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
+        touch[c, DAMPING] = law.spring[1]
         touch[c, [BILATERAL, COMPLIANT, NORMAL_SIGN]] = law.bilateral, law.compliant, 1.0
         touch[c, [LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
     return touch

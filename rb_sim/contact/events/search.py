@@ -283,7 +283,7 @@ def corner_of(a, ra, b, rb, width):
     if not ra < 0.0 < rb:
         return -1.0
     s, least = tangents_meet(a, ra, b, rb, width)
-    return s if least < BENT * (a + b - 2.0 * least) else -1.0
+    return s if least < BENT * (a + b - 2.0 * least) - COMPUTED_ROUNDING else -1.0
 
 
 @inline
@@ -456,8 +456,13 @@ def rate_of(system, t, y, i, k):
 
 @inline
 def dip_of(method, system, grid, spans, i, k, work, y, c):
-    """The earliest time found in the span spans[0] at which the k-th event function of contact i
-    is negative; t1 if there is none."""
+    """(the earliest time found in the span spans[0] at which the k-th event function of contact i
+    is negative, t1 if there is none; the time up to which the span has been searched, which is less
+    where a gap takes more looks or spans than there are).
+
+    A slip takes more where it begins: its event function jumps there, from the direction that is
+    kept to its own, and no shorter step would tell more of it.
+    """
     touch, top = system.touch, 1
     flies = k == 0 and touch[i, CLOSED] == 0.0
     spin = fastest_spin(system, grid, i) if flies else 0.0
@@ -472,19 +477,22 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
         if s < 0.0:
             continue
         t = a[0] + s * width
-        if not (a[0] < t < b[0]) or top + 2 > DEPTH:
+        if not a[0] < t < b[0]:
             continue
+        if top + 2 > DEPTH:
+            top += 1
+            break
         level_at(method, system, grid, t, work, y, c)
         level = touch[i, EVENT_FUNCTIONS + k]
         if level < -COMPUTED_ROUNDING:
-            return t
+            return t, t
         rate = rate_of(system, t, y, i, k)
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
         n = normal_on_parent(system, y, i, vec(touch, i, NORMAL))
         middle = (t, level, rate, touch[i, FASTEST], n[0], n[1], n[2])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
-    return grid.t1
+    return grid.t1, spans[top - 1, 0] if flies and top > 0 else grid.t1
 
 
 @inline
@@ -499,16 +507,16 @@ def first_that_may_dip(system, grid, rates):
 
 @inline
 def first_dip(method, system, grid, rates, work, y, c):
-    """The earliest time found within the step at which an event function is negative that is not
-    at its end; t1 if there is none.
+    """(the earliest time found within the step at which an event function is negative that is not
+    at its end, t1 if there is none; the time up to which the step has been searched, see `dip_of`).
 
     After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
     t1 again where nothing is found.
     """
-    touch, earliest = system.touch, grid.t1
+    touch, earliest, searched = system.touch, grid.t1, grid.t1
     first = first_that_may_dip(system, grid, rates)
     if first < 0:
-        return earliest
+        return earliest, searched
     ends, spans = touch.copy(), np.empty((DEPTH, 2 * END_SIZE + 1))
     for at in range(first, touch.shape[0] * EVENT_FUNCTION_KINDS):
         i, k = at // EVENT_FUNCTION_KINDS, at % EVENT_FUNCTION_KINDS
@@ -522,13 +530,14 @@ def first_dip(method, system, grid, rates, work, y, c):
         )  # fmt: skip
         after = (grid.t1, ends[i, EVENT_FUNCTIONS + k], rates[i, k], late, n[0], n[1], n[2])
         put_span(spans, 0, before, after, UNKNOWN)
-        earliest = min(earliest, dip_of(method, system, grid, spans, i, k, work, y, c))
+        dip, upto = dip_of(method, system, grid, spans, i, k, work, y, c)
+        earliest, searched = min(earliest, dip), min(searched, upto)
     if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1, grid.c1)
         for i in range(touch.shape[0]):
             for j in range(touch.shape[1]):
                 touch[i, j] = ends[i, j]
-    return earliest
+    return earliest, searched
 
 
 # What a step of bodies in contact starts from: directions, gaps, event functions, leans.
@@ -758,42 +767,51 @@ def locate(method, system, grid, rates, late, lowest, work, at, best):
 
 
 @inline
+def half_of(method, system, grid, work, y, c):
+    """(lowest event function, its code, the grid with the first half of its last step): what is
+    searched in a step half as long takes half as many looks."""
+    t = 0.5 * (grid.t0 + grid.t1)
+    lowest, code = level_at(method, system, grid, t, work, y, c)
+    return lowest, code, cut_grid(grid, t, y, c, t - grid.t0)
+
+
+@inline
 def next_event(method, system, grid, work, kept, arms):
     """(code of the first event within the last step or -1, the grid, cut there).
 
     kept: what the laws or errors leave open, by contact; arms: as `speed_of` takes them."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
-    rates = level_rates(system, grid.t1, grid.y1)
-    late = first_dip(method, system, grid, rates, work, y, c)
-    if late == grid.t1 and not lowest < -COMPUTED_ROUNDING:
-        note_slow_slips(system, kept, arms, grid)
-        look_ahead(system, rates)
-        note_stiffness(system, grid.y1)
-        rests = creep_that_may_rest(system, grid)
-        return rests if rests >= 0 else stop_that_is_due(method, system, grid.t1), grid
-    best, low = grid.y1.copy(), grid.c1.copy()
-    if late < grid.t1:
-        lowest, code = level_at(method, system, grid, late, work, y, c)
-        copy(best, y)
-        copy(low, c)
-    early, found = grid.t0, code
+    best, low = np.empty_like(y), np.empty_like(c)
+    early, found = grid.t0, -1
     approach_time = APPROACH * system.length / system.speed
-    for _ in range(CUTS):
+    while True:
+        rates = level_rates(system, grid.t1, grid.y1)
+        late, searched = first_dip(method, system, grid, rates, work, y, c)
+        if searched < late and not is_none(grid.t1 - grid.t0, grid.t1):
+            lowest, code, grid = half_of(method, system, grid, work, y, c)
+            found = -1
+            continue
+        if late == grid.t1 and found >= 0:
+            break
+        if late == grid.t1 and not lowest < -COMPUTED_ROUNDING:
+            note_slow_slips(system, kept, arms, grid)
+            look_ahead(system, rates)
+            note_stiffness(system, grid.y1)
+            rests = creep_that_may_rest(system, grid)
+            return rests if rests >= 0 else stop_that_is_due(method, system, grid.t1), grid
+        copy(best, grid.y1)
+        copy(low, grid.c1)
+        if late < grid.t1:
+            lowest, code = level_at(method, system, grid, late, work, y, c)
+            copy(best, y)
+            copy(low, c)
         early, late, found = locate(
             method, system, grid, rates, late, (lowest, code), work, (y, c), (best, low)
         )
         # what was below zero at the end of the step may have dipped below before, or another one
         grid = cut_grid(grid, late, best, low, grid.h)
-        level_of(system, late, grid.y1, grid.c1)
-        rates = level_rates(system, late, grid.y1)
-        sooner = first_dip(method, system, grid, rates, work, y, c)
-        if sooner == late:
-            break
-        late = sooner
-        lowest, code = level_at(method, system, grid, late, work, y, c)
-        copy(best, y)
-        copy(low, c)
+        lowest, code = level_of(system, late, grid.y1, grid.c1)
     left = late - grid.t0
     if slip_vanishes(found) and left > approach_time and early > grid.t0:
         found, late = -1, early - (early - grid.t0) / GRADE

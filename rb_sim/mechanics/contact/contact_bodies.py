@@ -62,6 +62,7 @@ PARAMETERS = (
     Column("restitution", 1, "1", "e of impacts"),
     Column("kinetic", 1, "1", "traction over N as a slip begins after rest; inf: it never slips"),
     Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
+    Column("damping", 1, "N s/m", "of a compliant support"),
 )
 
 STATE = (
@@ -137,6 +138,7 @@ _AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
 STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
 RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
+DAMPING = _AT["damping"]
 CLOSED, SLIDE, ROLL, SPIN, NORMAL_SIGN = (
     _AT[n] for n in ("closed", "slide", "roll", "spin", "normal_sign")
 )

@@ -32,6 +32,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     COMPLIANT,
     CREEPS,
+    DAMPING,
     EVENT_FUNCTION_KINDS,
     EVENT_FUNCTIONS,
     EVENT_KINDS,
@@ -229,12 +230,17 @@ def natural_turning(system):
 @inline
 def approach(system, c):
     """Event function of an open contact: positive while it does not touch, and as large as the gap,
-    by which a look inside a step tells how far it may be off."""
+    by which a look inside a step tells how far it may be off.
+
+    What leaves a damped support is open while it still overlaps, until its force would push again;
+    the function has no jump where the overlap ends.
+    """
     touch, level = system.touch, system.touch[c, GAP] / system.length
     if touch[c, LEAN_SIGN] == ABSENT:
         return FREE
-    if touch[c, COMPLIANT] == 1.0 and level < 0.0:
-        level = max(level, -touch[c, SPRING] / natural_force(system))
+    if touch[c, COMPLIANT] == 1.0:
+        pull = -touch[c, SPRING] if level < 0.0 else touch[c, DAMPING] * touch[c, GAP_RATE]
+        level = max(level, pull / natural_force(system))
     return level
 
 

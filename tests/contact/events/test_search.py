@@ -24,7 +24,7 @@ from benchmarks.contact.shapes import depth_below
 from benchmarks.contact.stick_slips import Block, judged, pulled
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import StepTooLargeError
-from tests.contact.scenes import body, scene, touch
+from tests.contact.scenes import ball, body, scene, touch
 from tests.contact_runs import contact_run
 
 DISK = {"type": "disk", "radius": 0.1, "axis_B": [0.0, 0.0, 1.0]}
@@ -83,6 +83,50 @@ def test_tossed_disk_finds_soft_ground() -> None:
     assert depth.max() > 1e-4
     push = r.reaction["floor"].force[:, 2]
     assert_allclose(push, 2000.0 * np.maximum(0.0, depth), atol=1e-8)
+
+
+def above_a_shaken_floor(clearance: float) -> tuple[dict[str, Any], float]:
+    """(A ball that sinks without gravity to a floor which is shaken at 47 Hz, when they meet)."""
+    amplitude, frequency, speed = 0.05, 47.3, 0.02
+
+    def gap(t: Any) -> Any:
+        return clearance - speed * t - amplitude * np.sin(2.0 * math.pi * frequency * t)
+
+    times = np.linspace(0.0, 1.0, 1_000_001)
+    after = int(np.argmax(gap(times) < 0.0))
+    motion = {
+        "type": "shaken", "direction": [0.0, 0.0, 1.0], "amplitude": amplitude,
+        "frequency": frequency,
+    }  # fmt: skip
+    start = ball([0.0, 0.0, 0.1 + clearance], linear_velocity=[0.0, 0.0, -speed])
+    mapping = scene(start, touch(restitution=1.0, motion=motion), gravity=False)
+    del mapping["simulation"]["tolerance"]
+    return mapping, brentq(gap, times[after - 1], times[after], xtol=1e-15)
+
+
+@pytest.mark.parametrize("clearance", [0.052, 0.06])
+@pytest.mark.parametrize("step", [0.7, 1.0])
+def test_a_step_that_takes_too_many_looks_is_made_shorter(clearance: float, step: float) -> None:
+    """The gap comes near zero some 50 times in the step: more than is looked at in one."""
+    mapping, when = above_a_shaken_floor(clearance)
+    found = contact_run(mapping, [0.0, 1.0], method="rk4", step=step)
+    assert_allclose(found.times("impact")[0], when, atol=1e-12)
+
+
+def steps_of_a_bounce(damping: float) -> int:
+    """Steps from a fall of 0.2 m to after the first contact."""
+    soft = touch(compliance={"stiffness": 1e4, "damping": damping})
+    mapping = scene(ball([0.0, 0.0, 0.3]), soft)
+    mapping["simulation"]["duration"] = 0.3
+    simulation = Simulation(load_scene(mapping))
+    simulation.run()
+    assert len(simulation.events) == 2
+    return simulation.steps
+
+
+def test_what_leaves_a_damped_support_takes_no_shorter_steps() -> None:
+    """Its force vanishes before the overlap does; where that ends nothing happens."""
+    assert steps_of_a_bounce(20.0) <= 1.5 * steps_of_a_bounce(0.0)
 
 
 def overlap_seen() -> float:
