@@ -65,6 +65,7 @@ from rb_sim.contact.stepping.step_workspace import (
     TWIST,
 )
 from rb_sim.mechanics.contact.constraint_tables import traction_at
+from rb_sim.mechanics.contact.contact_kinematics import torque_of
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.numerics.kernels import inline, part, pointer
@@ -72,10 +73,10 @@ from rb_sim.numerics.vectors import (
     add,
     cross,
     dot,
+    neg,
     norm,
     perpendicular,
     rotate,
-    scale,
     sub,
     symmetric_times,
     unrotate,
@@ -94,7 +95,7 @@ def six(a, i, k):
 @inline
 def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
-    turn = unrotate(B.q_WB, add(moment, cross(r_B, force)))
+    turn = torque_of(B, r_B, force, moment)
     put(rows, k, 0, force)
     put(rows, k, 3, turn)
     put(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
@@ -102,8 +103,8 @@ def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     for j in range(6):
         rows[k, 6 + j] = 0.0
     if a >= 0:
-        back = unrotate(A.q_WB, scale(-1.0, add(moment, cross(r_A, force))))
-        put(rows, k, 6, scale(-1.0, force))
+        back = neg(torque_of(A, r_A, force, moment))
+        put(rows, k, 6, neg(force))
         put(rows, k, 9, back)
         put(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
         rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]

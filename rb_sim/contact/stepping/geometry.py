@@ -10,7 +10,7 @@
 """Where the points of contact are: distance, normal and place of each.
 
 Two boxes are looked at here, all their points at once; every other pair by the law of its kind,
-traced from the catalogue's function (`scene_tables.spot_law`) and called by its address.
+traced from the catalogue's function (`contact_laws.spot_law`) and called by its address.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from rb_sim.contact.stepping.step_workspace import (
     TOO_FAR,
     USED,
 )
+from rb_sim.mechanics.contact.contact_kinematics import velocity_at
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.kernels import call_law, inline, part, pointer
 from rb_sim.numerics.vectors import (
     add,
-    cross,
     dot,
     norm,
     perpendicular,
@@ -295,8 +295,7 @@ def note_ends(tables, memory, workspace, y):
             continue
         B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
         n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
-        v = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
-        v = sub(v, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), sub(p, A.p_WC))))
+        v = sub(velocity_at(B, sub(p, B.p_WC)), velocity_at(A, sub(p, A.p_WC)))
         v = sub(v, triple(workspace.spots, c, MOVES))
         memory[c, ENDS] = dot(n, v)
         put(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

@@ -26,22 +26,19 @@ from rb_sim.catalogue.geometry.pairs import (
     BallOnSphere,
     Resting,
     SolidOnSphere,
-    carrier,
     touching,
 )
 from rb_sim.catalogue.geometry.solids import MOST_POINTS, box_points
-from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
-from rb_sim.graph.machine import compile_law, interpreted
-from rb_sim.graph.symbols import Graph, explored, leaves
+from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import RATE, VELOCITY
 from rb_sim.mechanics.contact.contact_bodies import AMONG_ROWS, DEPENDENT
-from rb_sim.mechanics.contact.contact_laws import state_from, traction_law, with_packed_hulls
-from rb_sim.mechanics.inputs import numbers, skeleton, with_numbers
+from rb_sim.mechanics.contact.contact_laws import spot_law, traction_law, with_packed_hulls
+from rb_sim.mechanics.inputs import numbers
 from rb_sim.mechanics.laws import reference
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of
-from rb_sim.numerics.vectors import ZERO, add, cross, norm, rotate, sub
+from rb_sim.numerics.vectors import add, norm, rotate
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.initial import MISFIT, refuse_initial
 from rb_sim.scene.pairs_of_bodies import Between, Pair, PairRows
@@ -144,8 +141,8 @@ class PointLaws:
     def of_pair(self, row: Any, in_world: bool) -> tuple[int, int]:
         """(place of the law, of its first constant) of the pair and the carrier of a contact."""
         row = with_packed_hulls(row, self._hulls)
-        of = row.pair, row.carrier
-        return self._placed(spot_law(of, in_world), [value for _, value in numbers(of)])
+        law = spot_law(row.pair, row.carrier, in_world)
+        return self._placed(law, [value for _, value in numbers((row.pair, row.carrier))])
 
     def of_traction(self, friction_law: Any, name: str) -> tuple[int, int]:
         """The same of a friction; zeros of one whose bound does not depend on the slip.
@@ -167,36 +164,6 @@ class PointLaws:
             addresses=addresses([*loads, *map(reference, self.laws)]),
             constants=np.array([*self.constants, 0.0]),
         )
-
-
-_SPOTS: dict[Any, Any] = {}
-"""Laws of pairs by what their kind is."""
-
-
-def spot_law(of: tuple[Any, Any], in_world: bool) -> Any:
-    """The law of a pair and its carrier: void law(t, states of body and parent, constants, spot).
-
-    spot: as geometry.SPOT has it; velocity and spin of the support are 0 where it is not driven.
-    """
-    key = skeleton(of), in_world
-    if key not in _SPOTS:
-        graph = Graph()
-        places = [place for place, _ in numbers(of)]
-        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
-        pair, carries = with_numbers(of, constants) if places else of
-        y = graph.vector("y", 2 * STATE)
-
-        def found(B: BodyState, A: BodyState) -> tuple[Any, ...]:
-            A, _, _, driven = carrier(carries, graph.input("t"), A)
-            at, moves, spin = touching(pair, B, A), ZERO, ZERO
-            if driven == 1.0:
-                spin = rotate(A.q_WB, A.w_WB_B)
-                moves = add(A.v_WC, cross(spin, sub(at.point, A.p_WC)))
-            return at.gap, at.normal, at.point, moves, spin
-
-        parent = WORLD if in_world else state_from(y[STATE:])
-        _SPOTS[key] = compile_law(list(leaves(explored(found, state_from(y), parent))))
-    return _SPOTS[key]
 
 
 def sizes_of_pair(pair: Any, length: float) -> list[float]:

@@ -85,6 +85,7 @@ from rb_sim.contact.stepping.step_workspace import (
 )
 from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
 from rb_sim.integrate.layout import SETTLE, VELOCITY
+from rb_sim.mechanics.contact.contact_kinematics import velocity_at
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
 from rb_sim.numerics.kernels import call_law, entry, inline, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
@@ -716,11 +717,11 @@ def power_at(tables, y, c, force, torque, point):
     b, a = tables.owners[c, 0], tables.owners[c, 1]
     B = state_of(y, b)
     spin = rotate(B.q_WB, B.w_WB_B)
-    power = dot(force, add(B.v_WC, cross(spin, sub(point, B.p_WC)))) + dot(torque, spin)
+    power = dot(force, velocity_at(B, sub(point, B.p_WC))) + dot(torque, spin)
     if a >= 0:
         A = state_of(y, a)
         spin = rotate(A.q_WB, A.w_WB_B)
-        power -= dot(force, add(A.v_WC, cross(spin, sub(point, A.p_WC)))) + dot(torque, spin)
+        power -= dot(force, velocity_at(A, sub(point, A.p_WC))) + dot(torque, spin)
     return power
 
 

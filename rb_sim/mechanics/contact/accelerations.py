@@ -48,7 +48,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
     keep,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, torque_of, velocity_at
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     LOAD,
@@ -73,7 +73,7 @@ from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mas
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.rank import RANK_TOLERANCE
-from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, unrotate
+from rb_sim.numerics.vectors import dot, neg, norm, rotate, scale, sub
 
 # Contacts that give way and creep: slips so slow that their direction is lost in errors.
 #
@@ -149,11 +149,10 @@ def add_direct(system, y):
         f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
         b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         B = state_of(y, b)
-        add_load(system.bodies, b, f, unrotate(B.q_WB, add(m, cross(sub(p, B.p_WC), f))))
+        add_load(system.bodies, b, f, torque_of(B, sub(p, B.p_WC), f, m))
         if a >= 0:
             A = state_of(y, a)
-            back = unrotate(A.q_WB, add(m, cross(sub(p, A.p_WC), f)))
-            add_load(system.bodies, a, scale(-1.0, f), scale(-1.0, back))
+            add_load(system.bodies, a, neg(f), neg(torque_of(A, sub(p, A.p_WC), f, m)))
 
 
 @inline
@@ -449,11 +448,9 @@ def power_of_contacts(system, y):
             vec(system.touch, c, DIRECT_TORQUE),
             vec(system.touch, c, POINT),
         )
-        speed = add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), sub(p, B.p_WC)))
-        turn = rotate(B.q_WB, B.w_WB_B)
+        speed, turn = velocity_at(B, sub(p, B.p_WC)), rotate(B.q_WB, B.w_WB_B)
         if a >= 0:
-            spin_A = rotate(A.q_WB, A.w_WB_B)
-            speed = sub(speed, add(A.v_WC, cross(spin_A, sub(p, A.p_WC))))
-            turn = sub(turn, spin_A)
+            speed = sub(speed, velocity_at(A, sub(p, A.p_WC)))
+            turn = sub(turn, rotate(A.q_WB, A.w_WB_B))
         power += dot(f, speed) + dot(m, turn)
     return power

@@ -30,6 +30,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
 )
 from rb_sim.catalogue.geometry.pairs import Touch, carrier, touching
 from rb_sim.catalogue.spec import BodyState, Vec3
+from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -118,6 +119,18 @@ class _Moving(NamedTuple):
     moved: Vec3
 
 
+@inline
+def velocity_at(B, r):
+    """Velocity of the point of a body at the arm r from C, world axes [m/s]."""
+    return add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), r))
+
+
+@inline
+def torque_of(B, r, force, moment):
+    """Torque about C, body axes, of a force at the arm r and a moment, world axes [N m]."""
+    return unrotate(B.q_WB, add(moment, cross(r, force)))
+
+
 def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch, Lean, Any]:
     """The Touch, how a rim leans, and how far round it the point is."""
     if isinstance(pair, RimOnPlane):
@@ -137,14 +150,13 @@ def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tupl
     A, a_A, alpha_A, driven = carrier(row.carrier, t, A)
     at, lean, around = touch_of(row.pair, B, A, before)
     r, sigma = sub(at.point, B.p_WC), sub(at.point, A.p_WC)
-    spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
-    moved = add(A.v_WC, cross(spin_A, sigma))
-    speed = sub(add(B.v_WC, cross(spin_B, r)), moved)
+    moved = velocity_at(A, sigma)
+    speed = sub(velocity_at(B, r), moved)
     gap_rate = dot(at.normal, speed)
     slip = sub(speed, scale(gap_rate, at.normal))
     spring = -row.spring[0] * at.gap - row.spring[1] * gap_rate if row.spring else 0.0
     fastest = norm(sub(B.v_WC, A.v_WC)) + norm(B.w_WB_B) * norm(r) + norm(A.w_WB_B) * norm(sigma)
-    turn = sub(spin_B, spin_A)
+    turn = sub(rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B))
     found = Geometry(
         at.gap, gap_rate, at.normal, at.point, slip, turn, spring, fastest, lean, around
     )
@@ -152,17 +164,23 @@ def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tupl
 
 
 def constraint_row(
-    holds: Any, force: Vec3, torque_B: Vec3, torque_A: Vec3, bias: Any, error: Any, rate: Any,
+    holds: Any, m: _Moving, force: Vec3, moment: Vec3, bias: Any, error: Any, rate: Any,
     holonomic: float,
 ) -> tuple:  # fmt: skip
     """16 numbers of a row; zero where it does not hold."""
-    numbers = (*force, *torque_B, *neg(force), *torque_A, bias, error, rate, holonomic)
+    numbers = (*push_columns(m, force, moment), bias, error, rate, holonomic)
     return where(holds, numbers, (0.0,) * len(numbers))
+
+
+def push_columns(m: _Moving, force: Vec3, moment: Vec3) -> tuple:
+    """12 numbers: what a force at P and a moment, world axes, do to B and back to A."""
+    torque_B, torque_A = torque_of(m.B, m.r, force, moment), torque_of(m.A, m.sigma, force, moment)
+    return (*force, *torque_B, *neg(force), *neg(torque_A))
 
 
 def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     """Rows and pushes of a closed contact, and the forces that do not wait for N."""
-    B, A, n, r, sigma = m.B, m.A, m.at.normal, m.r, m.sigma
+    B, A, n, sigma = m.B, m.A, m.at.normal, m.sigma
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     r_dot, sigma_dot = sub(m.at.point_rate, B.v_WC), sub(m.at.point_rate, A.v_WC)
     drift = sub(
@@ -178,9 +196,8 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
             dot(m.at.normal_rate, g.slip) if i == 0 else -g.gap_rate * dot(d, m.at.normal_rate)
         )
         bias = dot(d, drift) + turning
-        turn_B, turn_A = unrotate(B.q_WB, cross(r, d)), unrotate(A.q_WB, cross(d, sigma))
         rate = m.driven * dot(d, m.moved)
-        rows.append(constraint_row(holds, d, turn_B, turn_A, bias, first * g.gap, rate, first))
+        rows.append(constraint_row(holds, m, d, ZERO, bias, first * g.gap, rate, first))
     if not isinstance(row.resistance, NoResistance):
         rows += turn_rows(m, (t1, t2, n), spin_A, g.turn, kept)
     sliding = (kept.slide > 0.5 * SLIDING) & (kept.slide < 0.5 * (SLIDING + STUCK))
@@ -195,9 +212,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
     force_rows = [values[:12] for values in rows]
     if rigid:
-        turn_B = unrotate(B.q_WB, add(cross(r, per_normal), torque))
-        turn_A = unrotate(A.q_WB, add(cross(sigma, per_normal), torque))
-        rubbing = (*per_normal, *turn_B, *neg(per_normal), *neg(turn_A))
+        rubbing = push_columns(m, per_normal, torque)
         force_rows[0] = tuple(a + b for a, b in zip(force_rows[0], rubbing, strict=True))
         torque = ZERO
     else:
@@ -214,8 +229,5 @@ def turn_rows(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> 
         stuck = (kept.roll if i < 2 else kept.spin) > 0.5 * (SLIDING + STUCK)
         drift = dot(n_dot, turn) if d is n else -dot(d, n_dot) * about
         bias, rate = drift - dot(d, m.alpha_A), m.driven * dot(d, spin_A)
-        torque_A = neg(unrotate(m.A.q_WB, d))
-        found.append(
-            constraint_row(stuck, ZERO, unrotate(m.B.q_WB, d), torque_A, bias, 0.0, rate, 0.0)
-        )
+        found.append(constraint_row(stuck, m, ZERO, d, bias, 0.0, rate, 0.0))
     return found

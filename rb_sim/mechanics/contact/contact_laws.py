@@ -24,6 +24,7 @@ import numpy as np
 from rb_sim.catalogue.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
+from rb_sim.catalogue.geometry.pairs import carrier, touching
 from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.graph.machine import Law, compile_law
 from rb_sim.graph.symbols import Graph, explored, leaves
@@ -44,7 +45,7 @@ from rb_sim.mechanics.contact.constraint_tables import (
     WORKSPACE,
 )
 from rb_sim.mechanics.contact.contact_bodies import ContactBodies
-from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
+from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry, velocity_at
 from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold, contact_rate
 from rb_sim.mechanics.inputs import Inputs, numbers, skeleton, with_numbers
 from rb_sim.mechanics.systems.many_bodies import (
@@ -58,6 +59,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
 )
 from rb_sim.numerics.kernels import by_address, place_of
+from rb_sim.numerics.vectors import ZERO, rotate, sub
 
 # What loops call of bodies in contact by address: compiled once for all scenes.
 
@@ -88,8 +90,25 @@ def rate_of_change(t, y, p, out):
     contact_rate(held(p), t, y, out)
 
 
-_KINDS: dict[Any, tuple[Law, Law]] = {}
-"""Laws of open and closed contacts by what their kind is."""
+_KINDS: dict[Any, Any] = {}
+"""Laws of kinds of contact by what they are."""
+
+
+def law_of_kind(found: Callable[..., Any], of: Any, width: int, *kind: Any) -> Any:
+    """The law of all that is like `of`, traced once: void law(t, y, constants of it, outputs).
+
+    found: what it gives, of t, of so many numbers y, of what is like `of` on symbols, and of what
+    else tells its kind.
+    """
+    key = found, skeleton(of), kind
+    if key not in _KINDS:
+        graph = Graph()
+        places = [place for place, _ in numbers(of)]
+        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
+        symbolic = with_numbers(of, constants) if places else of
+        t, y = graph.input("t"), graph.vector("y", width)
+        _KINDS[key] = compile_law(list(leaves(explored(found, t, y, symbolic, *kind))))
+    return _KINDS[key]
 
 
 def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
@@ -97,15 +116,35 @@ def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
 
     void law(t, arguments, constants of the row, outputs), see layout.
     """
-    key = skeleton(row), in_world
-    if key not in _KINDS:
-        opened = compile_law(_traced(row, in_world, False))
-        _KINDS[key] = opened, compile_law(_traced(row, in_world, True))  # type: ignore[assignment]
-    return _KINDS[key]
+    opened, closed = (law_of_kind(of_contact, row, ARGUMENTS, in_world, c) for c in (False, True))
+    return opened, closed
 
 
-_TRACTIONS: dict[Any, Any] = {}
-"""Laws of traction by what their kind is."""
+def of_contact(t: Any, y: tuple[Any, ...], row: Any, in_world: bool, closed: bool) -> Any:
+    """What the law of such a contact gives."""
+    k = y[KEPT:]
+    lean = Lean(k[0:3], k[3:6], k[6])
+    found, moving = geometry(row, t, *states_from(y, in_world), lean)
+    if not closed:
+        return found
+    kept = Kept(lean, k[7], k[8], k[9], k[10], k[11:14], k[14:17], k[17], k[18], k[19])
+    return found, forces(row, found, moving, kept)
+
+
+def spot_law(pair: Any, moves: Any, in_world: bool) -> Any:
+    """The law of where a pair is whose support moves so: void law(t, states of body and parent,
+    constants of (pair, moves), spot)."""
+    return law_of_kind(of_spot, (pair, moves), 2 * WIDTH, in_world)
+
+
+def of_spot(t: Any, y: tuple[Any, ...], of: tuple[Any, Any], in_world: bool) -> Any:
+    """Gap, normal, P; velocity at P and spin of the support, 0 where it is not driven."""
+    B, A = states_from(y, in_world)
+    A, _, _, driven = carrier(of[1], t, A)
+    at, moved, spin = touching(of[0], B, A), ZERO, ZERO
+    if driven == 1.0:
+        moved, spin = velocity_at(A, sub(at.point, A.p_WC)), rotate(A.q_WB, A.w_WB_B)
+    return at.gap, at.normal, at.point, moved, spin
 
 
 def traction_law(friction_law: Any) -> Any:
@@ -114,43 +153,20 @@ def traction_law(friction_law: Any) -> Any:
     slip: along x, 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers
     each.
     """
-    key = skeleton(friction_law)
-    if key not in _TRACTIONS:
-        graph = Graph()
-        places = [place for place, _ in numbers(friction_law)]
-        constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
-        symbolic = with_numbers(friction_law, constants) if places else friction_law
-        slip = graph.vector("y", 3)
-
-        def found(s: Any) -> Any:
-            return traction(symbolic, s, (1.0, 0.0, 0.0), 0.0, False)
-
-        _TRACTIONS[key] = compile_law(list(leaves(explored(found, slip))))
-    return _TRACTIONS[key]
+    return law_of_kind(of_traction, friction_law, 3)
 
 
-def _traced(row: Any, in_world: bool, closed: bool) -> list[Any]:
-    """What the law of such a contact gives, on symbols."""
-    graph = Graph()
-    places = [place for place, _ in numbers(row)]
-    constants = dict(zip(places, graph.vector("p", len(places)), strict=True))
-    symbolic = with_numbers(row, constants) if places else row
-    y = graph.vector("y", ARGUMENTS)
-    body, parent = state_from(y), WORLD if in_world else state_from(y[WIDTH:])
-    k = y[KEPT:]
-    lean = Lean(k[0:3], k[3:6], k[6])
-    kept = Kept(lean, k[7], k[8], k[9], k[10], k[11:14], k[14:17], k[17], k[18], k[19])
-
-    def terms(body: BodyState, parent: BodyState, kept: Kept) -> tuple[Any, ...]:
-        found, moving = geometry(symbolic, graph.input("t"), body, parent, kept.lean)
-        return (found, forces(symbolic, found, moving, kept)) if closed else (found,)
-
-    return list(leaves(explored(terms, body, parent, kept)))
+def of_traction(t: Any, slip: tuple[Any, ...], friction_law: Any) -> Any:
+    """Traction over N and without N at a slip along x."""
+    return traction(friction_law, slip, (1.0, 0.0, 0.0), 0.0, False)
 
 
-def state_from(y: tuple[Any, ...]) -> BodyState:
-    """The state of a body from its coordinates."""
-    return BodyState(y[0:3], y[3:7], y[7:10], y[10:13])
+def states_from(y: tuple[Any, ...], in_world: bool) -> tuple[BodyState, BodyState]:
+    """The states of body and parent, or of the world in its place, from their coordinates."""
+    body, parent = (
+        BodyState(k[0:3], k[3:7], k[7:10], k[10:13]) for k in (y[:WIDTH], y[WIDTH : 2 * WIDTH])
+    )
+    return body, WORLD if in_world else parent
 
 
 def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:

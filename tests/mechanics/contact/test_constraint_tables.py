@@ -166,8 +166,8 @@ def test_kinds_share_their_laws() -> None:
         )
         for k in (1.0, 2.0)
     ]
-    assert laws_of_kind(rows[0], True) is laws_of_kind(rows[1], True)
-    assert laws_of_kind(rows[0], True) is not laws_of_kind(rows[0], False)
+    assert laws_of_kind(rows[0], True) == laws_of_kind(rows[1], True)
+    assert laws_of_kind(rows[0], True) != laws_of_kind(rows[0], False)
 
 
 # The table of contacts: each number has a name, and what a sample writes no step reads.
