@@ -33,29 +33,21 @@ from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_POSITIONS,
     AMONG_ROWS,
-    BILATERAL,
     CHANGING,
     CLOSED,
-    COMPLIANT,
-    DAMPING,
     DEPENDENT,
-    DRAGS,
     GAP,
-    KINETIC,
     LEAN_BEFORE,
     LEAN_SIGN,
     MOST_RANK,
     NORMAL_SIGN,
-    RESTITUTION,
     RIM,
-    ROLLING_ARM,
     ROW_TABLE_WIDTH,
     SLIP,
-    SPINNING_ARM,
-    STATIC,
     STILL,
     TOUCH_WIDTH,
     ContactBodies,
+    write_parameters,
 )
 from rb_sim.mechanics.contact.motion_kernels import bring_positions, bring_to_manifold
 from rb_sim.mechanics.initial_projection import changing_in, dependent_rows
@@ -130,15 +122,8 @@ def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
     touch = np.zeros((len(laws), TOUCH_WIDTH))
     touch[:, RIM] = rims_of_points(contacts)
     for c, law in enumerate(laws):
-        touch[c, [STATIC, ROLLING_ARM, SPINNING_ARM]] = (
-            law.static,
-            law.rolling_arm,
-            law.spinning_arm,
-        )
-        touch[c, [RESTITUTION, KINETIC, DRAGS]] = law.restitution, law.kinetic, law.drags
-        touch[c, DAMPING] = law.spring[1]
-        touch[c, [BILATERAL, COMPLIANT, NORMAL_SIGN]] = law.bilateral, law.compliant, 1.0
-        touch[c, [LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
+        write_parameters(touch[c], law)
+        touch[c, [NORMAL_SIGN, LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
     return touch
 
 

@@ -31,20 +31,8 @@ from rb_sim.contact.contact_graph import (
     Graph,
     rate_of,
 )
-from rb_sim.contact.stepping.geometry import CROWDED, find_bend, put, straighten_crowds, triple
-from rb_sim.contact.stepping.scene_tables import (
-    BILATERAL,
-    COMPLIANT,
-    DAMPING,
-    FIRST_CONSTANT,
-    KINETIC,
-    RESTITUTION,
-    ROLLING,
-    SPINNING,
-    STATIC,
-    STIFFNESS,
-    TRACTION,
-)
+from rb_sim.contact.stepping.geometry import CROWDED, find_bend, straighten_crowds
+from rb_sim.contact.stepping.scene_tables import FIRST_CONSTANT, TRACTION
 from rb_sim.contact.stepping.step_workspace import (
     CLOSED,
     FRESH,
@@ -60,13 +48,24 @@ from rb_sim.contact.stepping.step_workspace import (
     ROLL,
     SLIDE,
     SPIN,
-    STUCK,
     TURNS_AT,
     TWIST,
 )
 from rb_sim.mechanics.contact.constraint_tables import traction_at
-from rb_sim.mechanics.contact.contact_kinematics import torque_of
-from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, state_of
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    COMPLIANT,
+    DAMPING,
+    KINETIC,
+    RESTITUTION,
+    ROLLING_ARM,
+    SPINNING_ARM,
+    STATIC,
+    STIFFNESS,
+    keep,
+)
+from rb_sim.mechanics.contact.contact_kinematics import STUCK, torque_of
+from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, six, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.vectors import (
@@ -87,26 +86,20 @@ FARTHER = 1.01
 
 
 @inline
-def six(a, i, k):
-    """Six numbers of row i of a table from column k on, as a tuple."""
-    return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
-
-
-@inline
 def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
     turn = torque_of(B, r_B, force, moment)
-    put(rows, k, 0, force)
-    put(rows, k, 3, turn)
-    put(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
+    keep(rows, k, 0, force)
+    keep(rows, k, 3, turn)
+    keep(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
     rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
     for j in range(6):
         rows[k, 6 + j] = 0.0
     if a >= 0:
         back = neg(torque_of(A, r_A, force, moment))
-        put(rows, k, 6, neg(force))
-        put(rows, k, 9, back)
-        put(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
+        keep(rows, k, 6, neg(force))
+        keep(rows, k, 9, back)
+        keep(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
         rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
 
 
@@ -115,15 +108,15 @@ def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
     """The rows of contact i of those that take part, which is point c."""
     k = CONTACT_ROWS * i
     B, A = state_of(y, b), state_of(y, a)
-    n, p = triple(spots, c, NORMAL), triple(spots, c, POINT)
+    n, p = vec(spots, c, NORMAL), vec(spots, c, POINT)
     t1, t2 = perpendicular(n)
     axes, none = (n, t1, t2), (0.0, 0.0, 0.0)
     r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
-    moved, spun = triple(spots, c, MOVES), triple(spots, c, TURNS_AT)
+    moved, spun = vec(spots, c, MOVES), vec(spots, c, TURNS_AT)
     for j in range(3):
         write_row(rows, k + j, bodies, B, A, b, a, axes[j], none, r_B, r_A)
         targets[k + j] = dot(axes[j], moved)
-    if laws[c, ROLLING] > 0.0 or laws[c, SPINNING] > 0.0:
+    if laws[c, ROLLING_ARM] > 0.0 or laws[c, SPINNING_ARM] > 0.0:
         around = (t1, t2, n)
         for j in range(3):
             write_row(rows, k + 3 + j, bodies, B, A, b, a, none, around[j], none, none)
@@ -160,7 +153,7 @@ def write_rules(
     slip = math.sqrt(s1 * s1 + s2 * s2)
     stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
     rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
-    rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING], laws[c, SPINNING]
+    rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING_ARM], laws[c, SPINNING_ARM]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
         slip = max(slip, SOLVED * scales[1])
@@ -197,11 +190,11 @@ def nearness(scales, bodies, y, b, a, h):
     impulses would grow or change places without end."""
     length, B = scales[0], state_of(y, b)
     speed = norm(B.v_WC) + length * norm(B.w_WB_B)
-    pull = norm(triple(bodies, b, LOAD)) / bodies[b, MASS]
+    pull = norm(vec(bodies, b, LOAD)) / bodies[b, MASS]
     if a >= 0:
         A = state_of(y, a)
         speed += norm(A.v_WC) + length * norm(A.w_WB_B)
-        pull = max(pull, norm(triple(bodies, a, LOAD)) / bodies[a, MASS])
+        pull = max(pull, norm(vec(bodies, a, LOAD)) / bodies[a, MASS])
     if speed <= MOVES_AT * h * pull:
         return COMPUTED_ROUNDING * length
     return COMPUTED_ROUNDING * length + min(NEAR * h * h * pull, NEAREST * length)
@@ -219,8 +212,8 @@ def fastest_of(u, y):
     speed, spin = 0.0, 0.0
     for i in range(u.shape[0]):
         k = STATE * i
-        speed = max(speed, max(norm(triple(u, i, 0)), norm((y[k + 7], y[k + 8], y[k + 9]))))
-        with_loads = norm(triple(u, i, 3))
+        speed = max(speed, max(norm(vec(u, i, 0)), norm((y[k + 7], y[k + 8], y[k + 9]))))
+        with_loads = norm(vec(u, i, 3))
         spin = max(spin, max(with_loads, norm((y[k + 10], y[k + 11], y[k + 12]))))
     return speed, spin
 
@@ -233,13 +226,13 @@ def is_far(spots, y, c, b, a, within):
     within: (largest closing speed of two centres, largest spin, length of the step).  Takes arrays
     one by one: handing on all tables counts their references, which costs more than the rest.
     """
-    gap, p = spots[c, GAP], triple(spots, c, POINT)
+    gap, p = spots[c, GAP], vec(spots, c, POINT)
     k = STATE * b
     arms = norm(sub(p, (y[k], y[k + 1], y[k + 2])))
     if a >= 0:
         k = STATE * a
         arms += norm(sub(p, (y[k], y[k + 1], y[k + 2])))
-    closing = within[0] + within[1] * arms + norm(triple(spots, c, MOVES))
+    closing = within[0] + within[1] * arms + norm(vec(spots, c, MOVES))
     return gap > FARTHER * within[2] * closing
 
 
@@ -249,21 +242,21 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
     gap = spots[c, GAP]
     if laws[c, BILATERAL] == 1.0 or gap <= 0.0:
         return True
-    B, n, p = state_of(y, b), triple(spots, c, NORMAL), triple(spots, c, POINT)
+    B, n, p = state_of(y, b), vec(spots, c, NORMAL), vec(spots, c, POINT)
     arm = unrotate(B.q_WB, sub(p, B.p_WC))
-    spin = rotate(B.q_WB, cross(triple(u, b, 3), arm))
-    rate = dot(n, sub(add(triple(u, b, 0), spin), triple(spots, c, MOVES)))
+    spin = rotate(B.q_WB, cross(vec(u, b, 3), arm))
+    rate = dot(n, sub(add(vec(u, b, 0), spin), vec(spots, c, MOVES)))
     at_start = rotate(B.q_WB, cross(B.w_WB_B, arm))
-    before = dot(n, sub(add(B.v_WC, at_start), triple(spots, c, MOVES)))
+    before = dot(n, sub(add(B.v_WC, at_start), vec(spots, c, MOVES)))
     if a >= 0:
         A = state_of(y, a)
         arm = unrotate(A.q_WB, sub(p, A.p_WC))
-        rate -= dot(n, add(triple(u, a, 0), rotate(A.q_WB, cross(triple(u, a, 3), arm))))
+        rate -= dot(n, add(vec(u, a, 0), rotate(A.q_WB, cross(vec(u, a, 3), arm))))
         before -= dot(n, add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, arm))))
     if laws[c, COMPLIANT] == 1.0 or is_impact(laws[c, RESTITUTION], before, rate):
         return gap + 0.5 * h * min(rate, 0.0) <= 0.0
     # a body nearby may push this one: all that could close takes part
-    speed = norm(triple(u, b, 0)) + norm(triple(u, a, 0)) if a >= 0 else 0.0
+    speed = norm(vec(u, b, 0)) + norm(vec(u, a, 0)) if a >= 0 else 0.0
     return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
@@ -299,8 +292,8 @@ def gather(tables, memory, workspace, y, h):
             looked_at = looked_at and not is_far(spots, y, c, b, a, within)
         if not (looked_at and takes_part(spots, laws, u, y, c, b, a, h, 1e-3 * scales[1])):
             memory[c, CLOSED] = memory[c, SLIDE] = memory[c, ROLL] = memory[c, SPIN] = 0.0
-            put(memory, c, IMPULSE, (0.0, 0.0, 0.0))
-            put(memory, c, TWIST, (0.0, 0.0, 0.0))
+            keep(memory, c, IMPULSE, (0.0, 0.0, 0.0))
+            keep(memory, c, TWIST, (0.0, 0.0, 0.0))
             continue
         i, k = found, CONTACT_ROWS * found
         active[i], ends[i, 0], ends[i, 1] = c, b, a
@@ -338,9 +331,9 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
             scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y,
             i, c, b, a, h, tables.addresses, tables.constants, workspace.scratch,
         )  # fmt: skip
-        normal = triple(spots, c, NORMAL)
+        normal = vec(spots, c, NORMAL)
         t1, t2 = perpendicular(normal)
-        impulse, twist = triple(memory, c, IMPULSE), triple(memory, c, TWIST)
+        impulse, twist = vec(memory, c, IMPULSE), vec(memory, c, TWIST)
         x[k] = ratio * dot(normal, impulse)
         if rules[i, BOUND] != 0.0:
             x[k + 1], x[k + 2] = ratio * dot(t1, impulse), ratio * dot(t2, impulse)
@@ -356,12 +349,12 @@ def gather_joints(tables, workspace, h):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
         for j in range(12):
             workspace.joint_rows[k, j] = tables.joint_rows[k, j]
-        turn = symmetric_times(six(tables.bodies, b, INVERSE), triple(tables.joint_rows, k, 3))
-        put(workspace.joint_rows, k, TURN_B, turn)
+        turn = symmetric_times(six(tables.bodies, b, INVERSE), vec(tables.joint_rows, k, 3))
+        keep(workspace.joint_rows, k, TURN_B, turn)
         workspace.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
         if a >= 0:
-            turn = symmetric_times(six(tables.bodies, a, INVERSE), triple(tables.joint_rows, k, 9))
-            put(workspace.joint_rows, k, TURN_A, turn)
+            turn = symmetric_times(six(tables.bodies, a, INVERSE), vec(tables.joint_rows, k, 9))
+            keep(workspace.joint_rows, k, TURN_A, turn)
             workspace.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
         # as of contacts, see `bends`: the step before has ended on the joints
         bend = (

@@ -22,13 +22,11 @@ from rb_sim.contact.contact_graph import rate_of
 from rb_sim.contact.stepping.scene_tables import (
     BODY,
     BOXES,
-    COMPLIANT,
     CONSTANT,
     FIRST,
     LAW,
     PARENT,
     RESTS,
-    STATIC,
     TRACTION,
 )
 from rb_sim.contact.stepping.step_workspace import (
@@ -44,14 +42,18 @@ from rb_sim.contact.stepping.step_workspace import (
     POINT,
     SLIDE,
     SPOT,
-    STUCK,
     THEN,
     TOO_FAR,
     USED,
 )
-from rb_sim.mechanics.contact.contact_kinematics import velocity_at
+from rb_sim.mechanics.contact.contact_bodies import (
+    COMPLIANT,
+    STATIC,
+    keep,
+)
+from rb_sim.mechanics.contact.contact_kinematics import STUCK, velocity_at
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.mechanics.systems.many_bodies import state_of
+from rb_sim.mechanics.systems.many_bodies import state_of, vec
 from rb_sim.numerics.kernels import call_law, inline, part, pointer
 from rb_sim.numerics.vectors import (
     add,
@@ -67,18 +69,6 @@ from rb_sim.numerics.vectors import (
 FAR = 1e300
 SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""
-
-
-@inline
-def triple(a, i, k):
-    """Three numbers of row i of a table from column k on, as a tuple."""
-    return (a[i, k], a[i, k + 1], a[i, k + 2])
-
-
-@inline
-def put(a, i, k, v):
-    """Write a vector into row i of a table from column k on."""
-    a[i, k], a[i, k + 1], a[i, k + 2] = v[0], v[1], v[2]
 
 
 @inline
@@ -119,7 +109,7 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
         for k in range(count):
             if turn == 1 and points[k, 4] == 1.0:
                 continue
-            p = triple(points, k, 0)
+            p = vec(points, k, 0)
             place = unrotate(B.q_WB, sub(p, B.p_WC))
             best, slot = near * near, -1
             for c in range(8):
@@ -128,7 +118,7 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
                 if turn == 1:
                     slot = c
                     break
-                away = sub(place, triple(memory, first + c, PLACE))
+                away = sub(place, vec(memory, first + c, PLACE))
                 if memory[first + c, USED] == 1.0 and dot(away, away) < best:
                     best, slot = dot(away, away), c
             points[k, 4] = 1.0 if slot >= 0 else 0.0
@@ -138,9 +128,9 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
                     for j in range(MEMORY):
                         memory[first + slot, j] = 0.0
                 spots[first + slot, GAP] = points[k, 3]
-                put(spots, first + slot, NORMAL, n)
-                put(spots, first + slot, POINT, p)
-                put(memory, first + slot, PLACE, place)
+                keep(spots, first + slot, NORMAL, n)
+                keep(spots, first + slot, POINT, p)
+                keep(memory, first + slot, PLACE, place)
                 memory[first + slot, USED] = 1.0
     for c in range(8):
         if forget and taken[c, 0] == 0.0:
@@ -163,9 +153,9 @@ def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
         if entries[e, LAW] != BOXES:
             spot_at(tables, scratch, e, t, B, A, part(pointer(spots), SPOT * c))
             continue
-        half_B, half_A = triple(s, e, 3), triple(s, e, 9)
-        c_B = add(B.p_WC, rotate(B.q_WB, triple(s, e, 0)))
-        c_A = add(A.p_WC, rotate(A.q_WB, triple(s, e, 6)))
+        half_B, half_A = vec(s, e, 3), vec(s, e, 9)
+        c_B = add(B.p_WC, rotate(B.q_WB, vec(s, e, 0)))
+        c_A = add(A.p_WC, rotate(A.q_WB, vec(s, e, 6)))
         count, n = boxes_touching(
             workspace[2], workspace, A.q_WB, c_A, half_A, B.q_WB, c_B, half_B, reach
         )
@@ -204,8 +194,8 @@ def has_turned(memory, spots, y, c, b, h):
     """Whether the only point of contact c, which has borne, lies in another direction from its body
     than at the end of the last step: y is half a step later, at the velocities of that time."""
     B = state_of(y, b)
-    now = sub(triple(spots, c, POINT), B.p_WC)
-    then = sub(triple(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
+    now = sub(vec(spots, c, POINT), B.p_WC)
+    then = sub(vec(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
     return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
 
 
@@ -234,10 +224,10 @@ def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
         bends[i, 0] = here
     if not sticks(memory, laws, c):
         return
-    t1, t2 = perpendicular(triple(spots, c, NORMAL))
-    end = triple(memory, c, ENDS + 1)
+    t1, t2 = perpendicular(vec(spots, c, NORMAL))
+    end = vec(memory, c, ENDS + 1)
     across = sub(add(scale(rates[1], t1), scale(rates[2], t2)), end)
-    before = scale(ratio, sub(end, triple(memory, c, THEN + 1)))
+    before = scale(ratio, sub(end, vec(memory, c, THEN + 1)))
     if norm(sub(before, across)) <= ALIKE * norm(across):
         bends[i, 1], bends[i, 2] = dot(t1, across), dot(t2, across)
 
@@ -280,11 +270,11 @@ def straighten_crowds(laws, bends, active, ends, held, n):
 @inline
 def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
     """Keep the relative velocity of point c with rows from k on after the impulses."""
-    n, moved = triple(spots, c, NORMAL), triple(spots, c, MOVES)
+    n, moved = vec(spots, c, NORMAL), vec(spots, c, MOVES)
     memory[c, THEN] = rate_of(rows, k, u, b, a) - dot(n, moved)
     s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
     s2 = rate_of(rows, k + 2, u, b, a) - dot(t2, moved)
-    put(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
+    keep(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
 
 
 @inline
@@ -294,8 +284,8 @@ def note_ends(tables, memory, workspace, y):
         if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
             continue
         B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
-        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
+        n, p = vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, POINT)
         v = sub(velocity_at(B, sub(p, B.p_WC)), velocity_at(A, sub(p, A.p_WC)))
-        v = sub(v, triple(workspace.spots, c, MOVES))
+        v = sub(v, vec(workspace.spots, c, MOVES))
         memory[c, ENDS] = dot(n, v)
-        put(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))
+        keep(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

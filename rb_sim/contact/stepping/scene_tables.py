@@ -32,7 +32,14 @@ from rb_sim.catalogue.geometry.solids import MOST_POINTS, box_points
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import RATE, VELOCITY
-from rb_sim.mechanics.contact.contact_bodies import AMONG_ROWS, DEPENDENT
+from rb_sim.mechanics.contact.contact_bodies import (
+    AMONG_ROWS,
+    DEPENDENT,
+    KINETIC,
+    PARAMETERS_WIDTH,
+    STATIC,
+    write_parameters,
+)
 from rb_sim.mechanics.contact.contact_laws import spot_law, traction_law, with_packed_hulls
 from rb_sim.mechanics.inputs import numbers
 from rb_sim.mechanics.laws import reference
@@ -56,11 +63,10 @@ SHARP = 0.05
 SIZES = 12
 NEAR_WIDTH = 4
 """Columns of Tables.near."""
-(STATIC, KINETIC, TRACTION, FIRST_CONSTANT, RESTITUTION, ROLLING, SPINNING,
- BILATERAL, COMPLIANT, STIFFNESS, DAMPING, ALONE, LAWS) = range(13)  # fmt: skip
-"""Columns of Tables.laws; TRACTION: place of its law of traction in Tables.addresses, 0 if KINETIC
-bounds the friction of what slips; FIRST_CONSTANT: where the constants of that law begin; ALONE:
-whether the contact has this point only."""
+TRACTION, FIRST_CONSTANT, ALONE, LAWS = range(PARAMETERS_WIDTH, PARAMETERS_WIDTH + 4)
+"""Columns of Tables.laws after those of contact_bodies.PARAMETERS; TRACTION: place of its law of
+traction in Tables.addresses, 0 if KINETIC bounds the friction of what slips; FIRST_CONSTANT: where
+the constants of that law begin; ALONE: whether the contact has this point only."""
 LOADS = 0
 """Place in Tables.addresses of the law of the effects other than gravity."""
 ROWS = RATE
@@ -289,11 +295,9 @@ def laws_of(compiled: Compiled, contacts: list[Any], laws: PointLaws) -> np.ndar
 
 def write_law(row: np.ndarray, traction: tuple[int, int], law: Any) -> None:
     """Fill the row of a point in the table of laws; traction: as of `PointLaws.of_traction`."""
-    row[[STATIC, KINETIC]] = min(law.static, PERFECTLY_ROUGH), min(law.kinetic, PERFECTLY_ROUGH)
+    write_parameters(row, law)
+    row[[STATIC, KINETIC]] = np.minimum(row[[STATIC, KINETIC]], PERFECTLY_ROUGH)
     row[[TRACTION, FIRST_CONSTANT]] = traction
-    row[[RESTITUTION, ROLLING, SPINNING]] = law.restitution, law.rolling_arm, law.spinning_arm
-    row[[BILATERAL, COMPLIANT]] = law.bilateral, law.compliant
-    row[[STIFFNESS, DAMPING]] = law.spring
 
 
 # Tables of a scene whose bodies touch all each other: entries of the pairs that are near alone.

@@ -51,18 +51,9 @@ from rb_sim.contact.gauss_seidel import (
 )
 from rb_sim.contact.least_shares import take_least_shares
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
-from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, six, speed_at
-from rb_sim.contact.stepping.geometry import has_turned, note_middle, put, triple
-from rb_sim.contact.stepping.scene_tables import (
-    ALONE,
-    BILATERAL,
-    COMPLIANT,
-    PERFECTLY_ROUGH,
-    RESTITUTION,
-    ROLLING,
-    SPINNING,
-    STATIC,
-)
+from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
+from rb_sim.contact.stepping.geometry import has_turned, note_middle
+from rb_sim.contact.stepping.scene_tables import ALONE, PERFECTLY_ROUGH
 from rb_sim.contact.stepping.step_workspace import (
     ACTIVE,
     AIM,
@@ -80,7 +71,6 @@ from rb_sim.contact.stepping.step_workspace import (
     LENGTH,
     MOVES,
     NEXT,
-    NONE,
     NORMAL,
     OFTEN,
     OPEN,
@@ -94,12 +84,10 @@ from rb_sim.contact.stepping.step_workspace import (
     SELDOM,
     SEVERAL,
     SLIDE,
-    SLIDING,
     SPIN,
     STAYS,
     STEPS,
     STRUCK,
-    STUCK,
     SWEEPS,
     SWEPT,
     TURNED,
@@ -108,7 +96,17 @@ from rb_sim.contact.stepping.step_workspace import (
     WORK,
     WORST,
 )
-from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, LOAD, MASS, state_of
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    COMPLIANT,
+    RESTITUTION,
+    ROLLING_ARM,
+    SPINNING_ARM,
+    STATIC,
+    keep,
+)
+from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
+from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, LOAD, MASS, six, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
@@ -136,22 +134,22 @@ def quieten(tables, workspace, n, h):
     """A velocity that is but the rounding of its terms is none."""
     b, u, sizes = tables.bodies, workspace.u, workspace.before
     for i in range(b.shape[0]):
-        sizes[2 * i] = h * norm(triple(b, i, LOAD)) / b[i, MASS]
-        gained = symmetric_times(six(b, i, INVERSE), triple(b, i, LOAD + 3))
+        sizes[2 * i] = h * norm(vec(b, i, LOAD)) / b[i, MASS]
+        gained = symmetric_times(six(b, i, INVERSE), vec(b, i, LOAD + 3))
         sizes[2 * i + 1] = h * norm(gained)
     for i in range(n):
         for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + 3):
             x, body, parent = abs(workspace.x[k]), workspace.ends[i, 0], workspace.ends[i, 1]
             sizes[2 * body] += x * workspace.rows[k, LIGHT_B]
-            sizes[2 * body + 1] += x * norm(triple(workspace.rows, k, TURN_B))
+            sizes[2 * body + 1] += x * norm(vec(workspace.rows, k, TURN_B))
             if parent >= 0:
                 sizes[2 * parent] += x * workspace.rows[k, LIGHT_A]
-                sizes[2 * parent + 1] += x * norm(triple(workspace.rows, k, TURN_A))
+                sizes[2 * parent + 1] += x * norm(vec(workspace.rows, k, TURN_A))
     for i in range(b.shape[0]):
         for part in range(2):
-            v = triple(u, i, 3 * part)
+            v = vec(u, i, 3 * part)
             if norm(v) <= SOLVED * sizes[2 * i + part]:  # what rests does not creep
-                put(u, i, 3 * part, (0.0, 0.0, 0.0))
+                keep(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
 @inline
@@ -178,16 +176,14 @@ def gained_by(laws, workspace, n):
         c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
         if laws[c, COMPLIANT] == 1.0:
             continue
-        moves = triple(workspace.spots, c, MOVES)
+        moves = vec(workspace.spots, c, MOVES)
         for j in range(CONTACT_ROWS):
             k = CONTACT_ROWS * i + j
             if workspace.x[k] != 0.0:
                 mean = rate_of(workspace.rows, k, workspace.turning, b, a) + rate_of(
                     workspace.rows, k, workspace.u, b, a
                 )
-                support = (
-                    dot(triple(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
-                )
+                support = dot(vec(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
                 made += workspace.x[k] * (0.5 * mean - support)
     return made
 
@@ -227,7 +223,7 @@ def keep_impulses(tables, memory, workspace, y, n, h):
         if laws[c, ALONE] != 0.0 and memory[c, CLOSED] != 0.0 and bears:
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
-        moves = dot(triple(spots, c, NORMAL), triple(spots, c, MOVES))
+        moves = dot(vec(spots, c, NORMAL), vec(spots, c, MOVES))
         if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
             closing = (
                 2.0 * moves - rate_of(rows, k, workspace.turning, b, a) - rate_of(rows, k, u, b, a)
@@ -243,14 +239,14 @@ def keep_impulses(tables, memory, workspace, y, n, h):
             several = 1.0
         if slips_though_rough(laws, x, k, c):
             rough = 1.0
-        normal = triple(spots, c, NORMAL)
-        put(memory, c, ANCHOR, triple(spots, c, POINT))
+        normal = vec(spots, c, NORMAL)
+        keep(memory, c, ANCHOR, vec(spots, c, POINT))
         t1, t2 = perpendicular(normal)
         across = add(scale(x[k + 1], t1), scale(x[k + 2], t2))
-        put(memory, c, IMPULSE, add(scale(x[k], normal), across))
-        put(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
+        keep(memory, c, IMPULSE, add(scale(x[k], normal), across))
+        keep(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
-        put(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
+        keep(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
         leaving = rate_of(rows, k, u, b, a) - moves + workspace.bends[i, 0]
         note_middle(memory, spots, rows, u, c, k, t1, t2, b, a)
         memory[c, STAYS] = 1.0 if abs(leaving) <= slow else 0.0
@@ -263,11 +259,11 @@ def keep_impulses(tables, memory, workspace, y, n, h):
         most = mu * nearly
         slides = norm(across) >= most or mu <= 0.0
         memory[c, SLIDE] = SLIDING if slides else STUCK
-        if laws[c, ROLLING] > 0.0:
-            rolls = norm(turning) >= laws[c, ROLLING] * nearly
+        if laws[c, ROLLING_ARM] > 0.0:
+            rolls = norm(turning) >= laws[c, ROLLING_ARM] * nearly
             memory[c, ROLL] = SLIDING if rolls else STUCK
-        if laws[c, SPINNING] > 0.0:
-            spins = abs(x[k + 5]) >= laws[c, SPINNING] * nearly
+        if laws[c, SPINNING_ARM] > 0.0:
+            spins = abs(x[k + 5]) >= laws[c, SPINNING_ARM] * nearly
             memory[c, SPIN] = SLIDING if spins else STUCK
     workspace.notes[TURNED] += turned
     workspace.notes[SEVERAL] += several
@@ -298,7 +294,7 @@ without a rebound, and Newton's speed; 0 of others."""
 @inline
 def still_of(workspace, i, c):
     """Speed along the normal of contact i, point c, at which its surfaces stay together."""
-    return dot(triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, MOVES))
+    return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
 
 
 @inline
@@ -474,7 +470,7 @@ def free_velocities(tables, workspace, y, h):
         w = (y[k + 10], y[k + 11], y[k + 12])
         inverse = six(b, i, INVERSE)
         w = spin_after(six(b, i, INERTIA), inverse, w, 0.5 * h)
-        gained = symmetric_times(inverse, triple(b, i, LOAD + 3))
+        gained = symmetric_times(inverse, vec(b, i, LOAD + 3))
         for j in range(3):
             workspace.turning[i, j], workspace.turning[i, 3 + j] = y[k + 7 + j], w[j]
             u[i, j] = y[k + 7 + j] + h * b[i, LOAD + j] / b[i, MASS]
@@ -624,6 +620,6 @@ def solve_step(tables, memory, workspace, y, h):
     keep_impulses(tables, memory, workspace, y, n, h)
     for i in range(u.shape[0]):
         b = tables.bodies
-        w = spin_after(six(b, i, INERTIA), six(b, i, INVERSE), triple(u, i, 3), 0.5 * h)
+        w = spin_after(six(b, i, INERTIA), six(b, i, INVERSE), vec(u, i, 3), 0.5 * h)
         for j in range(3):
             y[STATE * i + 7 + j], y[STATE * i + 10 + j] = u[i, j], w[j]

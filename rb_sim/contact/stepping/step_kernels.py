@@ -18,31 +18,19 @@ import numpy as np
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.spec import BodyState
 from rb_sim.contact.contact_graph import CONTACT_ROWS, coupled, push, rate_of
-from rb_sim.contact.stepping.constraint_rows import six, write_row
-from rb_sim.contact.stepping.geometry import (
-    FAR,
-    find_spots,
-    note_ends,
-    pushed,
-    put,
-    spot_at,
-    triple,
-)
+from rb_sim.contact.stepping.constraint_rows import write_row
+from rb_sim.contact.stepping.geometry import FAR, find_spots, note_ends, pushed, spot_at
 from rb_sim.contact.stepping.scene_tables import (
     ARM,
-    BILATERAL,
     BODY,
     BOXES,
-    COMPLIANT,
     FIRST,
-    KINETIC,
     LAW,
     LOADS,
     PARENT,
     RADIUS,
     RESTS,
     ROWS,
-    STATIC,
 )
 from rb_sim.contact.stepping.step import (
     STATE,
@@ -78,15 +66,21 @@ from rb_sim.contact.stepping.step_workspace import (
     PUSH_SWEEPS,
     SHIFT_ROUNDS,
     SLIDE,
-    STUCK,
     TURNS_AT,
     TWIST,
     WORK,
 )
 from rb_sim.integrate.attempt import LOST, ByLaws, copy, return_to_positions
 from rb_sim.integrate.layout import SETTLE, VELOCITY
-from rb_sim.mechanics.contact.contact_kinematics import velocity_at
-from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, state_of
+from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
+    COMPLIANT,
+    KINETIC,
+    STATIC,
+    keep,
+)
+from rb_sim.mechanics.contact.contact_kinematics import STUCK, velocity_at
+from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, six, state_of, vec
 from rb_sim.numerics.kernels import call_law, entry, inline, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
@@ -116,7 +110,7 @@ def near_normals(tables, workspace, y, margin):
             continue
         b, a = tables.owners[c, 0], tables.owners[c, 1]
         B, A = state_of(y, b), state_of(y, a)
-        n, p = triple(workspace.spots, c, NORMAL), triple(workspace.spots, c, POINT)
+        n, p = vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, POINT)
         k = CONTACT_ROWS * found
         r_B, r_A = sub(p, B.p_WC), sub(p, A.p_WC)
         write_row(workspace.rows, k, tables.bodies, B, A, b, a, n, none, r_B, r_A)
@@ -153,7 +147,7 @@ def push_apart(tables, workspace, y):
         if change <= SOLVED * largest:
             break
     for i in range(shift.shape[0]):
-        move(y, i, triple(shift, i, 0), triple(shift, i, 3), 1.0)
+        move(y, i, vec(shift, i, 0), vec(shift, i, 3), 1.0)
     return False
 
 
@@ -181,7 +175,7 @@ def find_carried(tables, memory, workspace, carried):
     for c in range(tables.owners.shape[0]):
         if memory[c, CLOSED] != 1.0:
             continue
-        moves, turns = triple(workspace.spots, c, MOVES), triple(workspace.spots, c, TURNS_AT)
+        moves, turns = vec(workspace.spots, c, MOVES), vec(workspace.spots, c, TURNS_AT)
         if dot(moves, moves) + dot(turns, turns) > 0.0:
             carried[tables.owners[c, 0]] = 1.0
 
@@ -209,7 +203,7 @@ def find_supports(tables, memory, links):
             at = links[i] if i >= 0 and memory[c, CLOSED] == 1.0 else -1
             same = tables.owners[at, 0] == tables.owners[c, 0] if at >= 0 else False
             same = same and tables.owners[at, 1] == tables.owners[c, 1]
-            if same and norm(triple(memory, c, AIM)) > norm(triple(memory, at, AIM)):
+            if same and norm(vec(memory, c, AIM)) > norm(vec(memory, at, AIM)):
                 links[i] = c
 
 
@@ -220,7 +214,7 @@ LEAST_SHARE = 0.05
 @inline
 def bears_more(tables, memory, c, more):
     """Whether the impulse of point c stays in its cone with another one added."""
-    aim, total = triple(memory, c, AIM), add(triple(memory, c, IMPULSE), more)
+    aim, total = vec(memory, c, AIM), add(vec(memory, c, IMPULSE), more)
     if norm(aim) == 0.0:
         return False
     n = scale(1.0 / norm(aim), aim)
@@ -239,7 +233,7 @@ def led_to_world(tables, memory, links, i, impulse, final):
         on_body = tables.owners[c, 0] == i
         more = impulse if on_body else scale(-1.0, impulse)
         if final:
-            put(memory, c, IMPULSE, add(triple(memory, c, IMPULSE), more))
+            keep(memory, c, IMPULSE, add(vec(memory, c, IMPULSE), more))
         elif not bears_more(tables, memory, c, more):
             return False
         i = tables.owners[c, 1] if on_body else tables.owners[c, 0]
@@ -362,7 +356,7 @@ def ahead(tables, y, i, h):
     B = state_of(y, i)
     if i < 0:
         return B
-    v = add(B.v_WC, scale(0.5 * h, triple(tables.gravity, i, 0)))
+    v = add(B.v_WC, scale(0.5 * h, vec(tables.gravity, i, 0)))
     return BodyState(B.p_WC, B.q_WB, v, B.w_WB_B)
 
 
@@ -474,7 +468,7 @@ def note_anchors(memory, workspace):
     """Places of the points at the end of the step, where they are still there."""
     for c in range(memory.shape[0]):
         if workspace.spots[c, GAP] < 1e299:
-            put(memory, c, ANCHOR, triple(workspace.spots, c, POINT))
+            keep(memory, c, ANCHOR, vec(workspace.spots, c, POINT))
 
 
 @inline
@@ -485,17 +479,17 @@ def note_aims(memory, workspace, t):
     The velocity that the impulse gave, times the turn, is what is wrong of it.
     """
     for c in range(memory.shape[0]):
-        given = triple(memory, c, AIM)
+        given = vec(memory, c, AIM)
         if pushed(memory, c) and workspace.spots[c, GAP] < 1e299:
             size = norm(given)
-            wrong = norm(sub(scale(size, triple(workspace.spots, c, NORMAL)), given))
+            wrong = norm(sub(scale(size, vec(workspace.spots, c, NORMAL)), given))
             if wrong > workspace.notes[ASTRAY]:
                 workspace.notes[ASTRAY], workspace.notes[ASTRAY_AT], workspace.notes[ASTRAY_OF] = (
                     wrong,
                     t,
                     c,
                 )
-        put(memory, c, AIM, (0.0, 0.0, 0.0))
+        keep(memory, c, AIM, (0.0, 0.0, 0.0))
 
 
 @inline
@@ -609,10 +603,10 @@ def has_strayed(tables, y, h):
     for i in range(near.shape[0]):
         B = state_of(y, i)
         fastest = max(fastest, norm(B.v_WC) + near[i, 3] * norm(B.w_WB_B))
-        pull = max(pull, norm(triple(tables.gravity, i, 0)))
+        pull = max(pull, norm(vec(tables.gravity, i, 0)))
     way = 2.0 * h * (fastest + h * pull)
     for i in range(near.shape[0]):
-        moved = norm(sub(state_of(y, i).p_WC, triple(near, i, 0)))
+        moved = norm(sub(state_of(y, i).p_WC, vec(near, i, 0)))
         if not 2.0 * (moved + way) <= tables.margin[0]:
             return True
     return False
@@ -703,7 +697,7 @@ def put_balance(tables, y, out, at):
         p = scale(m, B.v_WC)
         spin = symmetric_times(six(tables.bodies, i, INERTIA), B.w_WB_B)
         kinetic += 0.5 * (dot(p, B.v_WC) + dot(spin, B.w_WB_B))
-        potential -= m * dot(triple(tables.gravity, i, 0), B.p_WC)
+        potential -= m * dot(vec(tables.gravity, i, 0), B.p_WC)
         momentum = add(momentum, p)
         angular = add(angular, add(cross(B.p_WC, p), rotate(B.q_WB, spin)))
     out[at], out[at + 1], out[at + 2] = kinetic, potential, 0.0
@@ -731,16 +725,16 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
     main = members[o, 0]
     force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if main >= 0:
-        anchor = triple(memory, main - joints, ANCHOR)
+        anchor = vec(memory, main - joints, ANCHOR)
     else:
         anchor = state_of(y, -1 - main).p_WC
     for c in range(members.shape[1] - 1 - joints):
         if members[o, 1 + joints + c] == 0:
             continue
-        f = scale(1.0 / h, triple(memory, c, IMPULSE))
-        arm = sub(triple(memory, c, ANCHOR), anchor)
+        f = scale(1.0 / h, vec(memory, c, IMPULSE))
+        arm = sub(vec(memory, c, ANCHOR), anchor)
         force = add(force, f)
-        torque = add(torque, add(scale(1.0 / h, triple(memory, c, TWIST)), cross(arm, f)))
+        torque = add(torque, add(scale(1.0 / h, vec(memory, c, TWIST)), cross(arm, f)))
     for j in range(3):
         out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
 
@@ -748,8 +742,8 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
 @inline
 def put_shares(tables, memory, y, c, h, out, at):
     """Add point c of a pair of neighbours to the reactions on both its bodies, about their C."""
-    f, p = scale(1.0 / h, triple(memory, c, IMPULSE)), triple(memory, c, ANCHOR)
-    free, sign = scale(1.0 / h, triple(memory, c, TWIST)), 1.0
+    f, p = scale(1.0 / h, vec(memory, c, IMPULSE)), vec(memory, c, ANCHOR)
+    free, sign = scale(1.0 / h, vec(memory, c, TWIST)), 1.0
     for side in range(2):
         k = at + 9 * tables.shares[c, side]
         turn = add(free, cross(sub(p, state_of(y, tables.owners[c, side]).p_WC), f))
@@ -782,9 +776,9 @@ def report(tables, memory, workspace, members, joints, y, h, out):
     for k in range(at + 11 + fixed, out.shape[0]):
         out[k] = 0.0
     for c in range(memory.shape[0]):
-        force = scale(1.0 / h, triple(memory, c, IMPULSE))
-        torque = scale(1.0 / h, triple(memory, c, TWIST))
-        out[at + 2] += power_at(tables, y, c, force, torque, triple(memory, c, ANCHOR))
+        force = scale(1.0 / h, vec(memory, c, IMPULSE))
+        torque = scale(1.0 / h, vec(memory, c, TWIST))
+        out[at + 2] += power_at(tables, y, c, force, torque, vec(memory, c, ANCHOR))
         if tables.laws[c, COMPLIANT] == 0.0 and workspace.spots[c, GAP] < 1e299:
             overlap = max(overlap, -workspace.spots[c, GAP])
         state = 0.0 if memory[c, CLOSED] == 0.0 else 1.0

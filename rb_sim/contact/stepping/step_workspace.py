@@ -31,7 +31,6 @@ closes nor opens then; change of velocity that the normal impulse of the step is
 THEN, ENDS, MEMORY = 21, 25, 29
 """The same: velocity of the body relative to its support at P, along the normal and across it (3,
 world axes), with which the step ended, in its middle and at its end."""
-NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 FEW_SWEEPS = 5
 """Sweeps of a moving heap that are made in any case."""
 FINE = 1e-4

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.mechanics.system import EVENT_DRIVEN
 from rb_sim.mechanics.systems.many_bodies import ROW_TABLE_COLUMNS
 from rb_sim.numerics.kernels import inline
@@ -62,6 +63,7 @@ PARAMETERS = (
     Column("restitution", 1, "1", "e of impacts"),
     Column("kinetic", 1, "1", "traction over N as a slip begins after rest; inf: it never slips"),
     Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
+    Column("stiffness", 1, "N/m", "of a compliant support"),
     Column("damping", 1, "N s/m", "of a compliant support"),
 )
 
@@ -138,7 +140,7 @@ _AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
 STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
 RESTITUTION, KINETIC, DRAGS = _AT["restitution"], _AT["kinetic"], _AT["drags"]
-DAMPING = _AT["damping"]
+STIFFNESS, DAMPING, PARAMETERS_WIDTH = _AT["stiffness"], _AT["damping"], _AT["closed"]
 CLOSED, SLIDE, ROLL, SPIN, NORMAL_SIGN = (
     _AT[n] for n in ("closed", "slide", "roll", "spin", "normal_sign")
 )
@@ -172,6 +174,15 @@ FORCES_WIDTH = NORMAL_FORCE + 1 - DIRECT
 
 FIRST_OF_SCRATCH = GAP
 """Columns before it outlast an evaluation of the equations."""
+
+
+def write_parameters(row: np.ndarray, law: ContactLaw) -> None:
+    """Write what a contact is into the columns of PARAMETERS, of this and of other tables, but for
+    the rim."""
+    row[[STATIC, KINETIC, RESTITUTION]] = law.static, law.kinetic, law.restitution
+    row[[ROLLING_ARM, SPINNING_ARM, BILATERAL]] = law.rolling_arm, law.spinning_arm, law.bilateral
+    row[[COMPLIANT, DRAGS]] = law.compliant, law.drags
+    row[[STIFFNESS, DAMPING]] = law.spring
 
 
 TOUCH_DOWN, LIFT_OFF, SLIP_ENDS, SLIP_BEGINS = 0, 1, 2, 3

@@ -22,8 +22,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.contact.stepping.step_workspace import IMPULSE, ROLL, SPIN, STUCK, TWIST
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING
+from rb_sim.contact.stepping.step_workspace import IMPULSE, ROLL, SPIN, TWIST
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from tests.interpreted import interpreted
 
 STEP, RADIUS, G, NEAR = 1e-6, 0.1, 9.81, 1e-4
