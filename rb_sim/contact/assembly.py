@@ -282,6 +282,43 @@ def add_bound(workspace, m, places, limit, move):
     return m + 1
 
 
+NO_ROW = -1
+"""Instead of a rule: the row takes no part."""
+
+
+@inline
+def add_contact(workspace, n, k, push, ways):
+    """Let the rows of a contact take part, the first of which is k: by the rule of its push, and of
+    its slip, its rolling and its spin; returns how many rows there are now."""
+    rules = (push, ways[0], ways[0], ways[1], ways[1], ways[2])
+    for j in range(6):
+        if rules[j] != NO_ROW:
+            n = add_row(workspace, n, k + j, rules[j])
+    return n
+
+
+@inline
+def add_bounds(workspace, m, c, k, ways, limits):
+    """Bound what RUBS of contact c, whose rows take part, by these parts of its push; returns how
+    many bounds there are now."""
+    at, first, second = workspace.place_of, (k + 1, k + 3, k + 5), (k + 2, k + 4, k + 5)
+    for way in range(3):
+        if ways[way] == RUBS:
+            other = at[second[way]] if way < 2 else -1
+            m = add_bound(workspace, m, (at[first[way]], other, at[k]), limits[way], (c, way))
+    return m
+
+
+@inline
+def ways_at_rest(touch, c):
+    """Of each way of a contact RUBS where it rests, else NO_ROW."""
+    return (
+        RUBS if touch[c, SLIDE] == STUCK else NO_ROW,
+        RUBS if touch[c, ROLL] == STUCK else NO_ROW,
+        RUBS if touch[c, SPIN] == STUCK else NO_ROW,
+    )
+
+
 @inline
 def solve_in(workspace, n, m, A, b, terms, x):
     """Into x the solution of n rows and m bounds; returns what has become of it."""
@@ -314,12 +351,6 @@ def easing(workspace):
 
 
 @inline
-def bound_at_rest(workspace, c, way, static, kinetic):
-    """Of contact c in a way: the kinetic one once it has left its rest."""
-    return kinetic if workspace.moved[c, way] == 1 else static
-
-
-@inline
 def lay_out_forces(system, workspace):
     """The rows that hold, and their laws; the last rows are the given forces of pressed contacts,
     each with a value of its own. Returns (rows, bounds)."""
@@ -327,34 +358,21 @@ def lay_out_forces(system, workspace):
     for k in range(first_row_of(system, 0)):
         n = add_row(workspace, n, k, HOLDS)
     for c in range(touch.shape[0]):
-        k = first_row_of(system, c)
-        if workspace.taking_part[c] == CANDIDATE:
-            n = add_row(workspace, n, k, HOLDS if touch[c, BILATERAL] == 1.0 else PUSHES)
-        if workspace.taking_part[c] != 0:
-            if touch[c, SLIDE] == STUCK:
-                n = add_row(workspace, n, k + 1, RUBS)
-                n = add_row(workspace, n, k + 2, RUBS)
-            if touch[c, ROLL] == STUCK:
-                n = add_row(workspace, n, k + 3, RUBS)
-                n = add_row(workspace, n, k + 4, RUBS)
-            if touch[c, SPIN] == STUCK:
-                n = add_row(workspace, n, k + 5, RUBS)
+        if workspace.taking_part[c] == 0:
+            continue
+        push = HOLDS if touch[c, BILATERAL] == 1.0 else PUSHES
+        push = push if workspace.taking_part[c] == CANDIDATE else NO_ROW
+        n = add_contact(workspace, n, first_row_of(system, c), push, ways_at_rest(touch, c))
     for c in range(touch.shape[0]):
         if workspace.taking_part[c] == 0:
             continue
         k = first_row_of(system, c)
         if workspace.taking_part[c] == PRESSED:
             n = add_row(workspace, n, k, HOLDS)
-        push, at = workspace.place_of[k], workspace.place_of
-        if touch[c, SLIDE] == STUCK:
-            limit = ease * bound_at_rest(workspace, c, 0, touch[c, STATIC], touch[c, KINETIC])
-            m = add_bound(workspace, m, (at[k + 1], at[k + 2], push), limit, (c, 0))
-        if touch[c, ROLL] == STUCK:
-            limit = ease * touch[c, ROLLING_ARM]
-            m = add_bound(workspace, m, (at[k + 3], at[k + 4], push), limit, (c, 1))
-        if touch[c, SPIN] == STUCK:
-            limit = ease * touch[c, SPINNING_ARM]
-            m = add_bound(workspace, m, (at[k + 5], -1, push), limit, (c, 2))
+        # the kinetic bound once it has left its rest
+        slip = touch[c, KINETIC] if workspace.moved[c, 0] == 1 else touch[c, STATIC]
+        limits = ease * slip, ease * touch[c, ROLLING_ARM], ease * touch[c, SPINNING_ARM]
+        m = add_bounds(workspace, m, c, k, ways_at_rest(touch, c), limits)
     return n, m
 
 

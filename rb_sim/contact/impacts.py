@@ -25,12 +25,14 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.assembly import (
+    NO_ROW,
     NOT_FINITE,
     SOLVED,
     UNSOLVED,
     VELOCITY,
     Velocities,
-    add_bound,
+    add_bounds,
+    add_contact,
     add_row,
     along_rows,
     assemble,
@@ -335,24 +337,17 @@ def lay_out_impact(system, workspace, v, together, loose):
     for c in range(touch.shape[0]):
         if workspace.taking_part[c] != 1:
             continue
-        k, push = first_row_of(system, c), n
+        k = first_row_of(system, c)
         both = touch[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
-        n = add_row(workspace, n, k, HOLDS if both else PUSHES)
-        coefficient = rubs_up_to(system, c, v)
-        if coefficient > 0.0:
-            held = loose and grips(system, c, v)
-            rule = HOLDS if held else RUBS
-            n = add_row(workspace, n, k + 1, rule)
-            n = add_row(workspace, n, k + 2, rule)
-            if not held:
-                m = add_bound(workspace, m, (n - 2, n - 1, push), coefficient, (c, 0))
-        if touch[c, ROLLING_ARM] > 0.0:
-            n = add_row(workspace, n, k + 3, RUBS)
-            n = add_row(workspace, n, k + 4, RUBS)
-            m = add_bound(workspace, m, (n - 2, n - 1, push), touch[c, ROLLING_ARM], (c, 1))
-        if touch[c, SPINNING_ARM] > 0.0:
-            n = add_row(workspace, n, k + 5, RUBS)
-            m = add_bound(workspace, m, (n - 1, -1, push), touch[c, SPINNING_ARM], (c, 2))
+        slide = HOLDS if loose and grips(system, c, v) else RUBS
+        limits = rubs_up_to(system, c, v), touch[c, ROLLING_ARM], touch[c, SPINNING_ARM]
+        ways = (
+            slide if limits[0] > 0.0 else NO_ROW,
+            RUBS if limits[1] > 0.0 else NO_ROW,
+            RUBS if limits[2] > 0.0 else NO_ROW,
+        )
+        n = add_contact(workspace, n, k, HOLDS if both else PUSHES, ways)
+        m = add_bounds(workspace, m, c, k, ways, limits)
     return n, m
 
 

@@ -23,15 +23,19 @@ from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.contact.assembly import (
     ACCELERATION,
     CANDIDATE,
+    NO_ROW,
     NOT_FINITE,
     PRESSED,
     SOLVED,
     Velocities,
+    add_contact,
+    add_row,
     assemble,
     fill_delassus,
     lay_out_forces,
     solve_in,
     velocity_after,
+    ways_at_rest,
     write_all_rows,
 )
 from rb_sim.contact.event_workspace import (
@@ -75,6 +79,7 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
+from rb_sim.numerics.complementarity import HOLDS
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
@@ -90,25 +95,13 @@ FEW = 20
 @inline
 def find_held(system, workspace):
     """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    touch, n = system.touch, first_row_of(system, 0)
-    for k in range(n):
-        workspace.used[k] = k
+    touch, n = system.touch, 0
+    for k in range(first_row_of(system, 0)):
+        n = add_row(workspace, n, k, HOLDS)
     for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 0.0:
-            continue
-        k = first_row_of(system, c)
-        holds = (
-            touch[c, COMPLIANT] == 0.0,
-            touch[c, SLIDE] == STUCK,
-            touch[c, SLIDE] == STUCK,
-            touch[c, ROLL] == STUCK,
-            touch[c, ROLL] == STUCK,
-            touch[c, SPIN] == STUCK,
-        )
-        for j in range(6):
-            if holds[j]:
-                workspace.used[n] = k + j
-                n += 1
+        if touch[c, CLOSED] != 0.0:
+            push = HOLDS if touch[c, COMPLIANT] == 0.0 else NO_ROW
+            n = add_contact(workspace, n, first_row_of(system, c), push, ways_at_rest(touch, c))
     return n
 
 
