@@ -16,6 +16,7 @@ MADE says what makes each of them, but those of the tutorials, which blocks of t
 
 from __future__ import annotations
 
+import contextlib
 import html
 import json
 import math
@@ -31,13 +32,16 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import matplotlib
 import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
+from typer.testing import CliRunner
 
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.ladder import Accuracy, Ladder, Reference, Rung
 from rb_sim.accuracy.runs import Errors
+from rb_sim.cli.main import app
 from rb_sim.cli.verbs.hard_cases import shipped
 from rb_sim.sweeps.hard_cases import Row, load_cases, picture
 from tools import gallery, law_pictures, readme_picture
@@ -61,10 +65,13 @@ Maker = Callable[[Path], None]
 
 
 def rb_sim(folder: Path, *lines: str) -> None:
-    """Run the commands there. Raises CalledProcessError where one fails."""
+    """Run the commands there, each drawing in its own style. RuntimeError: one fails."""
     for line in lines:
-        command = [sys.executable, "-m", "rb_sim", *line.split()]
-        subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        with contextlib.chdir(folder), matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            done = CliRunner().invoke(app, line.split(), catch_exceptions=False)
+        if done.exit_code != 0:
+            raise RuntimeError(f"rb_sim {line}: {done.output}")
 
 
 def plain(source: Path, target: Path) -> None:

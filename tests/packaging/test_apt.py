@@ -15,6 +15,7 @@ A venv with apt's versions (requirements/apt.txt) stands for the system's Python
 from __future__ import annotations
 
 import subprocess
+import sys
 import venv
 from pathlib import Path
 
@@ -40,7 +41,9 @@ def run(command: list[str], environment: dict[str, str], cwd: Path) -> subproces
 
 
 def pip(folder: Path, environment: dict[str, str], *arguments: str) -> None:
-    command = [str(folder / "bin/python"), "-m", "pip", "install", "--quiet", *arguments]
+    """By this environment's pip, which runs in the other one: none has to be made there first."""
+    command = [sys.executable, "-m", "pip", "--python", str(folder / "bin/python"), "install"]
+    command += ["--quiet", "--no-compile", *arguments]
     done = run(command, environment, folder)
     assert done.returncode == 0, done.stderr
 
@@ -58,12 +61,12 @@ def system(wheel: Path, environment, tmp_path_factory) -> Path:
 def beside(system: Path, wheel: Path, environment) -> Path:
     """The venv of docs/install.md: it sees the system's packages, and brings newer ones."""
     folder = system.parent / "venv"
-    venv.create(folder, with_pip=True, symlinks=True)
+    venv.create(folder, symlinks=True)
     # what --system-site-packages does for the Python that a venv is made from
     (packages_of(folder) / "system.pth").write_text(f"{packages_of(system)}\n")
     # the system's rb_sim has the same version and other dependencies to look at
-    pip(folder, environment, "--no-compile", "--ignore-installed", "--no-deps", str(wheel))
-    pip(folder, environment, "--no-compile", str(wheel))
+    pip(folder, environment, "--ignore-installed", "--no-deps", str(wheel))
+    pip(folder, environment, str(wheel))
     return folder
 
 
