@@ -28,7 +28,6 @@ from rb_sim.mechanics.methods import METHODS
 if TYPE_CHECKING:
     from rb_sim.base.errors import Finding
     from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.sample_integrals import Resolution
     from rb_sim.contact.grid_motion import LeftOpen
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
@@ -54,7 +53,6 @@ class Seen(NamedTuple):
     effort: Effort
     ledger: Ledger
     """balances of all samples."""
-    resolution: Resolution
     samples: int
     """of the whole run."""
 
