@@ -282,7 +282,9 @@ class Account:
 
     def __init__(self, columns: int) -> None:
         self._rule = Quadrature(columns)
-        self._first, self._left_out, self._unsure = np.zeros((3, columns))
+        self._first, self._unsure = np.zeros((2, columns))
+        self._left_out = np.zeros((2, columns))
+        """sum of the changes there, and of their sizes."""
         self._end: tuple[Array, ...] = ()
         """time, what is kept and what is supplied at the last sample."""
 
@@ -299,14 +301,14 @@ class Account:
             t, kept, supply = (np.append(*pair, 0) for pair in zip(ends, rows, strict=True))
             change = np.diff(kept, axis=0)[left_out]
             told = 0.5 * (np.diff(t, axis=0) * (supply[1:] + supply[:-1]))[left_out]
-            self._left_out += change.sum(axis=0)
+            self._left_out += [change.sum(axis=0), np.abs(change).sum(axis=0)]
             self._unsure += np.abs(change - told).sum(axis=0)
 
     def total(self) -> tuple[Array, Array, Array, Array, Array]:
         """Change less supply, how far the supply may be wrong, by how much the samples are off the
         change in what is left out, the supply, and the sum of its sizes."""
         supplied, doubt, size = self._rule.total()
-        supplied = supplied + self._left_out
+        supplied, size = supplied + self._left_out[0], size + self._left_out[1]
         error = self._end[1][0] - self._first - supplied
         return error, doubt, self._unsure, supplied, size
 
@@ -337,7 +339,7 @@ class Ledger:
         """whether something acts from outside."""
         self._has_work = False
         """whether forces without a potential, but for contacts, have done any so far, or may have
-        where contacts change more often than samples are taken."""
+        between two samples."""
         self._jumps = np.array(jumps_of_tables(scene, since))
         """instants after the last sample at which a load jumps or bends."""
         self._events = Events()
@@ -368,10 +370,10 @@ class Ledger:
         self._energies.add(block)
         self._events.add(block.events)
         power = smooth_power(block, self._scene, self._layout)
-        # a body that sticks at every sample, and slips between, shows no power
-        hidden = self._may_work and len(block.events) >= len(block)
-        self._has_work = self._has_work or hidden or bool(power.any())
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
+        # a pulse between two samples, and a body that sticks at each and slips between, show none
+        hidden = self._may_work and bool(jumped.any())
+        self._has_work = self._has_work or hidden or bool(power.any())
         if self._has_work or self._pushed:
             unresolved = self._resolution.missed(block)
             missed[0] = unresolved[:, self._at_work].any(axis=1) & self._has_work

@@ -120,9 +120,9 @@ class Bounds(NamedTuple):
     """what all steps may miss of the velocities, added up."""
 
 
-FIRST_ORDER = Bounds(balance=2e-2, local=0.1, grown=0.5)
+FIRST_ORDER = Bounds(balance=2e-2, local=0.2, grown=0.5)
 """It loses a share of h/T of the energy per period T, and a step that resolves the motion has fifty
-to the period; of an oscillation it misses w h / 4 in a step, 0.1 at 16 steps to the period; and its
+to the period; of an oscillation it misses w h / 2 in a step, 0.2 at 16 steps to the period; and its
 errors add up to no more than a balance shows as well."""
 
 HIGHER_ORDER = Bounds(balance=1e-3, local=1e-2, grown=0.1)

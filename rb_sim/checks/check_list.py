@@ -25,7 +25,7 @@ from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Effort, Look, Run, Seen, effort_of
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.step_checks import chatter, steps, turns
+from rb_sim.checks.step_checks import chatter, steps
 from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:
@@ -91,7 +91,6 @@ CHECKS: tuple[Check, ...] = (
     (("residual",), residual),
     (("singular configuration",), rank),
     (("step", "contact steps", "ambiguous"), steps),
-    (("turn",), turns),
     (("inside",), inside),
     (("events",), chatter),
 )

@@ -40,7 +40,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -50,6 +49,7 @@ from rb_sim.accuracy.runs import motion_size, motions_apart
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import finer_step, round_down, try_step
+from rb_sim.checks.step_doubling import SHORTER, in_shorter_steps
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import WatchEndedError
@@ -69,10 +69,6 @@ AFFORDED, LONGEST = 1.0, 20.0
 """Counted time [s] of the steps of a run up to which it is made again finer without being asked; up
 to which it is made again coarser, and finer only where these two differ.  Of a longer one as much
 is made again as the second run comes to in AFFORDED."""
-
-SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
-"""Step of the second run over that of the run: the number that is farthest from all fractions, so
-that no load is at the same phase in all steps of both."""
 
 COARSER_STEP, COARSER_TOLERANCE, LOOSEST = SHORTER**-3, 100.0, 1e-3
 """Factors of the coarser run, and the tolerance up to which there is one: a looser one tells
@@ -393,9 +389,9 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 def is_decided(finding: Finding) -> bool:
     """Whether a second run that agrees refutes the finding: that a fixed step does not follow the
-    motion, or leaps over turns, of which a shorter step shows others.  Not a choice in contact:
-    of what the laws leave open both runs choose alike, and of a slow slip both lag alike."""
-    return finding.watch in ("step", "turn")
+    motion.  Not a choice in contact: of what the laws leave open both runs choose alike, and of a
+    slow slip both lag alike."""
+    return finding.watch == "step"
 
 
 class SecondMotion(NamedTuple):
@@ -422,11 +418,8 @@ def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:
     of a looser tolerance, where a tighter one is below rounding."""
     method = simulation.method
     if getattr(method, "tolerance", None) is None:
-        part = SHORTER**times
-        order = METHODS[simulation.setting.name].order
-        finer = method._replace(step=part * method.step)
-        motion = motion_of(_cut_between(compiled, times), finer)
-        return SecondMotion(motion, f"with {part:.2f} of the step", 1.0 - part**order)
+        motion, share = in_shorter_steps(simulation.motion, compiled, times)
+        return SecondMotion(motion, f"with {SHORTER**times:.2f} of the step", share)
     looser = method.tolerance * 10.0**-times < TIGHTEST
     factor = 10.0 if looser else 10.0**-times
     words = f"at tolerance {factor * method.tolerance:.2g}"
@@ -463,19 +456,6 @@ def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
         trial.take(plain._replace(tolerance=factor * plain.tolerance))
         trial.reset()
     return trial
-
-
-def _cut_between(compiled: Compiled, times: int) -> Compiled:
-    """The same with further breakpoints, so that the steps that end at one are shorter as well."""
-    if not compiled.breakpoints:
-        return compiled
-    ends = np.array([0.0, *compiled.breakpoints])
-    for _ in range(times):
-        ends = np.union1d(ends, ends[:-1] + SHORTER * np.diff(ends))
-    found = replace(compiled, breakpoints=tuple(ends[1:].tolist()))
-    if "laws" in compiled.__dict__:
-        found.__dict__["laws"] = compiled.laws
-    return found
 
 
 def _copy(coordinates: Any) -> Any:

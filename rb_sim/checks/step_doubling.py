@@ -7,32 +7,35 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The local error of fixed steps, by step doubling: some steps taken beside the run, and in halves.
+"""The local error of fixed steps: some steps taken beside the run, and again in shorter ones.
 
 A symplectic method keeps the energy of an oscillation that it steps over, so no balance shows that
-the motion is another one.  What shows is that a step and its two halves tell different changes of
-the velocities,
+the motion is another one.  What shows is that steps of h and of r h tell different changes of the
+velocities,
 
-    max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body, A^2 = moments / mass,
+    max |v_h - v_rh| / (1 - r^p) / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body,
 
-over the steps of a probe: some (w h)^p for a step that follows an oscillation of frequency w, and
-of the order of one for a step that does not.  Where the acceleration passes through zero just
-there, a step of any length misses as much as the velocities change by; so what they changed by in
-other probes counts as well, and the less the longer ago that is.  A thin body is measured with
-either A (mechanics/error_scales).
+A^2 = moments / mass, over the steps of a probe: some (w h)^p for a step that follows an oscillation
+of frequency w, and of the order of one for a step that does not.  r is the golden section, that of
+the second run (checks/second_run), so that no load has the same phase in the steps of both.  Where
+the acceleration passes through zero just there, a step of any length misses as much as the
+velocities change by; so what they changed by in other probes counts as well, and the less the
+longer ago that is.  A thin body is measured with either A (mechanics/error_scales).
 
 A step that follows the motion by itself may lose it over many, so what steps miss of the
 velocities is added up, between two probes at the rate of the smaller of them.  The attitude is
 compared by itself: a long way does not show it.
 
-The run as a whole is compared by the second run (checks/second_run); this is for what it does not
-reach: long runs, the node, commands.
+The run as a whole is compared by the second run; this is for what it does not reach: long runs,
+the node, commands.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -40,18 +43,24 @@ from rb_sim.base.errors import SimulationError
 from rb_sim.base.rounding import SOLVED
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.error_scales import measured, measures_of
+from rb_sim.mechanics.methods import order_of
 from rb_sim.numerics.rotations import angle_between
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array
     from rb_sim.motion.motion import Motion
+    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
+SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
+"""A shorter step over that of the run: the number that is farthest from all fractions, so that no
+load is at the same phase in all steps of both."""
+
 STEPS = 4
-"""Steps of a probe; twice as many halves are taken beside them."""
+"""Steps of a probe; shorter ones are taken beside them."""
 
 APART = 1000
-"""Steps of the run between two probes, if there are as many before: a probe costs as much as 12."""
+"""Steps of the run between two probes, if there are as many before: a probe costs as much as 11."""
 
 FADES = 0.5
 """What becomes of a change of velocities from one probe to the next."""
@@ -99,6 +108,25 @@ class _Probe(NamedTuple):
     turn: Array
 
 
+def in_shorter_steps(run: Motion, compiled: Compiled, times: int = 1) -> tuple[Motion, float]:
+    """A motion like `run`, of the compiled scene, in fixed steps that are SHORTER so many times,
+    also those that end at the points of a table; and by how much of the error of the run the two
+    are apart."""
+    part = SHORTER**times
+    finer: Any = run.method
+    if compiled.breakpoints:
+        ends = np.array([0.0, *compiled.breakpoints])
+        for _ in range(times):
+            ends = np.union1d(ends, ends[:-1] + SHORTER * np.diff(ends))
+        cut = replace(compiled, breakpoints=tuple(ends[1:].tolist()))
+        if "laws" in compiled.__dict__:
+            cut.__dict__["laws"] = compiled.laws
+        compiled = cut
+    return motion_of(compiled, finer._replace(step=part * finer.step)), 1.0 - part ** order_of(
+        finer
+    )
+
+
 def _give_up() -> None:
     """Called where a trial takes a thousand times as many steps as a probe has: pieces of a guide
     that a motion without bounds passes."""
@@ -119,8 +147,8 @@ class StepDoubling:
         self._step, self._bodies = step, tuple(scene.bodies)
         self._measures = measures_of(scene.bodies.values())
         self._names = [self._bodies[body] for body in self._measures.body]
-        half = run.method._replace(step=0.5 * step)
-        self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
+        shorter, self._share = in_shorter_steps(run, run.compiled)
+        self._trials = motion_of(run.compiled, run.method), shorter
         for trial in self._trials:
             trial.watch = _give_up
         self._strikes = bool(run.layout.contacts)
@@ -159,24 +187,27 @@ class StepDoubling:
 
     def _probe(self, place: Callable[[], None], t: float, at: int) -> _Probe | None:
         """What steps show from where `place` puts the trials, at t: a single one where the motion
-        does not come to the end of several; None, and nothing is said, where it fails too."""
+        does not come to the end of several, or they overflow; None, and nothing is said, where it
+        fails too."""
         for count in (STEPS, 1):
             place()
             times = np.array([t + self._step * k for k in range(count + 1)])
             try:
-                whole, half = (_sampled(trial, times) for trial in self._trials)
+                long, short = (_sampled(trial, times) for trial in self._trials)
             except SimulationError:
                 continue
             with np.errstate(all="ignore"):
-                return self._compared(whole, half, t, at)
+                probe = self._compared(long, short, t, at)
+            if np.isfinite([probe.missed, probe.change]).all():
+                return probe
         return None
 
-    def _compared(self, whole: Array, half: Array, t: float, at: int) -> _Probe:
+    def _compared(self, long: Array, short: Array, t: float, at: int) -> _Probe:
         one, two = (
-            rows[:, : 13 * len(self._bodies)].reshape(len(rows), -1, 13) for rows in (whole, half)
+            rows[:, : 13 * len(self._bodies)].reshape(len(rows), -1, 13) for rows in (long, short)
         )
-        turn = angle_between(one[..., 3:7], two[..., 3:7])
-        missed, velocity = self._velocities(one) - self._velocities(two), self._velocities(two)
+        turn, velocity = angle_between(one[..., 3:7], two[..., 3:7]), self._velocities(two)
+        missed, turn = (self._velocities(one) - velocity) / self._share, turn / self._share
         place = np.linalg.norm(two[:, self._measures.body, :3], axis=2).max(axis=0)
         speed = np.linalg.norm(velocity, axis=2).max(axis=0)
         if self._strikes:
@@ -189,7 +220,7 @@ class StepDoubling:
         noise = (SOLVED if self._strikes else ROUNDING) * (speed + place / self._step)
         figure = np.where(figure > noise, figure, 0.0)
         change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
-        count = 1 if self._strikes else len(whole) - 1
+        count = 1 if self._strikes else len(long) - 1
         return _Probe(t, at, change, figure, figure / count, speed, turn)
 
     def _velocities(self, bodies: Array) -> Array:
