@@ -234,18 +234,21 @@ class Tried:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, quiet: float, loud: float = 0.0) -> None:
         self.steps: list[float] = []
 
-        def run(trials: Any, step: float) -> bool:
-            self.steps.append(step)
-            if step not in (pytest.approx(quiet), pytest.approx(loud)):
+        def run(trial: Any, *_: Any) -> tuple[Finding, ...]:
+            self.steps.append(trial.setting.step)
+            if trial.setting.step not in (pytest.approx(quiet), pytest.approx(loud)):
                 raise SimulationError("fails")
-            return step == pytest.approx(quiet)
+            return () if trial.setting.step == pytest.approx(quiet) else (found_by("step", 1e-9),)
 
-        monkeypatch.setattr(search._Trials, "_run", run)
+        monkeypatch.setattr(search, "_findings", run)
+        monkeypatch.setattr(search, "counted_time", lambda *_: 0.0)
         options = SimpleNamespace(duration=10.0)
         self.simulation: Any = SimpleNamespace(
             setting=SimpleNamespace(step=0.1, name="rk4"),
             layout=SimpleNamespace(bodies=("a",)),
             scene=SimpleNamespace(simulation=options),
+            compiled=SimpleNamespace(system=None),
+            with_step=lambda step: SimpleNamespace(motion=None, setting=SimpleNamespace(step=step)),
         )
 
 
