@@ -20,7 +20,7 @@ from rb_sim.base.errors import Finding
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
     LARGEST_SHARE,
-    LOCAL_TURN,
+    MISSED,
     Look,
     Run,
     Seen,
@@ -65,22 +65,11 @@ def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
 
     Of a step that `auto` chose the error of the motion has been measured.
     """
-    found, bounds, last = effort.local, effort.bounds, float(block.t[-1])
-    if effort.step is None or last <= effort.kept_to:
-        return
-    step = f"{effort.step:.3g} s"
-    for figure, bound, t, body, what in (
-        (found.share, bounds.local, found.t, found.body,
-         f"velocity error of one step of {step}, relative to its change,"),
-        (found.turn, LOCAL_TURN, found.turn_t, found.turn_body,
-         f"attitude error of four steps of {step} [rad]"),
-        (found.grown, bounds.grown, last, found.grown_body,
-         f"relative velocity error summed over all steps of {step}"),
-    ):  # fmt: skip
-        if figure > bound:
-            finer = effort.finer_step(figure, bound)
-            yield Finding("step", t, figure, bound, what, body, effort.advice(finer), finer)
-            return
+    (figure, body), last = effort.missed, float(block.t[-1])
+    if effort.step is not None and last > effort.kept_to and figure > MISSED:
+        what = f"error of all steps of {effort.step:.3g} s, relative to the velocity or in rad,"
+        finer = effort.finer_step(figure, MISSED)
+        yield Finding("step", last, figure, MISSED, what, body, effort.advice(finer), finer)
 
 
 def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
