@@ -17,7 +17,7 @@ attitudes after the same time, by
 
 and as much of their turns.  What a step misses of either is added up over all steps, in the probes
 as they are and between two probes at the smaller rate of theirs: over the largest velocity of the
-body so far, or in radians, it is about the global error of a motion that magnifies nothing.  r is
+body, or in radians, it is about the global error of a motion that magnifies nothing.  r is
 the golden section, that of the second run (checks/second_run), so that no load has the same phase
 in the steps of both.  A thin body is measured with either A (mechanics/error_scales).
 
@@ -78,6 +78,7 @@ class _Probe(NamedTuple):
     rate: Array
     """velocity, (M,), and attitude of each body [rad] that a step misses, (M + bodies,)."""
     steps: int
+    """that count by themselves."""
 
 
 def in_shorter_steps(run: Motion, compiled: Compiled, times: int = 1) -> tuple[Motion, float]:
@@ -140,9 +141,11 @@ class StepDoubling:
                 self._add(self._probe(self._place, self.run.time), self.run.steps)
             apart = APART if self._strikes else min(APART, self.run.steps or 1)
             self._due = self.run.steps + apart
-        k = int(np.argmax(self._missed))
+        scale = np.append(self._largest, np.ones(len(self._bodies)))
+        share = np.divide(self._missed, scale, out=np.zeros(len(scale)), where=scale > 0.0)
+        k = int(np.argmax(share))
         body = (*self._measures.body.tolist(), *range(len(self._bodies)))[k]
-        return Missed(float(self._missed[k]), self._bodies[body])
+        return Missed(float(share[k]), self._bodies[body])
 
     def _restart(self) -> None:
         """Let the trials begin where the run began."""
@@ -179,7 +182,7 @@ class StepDoubling:
         turn = angle_between(one[..., 3:7], two[..., 3:7])
         if self._strikes:
             # the two see a strike a step apart, and differ for that step by all of it: what
-            # counts is what every step misses
+            # counts is what every step misses, and what two probes do
             missed, turn = np.diff(missed, axis=0), np.diff(turn, axis=0)
             figure, turn = np.linalg.norm(missed, axis=2).min(axis=0), turn.min(axis=0)
         else:
@@ -187,7 +190,8 @@ class StepDoubling:
             figure, turn = figure / (len(one) - 1), turn / (len(one) - 1)
         noise = (SOLVED if self._strikes else ROUNDING) * (speed + far / self._step)
         figure = np.where(figure > noise, figure, 0.0)
-        return _Probe(speed, np.append(figure, np.maximum(turn, 0.0)) / self._share, len(one) - 1)
+        rate = np.append(figure, np.maximum(turn, 0.0)) / self._share
+        return _Probe(speed, rate, 0 if self._strikes else len(one) - 1)
 
     def _velocities(self, bodies: Array) -> Array:
         """(v_C, A w) by measure, shape (n, M, 6), of coordinates by body."""
@@ -199,16 +203,12 @@ class StepDoubling:
         missed, where it fails as before, and its own."""
         rate, steps = self._rate, at - self._counted
         if probe is not None:
-            self._largest = np.maximum(self._largest, probe.speed)
             rate, self._rate = np.minimum(rate, probe.rate), probe.rate
-            self._add_up(probe.steps * probe.rate)
+            self._largest = np.maximum(self._largest, probe.speed)
+            self._missed = self._missed + probe.steps * probe.rate
             steps -= probe.steps
-        self._add_up(max(0, steps) * rate)
+        self._missed = self._missed + max(0, steps) * rate
         self._counted = at
-
-    def _add_up(self, missed: Array) -> None:
-        scale = np.append(self._largest, np.ones(len(self._bodies)))
-        self._missed = self._missed + np.where(scale > 0.0, missed / scale, 0.0)
 
     def _sampled(self, trial: Motion, times: Array) -> Array:
         """Coordinates of the trial at the times, (n, bodies, 13). Raises SimulationError."""
