@@ -18,19 +18,19 @@ Momentum is not balanced with contacts: their forces jump and strike between sam
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rb_sim.base.rounding import SOLVED
-from rb_sim.checks.sample_integrals import Quadrature, integrals
+from rb_sim.checks.sample_integrals import MOST, Quadrature, Resolution, integrals
 from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rb_sim.checks.sample_integrals import Flags
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Body, Scene
 
@@ -183,46 +183,7 @@ def farthest(points: Array) -> float:
     return float(max(points.max(), -points.min()))
 
 
-# Momentum against impulse.
-
-
-class Impulses:
-    """Change of [momentum, angular momentum about the world origin] less the impulse from
-    outside."""
-
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._scene, self._layout = scene, layout
-        self._isolated = not scene.effects and not scene.constraints
-        """whether nothing acts from outside."""
-        self.largest = np.zeros(2)
-        """norms of momentum and angular momentum."""
-        self._first: Array | None = None
-        self._last = np.zeros(6)
-        self._impulse = Quadrature(6)
-
-    def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
-        """The next samples. breaks: increasing, where commands change; a sample there is after."""
-        if not self._isolated:
-            self._impulse.add(block.t, external_wrench(block, self._scene, self._layout), breaks)
-        for k, vectors in enumerate((block.momentum, block.angular_momentum)):
-            self.largest[k] = max(self.largest[k], largest(vectors))
-        if self._first is None:
-            self._first = np.append(block.momentum[0], block.angular_momentum[0])
-        self._last = np.append(block.momentum[-1], block.angular_momentum[-1])
-
-    def finish(self) -> tuple[Array, Array, Array]:
-        """(change less impulse, impulse, how uncertain it is), each (6,)."""
-        if self._first is None or self._isolated:
-            impulse = doubt = np.zeros(6)
-        else:
-            impulse, doubt, _ = self._impulse.total()
-        first = self._last if self._first is None else self._first
-        return self._last - first - impulse, impulse, doubt
-
-
-def largest(vectors: Array) -> float:
-    """The largest norm."""
-    return float(norms(vectors).max())
+# What acts from outside, whose impulse momentum is held against.
 
 
 def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
@@ -280,12 +241,27 @@ def _point(
     return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))
 
 
-def balance(error: float, scale: float, doubt: float) -> dict[str, Any]:
-    """A balance for JSON: change - supply, which would be zero without error; over the scale that
-    it is compared with (None if nothing was exchanged); and how far the supply may be wrong that is
-    integrated over the samples."""
-    relative = abs(error) / scale if scale > 0.0 else None
-    return {"error": error, "relative": relative, "scale": scale, "quadrature": doubt}
+class Balance(NamedTuple):
+    """What has changed against what was supplied."""
+
+    error: float
+    """change - supply, which would be zero without error."""
+    scale: float
+    """that it is compared with; 0 if nothing was exchanged."""
+    doubt: float
+    """how far the supply may be wrong that is integrated over the samples."""
+    unsure: float
+    """how far the samples are from the change in the intervals that are left out."""
+    known: bool
+    """whether the samples resolve most of the motion."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        relative = abs(self.error) / self.scale if self.scale > 0.0 else None
+        doubt = self.doubt + self.unsure
+        return {
+            "error": self.error, "relative": relative, "scale": self.scale, "quadrature": doubt,
+        }  # fmt: skip
 
 
 def _given(body: Body) -> tuple[float, float, float]:
@@ -297,10 +273,54 @@ def _given(body: Body) -> tuple[float, float, float]:
     return momentum, about, 0.5 * float(momentum * speed + own @ spin)
 
 
+class Account:
+    """What is kept, and what is supplied to it, over samples; memory does not grow.
+
+    Where the samples do not tell what acted in an interval it is left out: supplied is what has
+    changed there, and in doubt by how far the samples are from it.
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._rule = Quadrature(columns)
+        self._first, self._unsure = np.zeros((2, columns))
+        self._left_out = np.zeros((2, columns))
+        """sum of the changes there, and of their sizes."""
+        self._end: tuple[Array, ...] = ()
+        """time, what is kept and what is supplied at the last sample."""
+
+    def add(self, t: Array, kept: Array, supply: Array, left_out: Flags) -> None:
+        """The next samples. t: shape (n,); kept, and its rate as far as it is known, (n, columns);
+        left_out: whether the interval up to each sample is, (n,)."""
+        self._rule.add(t, supply, left_out)
+        rows = t[:, None], kept, supply
+        ends = self._end or tuple(row[:1] for row in rows)
+        if not self._end:
+            self._first = kept[0]
+        self._end = tuple(row[-1:].copy() for row in rows)
+        if left_out.any():
+            t, kept, supply = (np.append(*pair, 0) for pair in zip(ends, rows, strict=True))
+            change = np.diff(kept, axis=0)[left_out]
+            told = 0.5 * (np.diff(t, axis=0) * (supply[1:] + supply[:-1]))[left_out]
+            self._left_out += [change.sum(axis=0), np.abs(change).sum(axis=0)]
+            self._unsure += np.abs(change - told).sum(axis=0)
+
+    def total(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Change less supply, how far the supply may be wrong, by how much the samples are off the
+        change in what is left out, the supply, and the sum of its sizes."""
+        supplied, doubt, size = self._rule.total()
+        supplied, size = supplied + self._left_out[0], size + self._left_out[1]
+        error = self._end[1][0] - self._first - supplied
+        return error, doubt, self._unsure, supplied, size
+
+
 class Ledger:
     """Follows the samples of one run.
 
     since: stamp at which the scene's own time was zero [s].
+
+    Energy, but for the work of contacts, changes by the power of what has no potential, momentum by
+    the wrench from outside.  Intervals between samples are left out in which a load jumps, or which
+    do not resolve the bodies that tell it: what it does between two samples shows in neither.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout, since: float = 0.0) -> None:
@@ -311,25 +331,29 @@ class Ledger:
         self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
         """effect whose force the samples do not tell, or contact, for which momentum is not
         balanced; or ""."""
-        self.has_work = False
+        self._may_work = may_work(scene)
+        self._at_work = bodies_at_work(scene, layout)
+        """Samples that do not resolve a body on a spring tell the work of a drag on another one all
+        the same."""
+        self._pushed = not self.unknown_force and bool(scene.effects or scene.constraints)
+        """whether something acts from outside."""
+        self._has_work = False
         """whether forces without a potential, but for contacts, have done any so far, or may have
-        where contacts change more often than samples are taken."""
-        self._jumps = jumps_of_tables(scene, since)
-        self._given_jumps = 0
-        """of these, that are behind."""
+        between two samples."""
+        self._jumps = np.array(jumps_of_tables(scene, since))
+        """instants after the last sample at which a load jumps or bends."""
         self._events = Events()
-        self._work = Quadrature(1)
-        self._impulses = Impulses(scene, layout)
+        self._work, self._impulse = Account(1), Account(6)
+        self._resolution, self._missed = Resolution(), np.zeros(2)
+        """... and how many intervals are not resolved, for energy and for momenta."""
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
-        self._may_work = bool(contacts_of(scene)) or may_work(scene)
-        self._may_work_smoothly = may_work(scene)
         given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
         self._energies = Exchanged(float(given[:, 2].sum()))
         self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
-        self._own = np.zeros(2)
-        """the largest sums of the sizes of each body's momentum and angular momentum."""
+        self._largest = np.zeros(2)
+        """the largest momentum and angular momentum, and sums of the sizes of each body's own."""
         inertias = [scene.bodies[name].inertia for name in layout.bodies]
         self._moments = np.array([np.linalg.norm(inertia, 2) for inertia in inertias])
         self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
@@ -338,38 +362,42 @@ class Ledger:
         """The next samples. breaks: increasing, where commands change; a sample there is after."""
         if not len(block):
             return
+        self._last = block
         if self._first is None:
             self._first = block
-        self._last = block
         self.samples += len(block)
         self.worst_residual = max(self.worst_residual, block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
-        if self._may_work or block.power.any():
-            self._integrate(block, smooth_power(block, self._scene, self._layout), breaks)
-        if not self.unknown_force:
-            self._impulses.add(block, breaks)
-            self._momentum_noise = self._roundings(block)
+        power = smooth_power(block, self._scene, self._layout)
+        missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
+        # a pulse between two samples, and a body that sticks at each and slips between, show none
+        hidden = self._may_work and bool(jumped.any())
+        self._has_work = self._has_work or hidden or bool(power.any())
+        if self._has_work or self._pushed:
+            unresolved = self._resolution.missed(block)
+            missed[0] = unresolved[:, self._at_work].any(axis=1) & self._has_work
+            missed[1] = unresolved.any(axis=1)
+            self._missed += missed.sum(axis=1)
+        energy = (block.energy - block.contact_work)[:, None]
+        self._work.add(block.t, energy, power[:, None], missed[0] | (jumped & self._has_work))
+        if self.unknown_force:
+            return
+        self._momentum_noise = self._roundings(block)
+        momenta = np.concatenate([block.momentum, block.angular_momentum], axis=1)
+        wrench = np.zeros_like(momenta)
+        if self._pushed:
+            wrench = external_wrench(block, self._scene, self._layout)
+        self._impulse.add(block.t, momenta, wrench, missed[1] | jumped)
 
-    def _integrate(self, block: SampleBlock, power: Array, commands: Sequence[float] = ()) -> None:
-        """Add the work of the block, piece by piece."""
+    def _jumped(self, block: SampleBlock, commands: Sequence[float]) -> Flags:
+        """Whether a load may jump in the interval up to each sample, (n,)."""
         assert self._first is not None
-        begin, end = float(self._first.t[0]), float(block.t[-1])
-        if not self.has_work:
-            # a body that sticks at every sample, and slips between, shows none
-            hidden = self._may_work_smoothly and len(block.events) >= len(block)
-            self.has_work = bool(power.any()) or hidden
-        breaks = {event.t for event in block.events if event.t > begin}
-        breaks.update(self._jumps_until(begin, end), commands)
-        self._work.add(block.t, power[:, None], sorted(breaks))
-
-    def _jumps_until(self, begin: float, end: float) -> list[float]:
-        """Instants up to `end`, not yet given, at which a table jumps or bends."""
-        jumps, first = self._jumps, self._given_jumps
-        if first == len(jumps) or jumps[first] > end:
-            return []
-        self._given_jumps = bisect_right(jumps, end, first)
-        return [t for t in jumps[first : self._given_jumps] if t > begin]
+        begin, end = self._first.t[0], block.t[-1]
+        t = np.concatenate([self._jumps, [event.t for event in block.events], commands])
+        self._jumps, jumped = t[t > end], np.zeros(len(block), dtype=bool)
+        jumped[np.searchsorted(block.t, t[(t > begin) & (t <= end)])] = True
+        return jumped
 
     def _roundings(self, block: SampleBlock) -> Array:
         """Momentum and angular momentum that cannot be distinguished from the roundings of what
@@ -380,7 +408,10 @@ class Ledger:
         noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
         about = norms(cross(block.position, block.linear_velocity)) * self._masses
         about = about + norms(block.angular_velocity) * self._moments
-        self._own = np.maximum(self._own, [noise[0], about.sum(axis=1).max()])
+        total = norms(block.momentum).max(), norms(block.angular_momentum).max()
+        sizes = [noise[0], about.sum(axis=1).max()]
+        # what bodies have of their own counts, too: the total of all may be zero
+        self._largest = np.maximum(self._largest, np.maximum(sizes, total))
         noise += self._given
         if block.reaction_force.shape[1]:
             force, reach = norms(block.reaction_force), max(reach, farthest(block.anchor))
@@ -391,7 +422,7 @@ class Ledger:
     @property
     def exchanged(self) -> float:
         """What an error of the energy is compared with [J]."""
-        return self._energies.scale(float(self._work.total()[2, 0]))
+        return 0.0 if self._last is None else self.balances()["energy"].scale
 
     @property
     def at_rest(self) -> float:
@@ -407,12 +438,18 @@ class Ledger:
         """Energies, work of forces without potential and the balance [J]; None without samples."""
         if self._first is None or self._last is None:
             return None
-        work, doubt, size = self._work.total()[:, 0]
-        work += self._contact_work()
+        work = float(self._work.total()[3][0]) + self._contact_work()
         initial, final = float(self._first.energy[0]), float(self._last.energy[-1])
-        scale = self._energies.scale(float(size))
-        found = balance(final - initial - float(work), scale, float(doubt))
-        return {"initial": initial, "final": final, "work": float(work), **found}
+        found = self.balances()["energy"].as_dict()
+        return {"initial": initial, "final": final, "work": work, **found}
+
+    def momentum(self) -> dict[str, Any] | None:
+        """Balances of linear and angular momentum (about the world origin), or None."""
+        found = self.balances()
+        if "momentum" not in found:
+            return None
+        names = ("linear", "momentum"), ("angular", "angular momentum")
+        return {key: found[name].as_dict() for key, name in names}
 
     def first_beyond(self, block: SampleBlock, bound: float) -> int:
         """Index in the block just added at which the energy balance passes `bound`, about."""
@@ -420,7 +457,7 @@ class Ledger:
         if energy is None:
             return 0
         power = smooth_power(block, self._scene, self._layout)[:, None]
-        pieces, doubt, _ = integrals(block.t, power, np.zeros(0))[:, :, 0]
+        pieces, doubt, _ = integrals(block.t, power)[:, :, 0]
         done = np.append(0.0, np.cumsum(pieces)) + block.contact_work
         error = block.energy - energy["initial"] - energy["work"] - (done - done[-1])
         beyond = np.flatnonzero(~(np.abs(error) - doubt.sum() <= bound * energy["scale"]))
@@ -438,25 +475,20 @@ class Ledger:
             return 0.0
         return float(self._last.contact_work[-1] - self._first.contact_work[0])
 
-    def balances(self) -> dict[str, dict[str, Any]]:
+    def balances(self) -> dict[str, Balance]:
         """Those that are known, by the names of their checks."""
-        energy, momenta = self.energy(), self.momentum() or {}
-        found = {"energy": energy, "momentum": momenta.get("linear")}
-        found["angular momentum"] = momenta.get("angular")
-        return {name: each for name, each in found.items() if each is not None}
-
-    def momentum(self) -> dict[str, Any] | None:
-        """Balances of linear and angular momentum (about the world origin), or None."""
-        if self._first is None or self._last is None or self.unknown_force:
-            return None
-        missed, impulse, doubt = self._impulses.finish()
-        balances = {}
-        for k, name in enumerate(("linear", "angular")):
+        if self._last is None:
+            return {}
+        error, doubt, unsure, _, size = (float(row[0]) for row in self._work.total())
+        known = (self._missed <= MOST * (self.samples - 1)).tolist()
+        found = {"energy": Balance(error, self._energies.scale(size), doubt, unsure, known[0])}
+        if self.unknown_force:
+            return found
+        *rows, impulse, _ = self._impulse.total()
+        for k, name in enumerate(("momentum", "angular momentum")):
             part = slice(3 * k, 3 * k + 3)
-            error = float(np.linalg.norm(missed[part]))
-            # what bodies have of their own counts, too: the total of all may be zero
-            scale = max(float(self._own[k]), float(np.linalg.norm(impulse[part])))
-            scale = max(scale, float(self._impulses.largest[k]))
+            scale = max(float(self._largest[k]), float(np.linalg.norm(impulse[part])))
             scale = scale if scale > self._momentum_noise[k] else 0.0
-            balances[name] = balance(error, scale, float(np.linalg.norm(doubt[part])))
-        return balances
+            error, doubt, unsure = (float(np.linalg.norm(row[part])) for row in rows)
+            found[name] = Balance(error, scale, doubt, unsure, known[1])
+        return found

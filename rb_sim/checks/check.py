@@ -22,13 +22,12 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim.base.rounding import SOLVED
-from rb_sim.checks.step_doubling import LocalError
+from rb_sim.checks.step_doubling import Missed
 from rb_sim.mechanics.methods import METHODS
 
 if TYPE_CHECKING:
     from rb_sim.base.errors import Finding
     from rb_sim.checks.balance import Ledger
-    from rb_sim.checks.sample_integrals import Resolution
     from rb_sim.contact.grid_motion import LeftOpen
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.compiled import Compiled
@@ -54,7 +53,6 @@ class Seen(NamedTuple):
     effort: Effort
     ledger: Ledger
     """balances of all samples."""
-    resolution: Resolution
     samples: int
     """of the whole run."""
 
@@ -116,30 +114,14 @@ def below(step: float) -> float:
 # What a run may lose before a check speaks: bounds that follow from method and setting.
 
 
-class Bounds(NamedTuple):
-    """Of fixed steps."""
+BALANCE_OF_FIRST_ORDER, BALANCE = 2e-2, 1e-3
+"""Relative energy that fixed steps may lose, ten times as much of a momentum: of first order they
+lose a share of h/T of it per period T, and have fifty to the period; of higher order steps that
+follow the motion at all keep three digits."""
 
-    balance: float
-    """relative energy that may be lost; ten times as much of a momentum."""
-    local: float
-    """share of the change of velocities in a step that the step may miss."""
-    grown: float
-    """what all steps may miss of the velocities, added up."""
-
-
-FIRST_ORDER = Bounds(balance=2e-2, local=0.1, grown=0.5)
-"""It loses a share of h/T of the energy per period T, and a step that resolves the motion has fifty
-to the period; of an oscillation it misses w h / 4 in a step, 0.1 at 16 steps to the period; and its
-errors add up to no more than a balance shows as well."""
-
-HIGHER_ORDER = Bounds(balance=1e-3, local=1e-2, grown=0.1)
-"""A step that follows the motion at all keeps three digits of the energy; gauss6 misses
-(w h)^6 / 1e5, a hundredth at two steps to the period; 0.1 rad of the phase of an oscillation."""
-
-LOCAL_TURN = 2e-2
-"""Angle [rad] that some steps may miss of a body's attitude; of wrong runs whose velocities show
-nothing it shows half, of right ones none (5,737 random runs)."""
-
+MISSED = 0.1
+"""What all fixed steps may miss of a velocity, or of an attitude [rad]: 0.1 rad of the phase of an
+oscillation."""
 
 LOCAL_TO_GLOBAL = 10.0
 """Local errors, each within the tolerance, add up over the steps; the motion may magnify the sum by
@@ -171,8 +153,8 @@ class Effort(NamedTuple):
     astray: tuple[float, float, str] = (0.0, 0.0, "")
     """velocity that an impulse of time stepping gave in a direction which its normal had left, over
     the scene's speed; when [s], and which contact."""
-    local: LocalError = LocalError()
-    """what a fixed step misses of the motion."""
+    missed: Missed = Missed()
+    """what fixed steps miss of the motion."""
     left_open: LeftOpen | None = None
     """the widest choice that the laws of contact left."""
     between: Between | None = None
@@ -191,23 +173,18 @@ class Effort(NamedTuple):
         return entry.order if entry else 1
 
     @property
-    def bounds(self) -> Bounds:
-        """Of a fixed step of this method."""
-        known = self.method in METHODS
-        return FIRST_ORDER if known and self.order == 1 else HIGHER_ORDER
-
-    @property
     def balance(self) -> float:
         """Relative error of a balance above which the motion is not what the setting promises."""
         if self.tolerance is None:
-            return self.bounds.balance
+            known = self.method in METHODS
+            return BALANCE_OF_FIRST_ORDER if known and self.order == 1 else BALANCE
         grown = LOCAL_TO_GLOBAL * self.tolerance * max(1, self.steps)
-        return min(max(SOLVED, grown), HIGHER_ORDER.balance)
+        return min(max(SOLVED, grown), BALANCE)
 
     @property
     def outcome_bound(self) -> float:
         """How far two motions may be apart, relative, that the setting takes for one."""
-        return HIGHER_ORDER.balance if self.tolerance is None else self.tolerance
+        return BALANCE if self.tolerance is None else self.tolerance
 
     def finer_step(self, figure: float, bound: float) -> float | None:
         """The step [s] that takes the figure below the bound by the order of the method; None of
@@ -239,7 +216,7 @@ def effort_of(simulation: Any) -> Effort:
         simulation.restruck_energy,
         simulation.made_energy,
         simulation.astray,
-        simulation.local_error,
+        simulation.missed,
         simulation.left_open,
         simulation.between,
         None if choice is None else choice.target,

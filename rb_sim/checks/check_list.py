@@ -21,12 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rb_sim.base.errors import Finding, tell
-from rb_sim.checks.balance import Ledger, bodies_at_work
+from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Effort, Look, Run, Seen, effort_of
-from rb_sim.checks.sample_integrals import Resolution
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.step_checks import chatter, steps, turns
+from rb_sim.checks.step_checks import chatter, steps
 from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:
@@ -53,30 +52,21 @@ WHAT = {
 
 def balances(run: Run) -> Look:
     """Energy that no work explains, and momentum that no impulse does."""
-    at_work = bodies_at_work(run.scene, run.layout)
-    return lambda seen: unbalanced(seen, run.layout, at_work)
+    return lambda seen: unbalanced(seen, run.layout)
 
 
-def unbalanced(seen: Seen, layout: SampleLayout, at_work: list[int]) -> Iterator[Finding]:
-    """What is beyond its bound at the end of the block.
-
-    Samples that do not resolve a body on a spring tell the work of a drag on another one, at_work,
-    all the same, and with it whether energy is lost.
-    """
-    block, effort, ledger, resolution = seen.block, seen.effort, seen.ledger, seen.resolution
+def unbalanced(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
+    """What is beyond its bound at the end of the block."""
+    block, effort, ledger = seen.block, seen.effort, seen.ledger
     for name, balance in ledger.balances().items():
-        error, scale = abs(balance["error"]), balance["scale"]
-        i = len(block) - 1
-        if name == "energy":
-            bound, at_rest = effort.balance, ledger.at_rest
-            known = not ledger.has_work or resolution.resolved(at_work)
-        elif balance["relative"] is None:
-            continue
-        else:
-            bound, at_rest, known = TIMES * effort.balance, 0.0, resolution.resolved()
-        if np.isfinite(error) and (
-            not known or error <= bound * scale + at_rest + DOUBTS * balance["quadrature"]
-        ):
+        error, scale = abs(balance.error), balance.scale
+        i, bound, at_rest = len(block) - 1, effort.balance, ledger.at_rest
+        if name != "energy":
+            bound, at_rest = TIMES * effort.balance, 0.0
+            if scale == 0.0:
+                continue
+        doubt = at_rest + DOUBTS * balance.doubt
+        if np.isfinite(error) and (not balance.known or error <= bound * scale + doubt):
             continue
         if name == "energy":
             lost = np.flatnonzero(~np.isfinite(block.energy))
@@ -101,7 +91,6 @@ CHECKS: tuple[Check, ...] = (
     (("residual",), residual),
     (("singular configuration",), rank),
     (("step", "contact steps", "ambiguous"), steps),
-    (("turn",), turns),
     (("inside",), inside),
     (("events",), chatter),
 )
@@ -122,7 +111,6 @@ class CheckList:
         self._command: tuple[Array, Array] | None = None
         """of the last sample, and when."""
         self._ledger = Ledger(scene, layout)
-        self._resolution = Resolution(len(layout.bodies))
 
     @property
     def ledger(self) -> Ledger:
@@ -166,9 +154,9 @@ class CheckList:
     def _small_balances(self, exchanged: float) -> set[str]:
         """Names of the balances that at the end of the run are within the bound of a second run."""
         found = self._ledger.balances()
-        scales = {name: each["scale"] for name, each in found.items()}
+        scales = {name: each.scale for name, each in found.items()}
         scales["energy"] = max(scales.get("energy", 0.0), exchanged)
-        return {name for name, e in found.items() if 0.0 < abs(e["error"]) <= BOUND * scales[name]}
+        return {name for name, e in found.items() if 0.0 < abs(e.error) <= BOUND * scales[name]}
 
     def advise(self, advice: str) -> None:
         """Give this advice with all findings that a finer step may mend."""
@@ -183,12 +171,10 @@ class CheckList:
         effort_now = effort if isinstance(effort, Effort) else effort()
         with np.errstate(all="ignore"):
             self._ledger.add(block, self._changes(block))
-            self._resolution.add(block)
             self._look(block, effort_now)
 
     def _changes(self, block: SampleBlock) -> list[float]:
-        """Breaks around each interval between samples in which a command changes: nobody knows
-        when."""
+        """The ends of the intervals between samples in which a command changes."""
         if not self._run.layout.commanded:
             return []
         flat, t = block.command.reshape(len(block), -1), block.t
@@ -196,12 +182,12 @@ class CheckList:
         self._command = flat[-1:].copy(), t[-1:].copy()
         t = np.append(last, t)
         jumps = np.flatnonzero((flat != np.append(before, flat[:-1], 0)).any(axis=1))
-        return np.stack([np.nextafter(t[jumps], np.inf), t[jumps + 1]], axis=1).ravel().tolist()
+        return t[jumps + 1].tolist()
 
     def _look(self, block: SampleBlock, effort: Effort) -> None:
         """Ask all checks that have not reported yet."""
         self._samples += len(block)
-        seen = Seen(block, effort, self._ledger, self._resolution, self._samples)
+        seen = Seen(block, effort, self._ledger, self._samples)
         for names, look in self._checks:
             if not all(name in self._found for name in names):
                 for finding in look(seen):

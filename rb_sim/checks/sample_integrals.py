@@ -11,24 +11,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.mechanics.samples import Array, Indices
 from rb_sim.numerics.rotations import cross, norms, turn_between
 
 if TYPE_CHECKING:
-    from rb_sim.mechanics.samples import SampleBlock
+    from rb_sim.mechanics.samples import Array, SampleBlock
+
+Flags = np.ndarray
+"""Of truth values."""
 
 # Integrals of sampled functions by the cubics through four neighbours.
 #
-# Where the functions break, as forces do at an impact, the cubics of either side go up to there.
-# Between two breaks the integral from a sample to the next is that of the cubic through the two and
-# their neighbours, at the ends through the four nearest; of fewer samples all make one polynomial.
-# What leaving out the farthest of these samples changes, interval by interval and added up without
+# The integral from a sample to the next is that of the cubic through the two and their neighbours,
+# at the ends of a piece through the four nearest; of fewer samples all make one polynomial.  What
+# leaving out the farthest of these samples changes, interval by interval and added up without
 # signs, is how far the integral may be wrong: errors of two intervals may cancel by chance.
+#
+# An interval that is left out parts two pieces: what happens there, no cubic beside it sees.
 
 
 NODES = 4
@@ -44,70 +46,32 @@ MANY_WAITING = 256
 """Samples that wait to be integrated together."""
 
 
-def integrals(t: Array, f: Array, breaks: Array) -> Array:
+def integrals(t: Array, f: Array, left_out: Flags | None = None) -> Array:
     """Integral, how far it may be wrong, and integral of |f| by trapezoids, of each interval,
-    shape (3, n - 1, columns).
+    shape (3, n - 1, columns); of those left out the first two are 0.
 
-    t: (n,), increasing; f: (n, columns); breaks: increasing, a sample at one counts as after it.
+    t: (n,), increasing; f: (n, columns); left_out: of the interval up to each sample, (n,).
     """
-    piece = np.searchsorted(breaks, t, side="right")
-    first, end = np.searchsorted(piece, piece), np.searchsorted(piece, piece, side="right")
-    divided = piece[1:] > piece[:-1]
-    cut, whole = np.flatnonzero(divided), np.flatnonzero(~divided)
+    piece = np.cumsum(np.zeros(len(t), dtype=bool) if left_out is None else left_out)
+    low, high = np.searchsorted(piece, piece), np.searchsorted(piece, piece, side="right")
     size = 0.5 * np.diff(t)[:, None] * (np.abs(f[1:]) + np.abs(f[:-1]))
     found = np.stack([np.zeros_like(size), np.zeros_like(size), size])
-    largest = np.maximum(np.abs(f[1:]), np.abs(f[:-1]))
-    spans = _Spans(t, f, first, end)
-    found[:2, whole] = spans.parts(t[whole], t[whole + 1], whole, whole - 1, largest[whole])
-    if len(cut):
-        # several breaks between two samples count as the first, and what lies between is in doubt
-        at, last = breaks[piece[cut]], breaks[piece[cut + 1] - 1]
-        found[:2, cut] = spans.parts(t[cut], at, cut, cut, largest[cut])
-        found[:2, cut] += spans.parts(at, t[cut + 1], cut + 1, cut + 1, largest[cut])
-        found[1, cut] += (last - at)[:, None] * largest[cut]
+    inside = np.flatnonzero(piece[1:] == piece[:-1])
+    count = np.minimum(high - low, NODES)[inside]
+    for n in np.flatnonzero(np.bincount(count)).tolist():
+        k = inside[count == n]
+        a, b = t[k], t[k + 1]
+        nodes = np.maximum(low[k], np.minimum(k - 1, high[k] - n)) + np.arange(n)[:, None]
+        order = np.abs(t[nodes] - 0.5 * (a + b)).argsort(axis=0, kind="stable")
+        nodes = np.take_along_axis(nodes, order, 0)
+        terms = _terms(a, b, t[nodes], list(f[nodes]))
+        found[0, k] = sum(terms)
+        unknown = (b - a)[:, None] * np.maximum(np.abs(f[k + 1]), np.abs(f[k]))
+        if n > 2:
+            lengths = np.sort(np.diff(np.sort(t[nodes], axis=0), axis=0), axis=0)
+            unknown = np.where((b - a > LONG * lengths[-2])[:, None], unknown, np.abs(terms[-1]))
+        found[1, k] = unknown
     return found
-
-
-class _Spans(NamedTuple):
-    """Samples between breaks."""
-
-    t: Array
-    f: Array
-    first: Indices
-    """of the samples between the same two breaks, for each sample."""
-    end: Indices
-
-    def parts(
-        self, start: Array, stop: Array, at: Indices, begin: Indices, largest: Array
-    ) -> Array:
-        """Integral over each span from start to stop (S,), and how far it may be wrong, shape
-        (2, S, columns).
-
-        at: a sample (S,) between the same two breaks as the span; begin: where its NODES samples
-        begin if they can; largest: |f| (S, columns) where nobody knows better.
-        """
-        t, out = self.t, np.zeros((2, len(start), self.f.shape[1]))
-        low, high = self.first[at], self.end[at]
-        begin = np.maximum(low, np.minimum(begin, high - NODES))
-        count = np.minimum(high - low, NODES)
-        for n in np.flatnonzero(np.bincount(count)).tolist():
-            span = np.flatnonzero(count == n) if (count != n).any() else slice(None)
-            a, b, nodes = start[span], stop[span], begin[span] + np.arange(n)[:, None]
-            order = np.abs(t[nodes] - 0.5 * (a + b)).argsort(axis=0, kind="stable")
-            nodes = np.take_along_axis(nodes, order, 0)
-            x, unknown = t[nodes], (b - a)[:, None] * largest[span]
-            terms = _terms(a, b, x, list(self.f[nodes]))
-            out[0, span] = sum(terms)
-            if n < 3:
-                out[1, span] = unknown
-                continue
-            # beside the samples one term that vanishes by chance says nothing
-            beside = (a < x.min(axis=0)) | (b > x.max(axis=0))
-            lengths = np.sort(np.diff(np.sort(x, axis=0), axis=0), axis=0)
-            gap = ~beside & (b - a > LONG * lengths[-2])
-            doubt = np.abs(terms[-1]) + np.where(beside[:, None], np.abs(terms[-2]), 0.0)
-            out[1, span] = np.where(gap[:, None], unknown, doubt)
-        return out
 
 
 def _terms(a: Array, b: Array, x: Array, values: list[Array]) -> list[Array]:
@@ -129,23 +93,23 @@ class Quadrature:
 
     def __init__(self, columns: int) -> None:
         self._t, self._f = np.zeros(0), np.zeros((0, columns))
-        """the last samples, on which the integral over the last intervals hangs."""
-        self._breaks: list[float] = []
-        """that lie among these samples, or after them."""
+        """the last samples, on which the integral over the last intervals hangs ..."""
+        self._left_out = np.zeros(0, dtype=bool)
+        """... and whether the interval up to each is left out."""
         self._open = 0
         """the first of the intervals between them that more samples may change."""
         self._settled, self._last = np.zeros((3, columns)), np.zeros((3, columns))
         """sums of `integrals` over the intervals before, and from there on."""
-        self._waiting: list[tuple[Array, Array]] = []
+        self._waiting: list[tuple[Array, Array, Array]] = []
         self._count = 0
 
-    def add(self, t: Array, f: Array, breaks: Sequence[float] = ()) -> None:
+    def add(self, t: Array, f: Array, left_out: Flags | None = None) -> None:
         """The next samples. t: shape (n,), increasing, any spacing; f: shape (n, columns).
 
-        breaks: increasing, where f or its derivatives jump; a sample there counts as after it.
+        left_out: whether the interval up to each of them counts for nothing.
         """
-        self._breaks += breaks
-        self._waiting.append((np.array(t), np.array(f)))
+        none = np.zeros(len(t), dtype=bool)
+        self._waiting.append((np.array(t), np.array(f), none if left_out is None else left_out))
         self._count += len(t)
         if self._count >= MANY_WAITING:
             self._take()
@@ -159,25 +123,25 @@ class Quadrature:
 
     def _take(self) -> None:
         """Integrate over what waits."""
-        times, values = zip(*self._waiting, strict=True)
+        times, values, left_out = zip(*self._waiting, strict=True)
         self._t = t = np.concatenate([self._t, *times])
         self._f = f = np.concatenate([self._f, *values])
+        self._left_out = out = np.concatenate([self._left_out, *left_out])
         self._waiting, self._count = [], 0
         if len(t) < 2:
             return
-        breaks = np.array(self._breaks, dtype=float)
-        found = integrals(t, f, breaks)[:, self._open :]
-        # settled is what lies before the last break, or has a sample after its cubic
-        begun = int(np.searchsorted(t, breaks[breaks <= t[-1]].max(initial=-np.inf)))
+        found = integrals(t, f, out)[:, self._open :]
+        # settled is what lies before the last piece, or has a sample after its cubic
+        begun = int(np.flatnonzero(out).max(initial=0))
         settled = len(t) - 2 if len(t) - begun >= NODES else max(begun - 1, 0)
         self._settled = self._settled + found[:, : settled - self._open].sum(axis=1)
         self._last = found[:, settled - self._open :].sum(axis=1)
         kept = max(0, settled - NODES + 1)
         self._t, self._f, self._open = t[kept:], f[kept:], settled - kept
-        self._breaks = breaks[breaks > t[kept]].tolist()
+        self._left_out = out[kept:].copy()
 
 
-# Whether the samples of a run resolve its motion, so that integrals over them mean something.
+# Which intervals between samples do not resolve the motion, so that integrals mean nothing there.
 
 
 #     x(t1) - x(t0) = (t1 - t0) (v(t0) + v(t1)) / 2 + O(dt^3)
@@ -189,78 +153,45 @@ class Quadrature:
 #     2 (q(t0)^-1 q(t1))_xyz = (t1 - t0) (w(t0) + w(t1)) / 2 + O(dt^2),
 #
 # for a thin rod may swing about its own axis without turning far: the power of a damper there goes
-# to and fro between samples. Where a body hardly moves the fraction says little, and where a coarse
-# method parts positions from velocities it is not the samples' fault: what all intervals miss is
-# held against the whole way, too.
+# to and fro between samples. A drag that takes up a load within an interval shows in the way: its
+# power is that of rest at both ends.
 
 
 PART = 0.2
 """Share of the way that the trapezoid of the velocities may miss."""
 
-PART_OF_ALL = 0.1
-"""Share of the whole way of a body that all its intervals together may miss."""
-
 TURN = 0.5
 """Angle between two samples [rad]."""
 
-MOST = 0.02
-"""Share of the intervals that may be unresolved: impacts and other jumps."""
-
-MANY = 256
-"""Intervals of one block from which on every fourth stands for all."""
+MOST = 0.1
+"""Share of the intervals that may be unresolved, by impacts and other jumps: of more the rest is
+resolved by chance."""
 
 
 class Resolution:
-    """Counts the intervals between samples that do not resolve the motion of a body."""
+    """Tells the intervals between samples that do not resolve the motion of a body."""
 
-    def __init__(self, bodies: int) -> None:
+    def __init__(self) -> None:
         self._last: tuple[np.ndarray, ...] | None = None
-        self._intervals = 0
-        self._missed, self._turned = np.zeros((2, bodies), dtype=int)
-        self._all = np.zeros((2, bodies, 4))
-        """What the intervals miss of the way [m] and of the turn about each axis [rad], and these
-        themselves, added up."""
 
-    def resolved(self, bodies: Sequence[int] | None = None) -> bool:
-        """Whether integrals over the samples so far of what hangs on these bodies (None: on all)
-        can be trusted: they turn little between two, and the velocities at the samples tell the
-        ways between them."""
-        chosen = slice(None) if bodies is None else list(bodies)
-        most = MOST * self._intervals
-        if (self._turned[chosen] > most).any():
-            return False
-        missed, way = self._all[:, chosen]
-        return bool((self._missed[chosen] <= most).all() or (missed <= PART_OF_ALL * way).all())
-
-    def add(self, block: SampleBlock) -> None:
-        """The next samples."""
+    def missed(self, block: SampleBlock) -> Flags:
+        """Whether the interval up to each of the next samples is not resolved, for each body,
+        shape (n, bodies); False at the first sample of all."""
         columns = block.t, block.position, block.linear_velocity, block.orientation
         columns = *columns, block.angular_velocity
         last, self._last = self._last, tuple(column[-1:] for column in columns)
-        if last is not None:
-            columns = tuple(np.append(*pair, 0) for pair in zip(last, columns, strict=True))
-        t, x, v, q, w = columns
-        if len(t) < 2:
-            return
-        stride = 1 if len(t) <= MANY else 4
-        ends, starts = slice(1, None, stride), slice(0, -1, stride)
-        dt = (t[ends] - t[starts])[:, None]
+        if last is None:
+            last = tuple(column[:1] for column in columns)
+        t, x, v, q, w = (np.append(*pair, 0) for pair in zip(last, columns, strict=True))
+        dt = np.diff(t)[:, None]
         with np.errstate(all="ignore"):
-            moved = x[ends] - x[starts]
-            expected = 0.5 * dt[..., None] * (v[ends] + v[starts])
-            noise = 1e-12 * np.abs(x[ends]).max(axis=0).max(axis=1)
-            way = norms(moved - expected), norms(moved) + norms(expected), noise
-            turn = turned(q[starts], q[ends], dt[..., None] * w[starts], dt[..., None] * w[ends])
+            moved, expected = np.diff(x, axis=0), 0.5 * dt[..., None] * (v[1:] + v[:-1])
+            noise = 1e-12 * np.abs(x[1:]).max(axis=0).max(axis=1)
+            miss, way = norms(moved - expected), norms(moved) + norms(expected)
+            turn = turned(q[:-1], q[1:], dt[..., None] * w[:-1], dt[..., None] * w[1:])
             # rounding is no part of what is missed: of what is held at rest it is all of the way
-            parts = [np.maximum(0.0, miss - noise) for miss, _, noise in (way, turn)]
-            miss = np.concatenate([parts[0][..., None], parts[1]], axis=2)
-            size = np.concatenate([way[1][..., None], turn[1]], axis=2)
-            fast = ~(norms(w[ends]) * dt <= TURN)
-            lost = fast | np.any(~(miss <= PART * size), axis=2)
-        self._intervals += stride * len(dt)
-        self._missed += stride * lost.sum(axis=0)
-        self._turned += stride * fast.sum(axis=0)
-        self._all += stride * np.stack([miss.sum(axis=0), size.sum(axis=0)])
+            lost = ~(norms(w[1:]) * dt <= TURN) | ~(miss - noise <= PART * way)
+            return lost | np.any(~(turn[0] - turn[2] <= PART * turn[1]), axis=2)
 
 
 def turned(

@@ -42,7 +42,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -52,6 +51,7 @@ from rb_sim.accuracy.runs import motion_size, motions_apart
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import finer_step, round_down, steps_alone, try_step
+from rb_sim.checks.step_doubling import SHORTER, in_shorter_steps
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import WatchEndedError
@@ -71,10 +71,6 @@ AFFORDED, LONGEST = 1.0, 20.0
 """Counted time [s] of the steps of a run: up to AFFORDED a finer run is made unasked; up to LONGEST
 a coarser run, and a finer one only if these two differ. Of a longer run only the beginning is
 repeated, as much as takes AFFORDED."""
-
-SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
-"""Step of the second run relative to that of the run: the number hardest to approximate by
-fractions, so that no load has the same phase in all steps of both."""
 
 COARSER_STEP, COARSER_TOLERANCE, LOOSEST = SHORTER**-3, 100.0, 1e-3
 """Factors of the coarser run, and the largest tolerance for which one is made."""
@@ -392,12 +388,11 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
 
 
 def is_decided(finding: Finding) -> bool:
-    """Whether an agreeing second run refutes the finding: a fixed step too large for the motion, or
-    for counting turns, which a shorter step would show.
+    """Whether an agreeing second run refutes the finding: a fixed step too large for the motion.
 
     Not for choices in contact, where both runs choose alike, or slow slips, where both lag alike.
     """
-    return finding.watch in ("step", "turn")
+    return finding.watch == "step"
 
 
 class SecondMotion(NamedTuple):
@@ -424,11 +419,8 @@ def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:
     has a larger tolerance, if a smaller one would be below rounding."""
     method = simulation.method
     if getattr(method, "tolerance", None) is None:
-        part = SHORTER**times
-        order = METHODS[simulation.setting.name].order
-        finer = method._replace(step=part * method.step)
-        motion = motion_of(_cut_between(compiled, times), finer)
-        return SecondMotion(motion, f"with {part:.2f} of the step", 1.0 - part**order)
+        motion, share = in_shorter_steps(simulation.motion, compiled, times)
+        return SecondMotion(motion, f"with {SHORTER**times:.2f} of the step", share)
     looser = method.tolerance * 10.0**-times < TIGHTEST
     factor = 10.0 if looser else 10.0**-times
     words = f"at tolerance {factor * method.tolerance:.2g}"
@@ -465,19 +457,6 @@ def _at_tolerance(simulation: Any, compiled: Compiled, factor: float) -> Motion:
         trial.take(plain._replace(tolerance=factor * plain.tolerance))
         trial.reset()
     return trial
-
-
-def _cut_between(compiled: Compiled, times: int) -> Compiled:
-    """The compiled scene with additional breakpoints, so that steps up to one are shorter."""
-    if not compiled.breakpoints:
-        return compiled
-    ends = np.array([0.0, *compiled.breakpoints])
-    for _ in range(times):
-        ends = np.union1d(ends, ends[:-1] + SHORTER * np.diff(ends))
-    found = replace(compiled, breakpoints=tuple(ends[1:].tolist()))
-    if "laws" in compiled.__dict__:
-        found.__dict__["laws"] = compiled.laws
-    return found
 
 
 def _copy(coordinates: Any) -> Any:

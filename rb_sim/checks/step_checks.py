@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The checks of what the steps of a run show: turns, local errors, contacts, chatter."""
+"""The checks of what the steps of a run show: local errors, contacts, chatter."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rb_sim.base.errors import Finding
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
     LARGEST_SHARE,
-    LOCAL_TURN,
+    MISSED,
     Look,
     Run,
     Seen,
@@ -30,7 +28,6 @@ from rb_sim.checks.check import (
     round_down,
     try_step,
 )
-from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
     from rb_sim.checks.check import Effort
@@ -48,13 +45,6 @@ ASTRAY = 5e-2
 normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
 
 
-MOST_TURN = np.pi
-"""Angle in one fixed step [rad] above which the step cannot tell a turn from the opposite one."""
-
-ADVISED_TURN = 0.5
-"""Angle in one step that methods of order 4 and above resolve [rad]."""
-
-
 def steps(run: Run) -> Look:
     """What the steps of the run show."""
     return lambda seen: found_in(seen.block, seen.effort, seen.ledger.exchanged)
@@ -70,57 +60,16 @@ def found_in(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[F
     yield from _of_choices(effort)
 
 
-def turns(run: Run) -> Look:
-    """Whether a fixed step leaps over turns; balances are silent then, for samples do as well."""
-    return lambda seen: turned(seen.block, seen.effort, run.layout.bodies)
-
-
-def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Iterator[Finding]:
-    """The first turn of more than MOST_TURN in one fixed step.
-
-    An adaptive method compares two formulas in every step, and may take a constant spin in one; a
-    step that `auto` chose has been measured beside such a method.
-    """
-    if effort.step is None or effort.tolerance is not None or block.t[-1] <= effort.kept_to:
-        return
-    step = effort.step
-    if effort.steps > 1:  # events cut steps; the last one reaches beyond the last sample
-        step = min(step, float(block.t[-1]) / (effort.steps - 1))
-    spin = norms(block.angular_velocity)
-    beyond = np.argwhere(spin * step > MOST_TURN)
-    if not len(beyond):
-        return
-    i, body = int(beyond[0, 0]), int(beyond[0, 1])
-    fastest = float(spin[i, body])
-    what = f"rotation in one step of {step:.3g} s [rad]"
-    # a spin that blows up may be no number, and says nothing of a step that resolves it
-    finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
-    t = float(block.t[i])
-    advice = try_step(finer, effort.alone)
-    yield Finding("turn", t, fastest * step, MOST_TURN, what, bodies[body], advice, finer)
-
-
 def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
     """Whether a fixed step follows the motion; symplectic ones keep the energy all the same.
 
     Of a step that `auto` chose the error of the motion has been measured.
     """
-    found, bounds, last = effort.local, effort.bounds, float(block.t[-1])
-    if effort.step is None or last <= effort.kept_to:
-        return
-    step = f"{effort.step:.3g} s"
-    for figure, bound, t, body, what in (
-        (found.share, bounds.local, found.t, found.body,
-         f"velocity error of one step of {step}, relative to its change,"),
-        (found.turn, LOCAL_TURN, found.turn_t, found.turn_body,
-         f"attitude error of four steps of {step} [rad]"),
-        (found.grown, bounds.grown, last, found.grown_body,
-         f"relative velocity error summed over all steps of {step}"),
-    ):  # fmt: skip
-        if figure > bound:
-            finer = effort.finer_step(figure, bound)
-            yield Finding("step", t, figure, bound, what, body, effort.advice(finer), finer)
-            return
+    (figure, body), last = effort.missed, float(block.t[-1])
+    if effort.step is not None and last > effort.kept_to and figure > MISSED:
+        what = f"error of all steps of {effort.step:.3g} s, relative to the velocity or in rad,"
+        finer = effort.finer_step(figure, MISSED)
+        yield Finding("step", last, figure, MISSED, what, body, effort.advice(finer), finer)
 
 
 def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:

@@ -7,32 +7,30 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The local error of fixed steps, by step doubling: some steps taken beside the run, and in halves.
+"""What fixed steps miss: some steps taken beside the run, and again in shorter ones.
 
 A symplectic method keeps the energy of an oscillation that it steps over, so no balance shows that
-the motion is another one.  What shows is that a step and its two halves tell different changes of
-the velocities,
+the motion is another one.  What shows is that steps of h and of r h tell different velocities and
+attitudes after the same time, by
 
-    max |v_h - v_h/2| / max |v(t + h) - v(t)|,  v = (v_C, A w) of a body, A^2 = moments / mass,
+    (1 - r^p) |dv|,  v = (v_C, A w) of a body,  A^2 = moments / mass,
 
-over the steps of a probe: some (w h)^p for a step that follows an oscillation of frequency w, and
-of the order of one for a step that does not.  Where the acceleration passes through zero just
-there, a step of any length misses as much as the velocities change by; so what they changed by in
-other probes counts as well, and the less the longer ago that is.  A thin body is measured with
-either A (mechanics/error_scales).
+and as much of their turns.  What a step misses of either is added up over all steps, in the probes
+as they are and between two probes at the smaller rate of theirs: over the largest velocity of the
+body, or in radians, it is about the global error of a motion that magnifies nothing.  r is
+the golden section, that of the second run (checks/second_run), so that no load has the same phase
+in the steps of both.  A thin body is measured with either A (mechanics/error_scales).
 
-A step that follows the motion by itself may lose it over many, so what steps miss of the
-velocities is added up, between two probes at the rate of the smaller of them.  The attitude is
-compared by itself: a long way does not show it.
-
-The run as a whole is compared by the second run (checks/second_run); this is for what it does not
-reach: long runs, the node, commands.
+The run as a whole is compared by the second run; this is for what it does not reach: long runs,
+the node, commands.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -40,63 +38,66 @@ from rb_sim.base.errors import SimulationError
 from rb_sim.base.rounding import SOLVED
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.error_scales import measured, measures_of
+from rb_sim.mechanics.methods import order_of
 from rb_sim.numerics.rotations import angle_between
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array
     from rb_sim.motion.motion import Motion
+    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
+SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
+"""A shorter step over that of the run: the number that is farthest from all fractions, so that no
+load is at the same phase in all steps of both."""
+
 STEPS = 4
-"""Steps of a probe; twice as many halves are taken beside them."""
+"""Steps of a probe; shorter ones are taken beside them."""
 
 APART = 1000
-"""Steps of the run between two probes, if there are as many before: a probe costs as much as 12."""
-
-FADES = 0.5
-"""What becomes of a change of velocities from one probe to the next."""
-
-HARDLY = 1e-3
-"""Share of its speed by which a body's velocity hardly changes in a step, so that what is missed of
-that counts as little; it counts where it adds up."""
+"""Steps of the run between two probes, if there are as many before: a probe costs as much as 11."""
 
 ROUNDING = 1e-11
 """Share of the velocities, and of the places over a step, that roundings reach; the solver of a
 step of time stepping leaves more, SOLVED."""
 
 
-class LocalError(NamedTuple):
-    """The worst probes of a run so far."""
+class Missed(NamedTuple):
+    """What all steps of a run so far miss, added up."""
 
     share: float = 0.0
-    """of the change of a body's velocities in a step: what the step misses of it."""
-    t: float = 0.0
-    """[s]."""
+    """of a body's velocities, over the largest of them; or of its attitude [rad]."""
     body: str = ""
-    grown: float = 0.0
-    """what all steps so far miss of a body's velocities, over the largest of them."""
-    grown_body: str = ""
-    turn: float = 0.0
-    """what the steps of a probe miss of a body's attitude [rad]."""
-    turn_t: float = 0.0
-    """[s]."""
-    turn_body: str = ""
 
 
 class _Probe(NamedTuple):
-    """What some steps show, by measure of a body, (M,) each; turn by body."""
+    """What some steps show."""
 
-    t: float
-    at: int
-    """steps of the run up to there."""
-    change: Array
-    """of the velocities in a step, the largest."""
-    missed: Array
-    """of the velocities by all of these steps; 0 where that may be rounding."""
-    rate: Array
-    """the same by a step."""
     speed: Array
-    turn: Array
+    """largest velocity by measure of a body, (M,)."""
+    rate: Array
+    """velocity, (M,), and attitude of each body [rad] that a step misses, (M + bodies,)."""
+    steps: int
+    """that count by themselves."""
+
+
+def in_shorter_steps(run: Motion, compiled: Compiled, times: int = 1) -> tuple[Motion, float]:
+    """A motion like `run`, of the compiled scene, in fixed steps that are SHORTER so many times,
+    also those that end at the points of a table; and by how much of the error of the run the two
+    are apart."""
+    part = SHORTER**times
+    finer: Any = run.method
+    if compiled.breakpoints:
+        ends = np.array([0.0, *compiled.breakpoints])
+        for _ in range(times):
+            ends = np.union1d(ends, ends[:-1] + SHORTER * np.diff(ends))
+        cut = replace(compiled, breakpoints=tuple(ends[1:].tolist()))
+        if "laws" in compiled.__dict__:
+            cut.__dict__["laws"] = compiled.laws
+        compiled = cut
+    return motion_of(compiled, finer._replace(step=part * finer.step)), 1.0 - part ** order_of(
+        finer
+    )
 
 
 def _give_up() -> None:
@@ -111,39 +112,40 @@ class StepDoubling:
 
     def __init__(self, scene: Scene, run: Motion) -> None:
         self.run = run
-        self._worst, self._due = LocalError(), 0
+        self._due = 0
         step: float | None = getattr(run.method, "step", None)
         self._able = step is not None and not run.event_driven
         if step is None or not self._able:
             return
         self._step, self._bodies = step, tuple(scene.bodies)
         self._measures = measures_of(scene.bodies.values())
-        self._names = [self._bodies[body] for body in self._measures.body]
-        half = run.method._replace(step=0.5 * step)
-        self._trials = motion_of(run.compiled, run.method), motion_of(run.compiled, half)
+        shorter, self._share = in_shorter_steps(run, run.compiled)
+        self._trials = motion_of(run.compiled, run.method), shorter
         for trial in self._trials:
             trial.watch = _give_up
         self._strikes = bool(run.layout.contacts)
-        nothing = np.zeros(len(self._names))
-        self._rate, self._missed, self._size, self._usual = nothing, nothing, nothing, nothing
+        measures = len(self._measures.body)
+        self._largest = np.zeros(measures)
+        self._rate, self._missed = np.zeros((2, measures + len(self._bodies)))
         self._counted = 0
         """steps up to which what is missed has been added up."""
 
-    def look(self) -> LocalError:
-        """Probe where the run is, if it is time for it, and at first at its start; the worst."""
-        if not self._able or self.run.steps < self._due:
-            return self._worst
-        first = self._due == 0 and self.run.as_compiled
-        self._due = self.run.steps + (APART if self._strikes else min(APART, self.run.steps or 1))
-        probes = [self._probe(self._restart, 0.0, 0)] if first else []
-        probes.append(self._probe(self._place, self.run.time, self.run.steps))
-        known = [probe for probe in probes if probe is not None]
-        with np.errstate(all="ignore"):  # of a motion that grows without end
-            self._usual = np.fmax.reduce([FADES * self._usual, *(p.change for p in known)])
-            for probe in known:
-                self._judge(probe)
-                self._add_up(probe)
-        return self._worst
+    def look(self) -> Missed:
+        """Probe where the run is, if it is time for it, and at first at its start."""
+        if not self._able:
+            return Missed()
+        if self.run.steps >= self._due:
+            with np.errstate(all="ignore"):  # of a motion that grows without end
+                if self._due == 0 and self.run.as_compiled:
+                    self._add(self._probe(self._restart, 0.0), 0)
+                self._add(self._probe(self._place, self.run.time), self.run.steps)
+            apart = APART if self._strikes else min(APART, self.run.steps or 1)
+            self._due = self.run.steps + apart
+        scale = np.append(self._largest, np.ones(len(self._bodies)))
+        share = np.divide(self._missed, scale, out=np.zeros(len(scale)), where=scale > 0.0)
+        k = int(np.argmax(share))
+        body = (*self._measures.body.tolist(), *range(len(self._bodies)))[k]
+        return Missed(float(share[k]), self._bodies[body])
 
     def _restart(self) -> None:
         """Let the trials begin where the run began."""
@@ -157,74 +159,59 @@ class StepDoubling:
             if trial.layout.commanded:
                 trial.change_law(self.run.system)
 
-    def _probe(self, place: Callable[[], None], t: float, at: int) -> _Probe | None:
+    def _probe(self, place: Callable[[], None], t: float) -> _Probe | None:
         """What steps show from where `place` puts the trials, at t: a single one where the motion
-        does not come to the end of several; None, and nothing is said, where it fails too."""
+        does not come to the end of several, or they overflow; None where it fails too."""
         for count in (STEPS, 1):
             place()
             times = np.array([t + self._step * k for k in range(count + 1)])
             try:
-                whole, half = (_sampled(trial, times) for trial in self._trials)
+                long, short = (self._sampled(trial, times) for trial in self._trials)
             except SimulationError:
                 continue
-            with np.errstate(all="ignore"):
-                return self._compared(whole, half, t, at)
+            probe = self._compared(long, short)
+            if np.isfinite(np.append(probe.rate, probe.speed)).all():
+                return probe
         return None
 
-    def _compared(self, whole: Array, half: Array, t: float, at: int) -> _Probe:
-        one, two = (
-            rows[:, : 13 * len(self._bodies)].reshape(len(rows), -1, 13) for rows in (whole, half)
-        )
+    def _compared(self, one: Array, two: Array) -> _Probe:
+        """Of the steps of the run and of shorter ones, coordinates (n, bodies, 13)."""
+        velocity, place = self._velocities(two), two[:, self._measures.body, :3]
+        speed, far = (np.linalg.norm(of, axis=2).max(axis=0) for of in (velocity, place))
+        missed = self._velocities(one) - velocity
         turn = angle_between(one[..., 3:7], two[..., 3:7])
-        missed, velocity = self._velocities(one) - self._velocities(two), self._velocities(two)
-        place = np.linalg.norm(two[:, self._measures.body, :3], axis=2).max(axis=0)
-        speed = np.linalg.norm(velocity, axis=2).max(axis=0)
         if self._strikes:
             # the two see a strike a step apart, and differ for that step by all of it: what
-            # counts is what every step misses
+            # counts is what every step misses, and what two probes do
             missed, turn = np.diff(missed, axis=0), np.diff(turn, axis=0)
             figure, turn = np.linalg.norm(missed, axis=2).min(axis=0), turn.min(axis=0)
         else:
             figure, turn = np.linalg.norm(missed, axis=2).max(axis=0), turn.max(axis=0)
-        noise = (SOLVED if self._strikes else ROUNDING) * (speed + place / self._step)
+            figure, turn = figure / (len(one) - 1), turn / (len(one) - 1)
+        noise = (SOLVED if self._strikes else ROUNDING) * (speed + far / self._step)
         figure = np.where(figure > noise, figure, 0.0)
-        change = np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(axis=0)
-        count = 1 if self._strikes else len(whole) - 1
-        return _Probe(t, at, change, figure, figure / count, speed, turn)
+        rate = np.append(figure, np.maximum(turn, 0.0)) / self._share
+        return _Probe(speed, rate, 0 if self._strikes else len(one) - 1)
 
     def _velocities(self, bodies: Array) -> Array:
         """(v_C, A w) by measure, shape (n, M, 6), of coordinates by body."""
         rows = bodies[:, self._measures.body]
         return measured(rows[..., 7:10], rows[..., 10:13], self._measures.lengths)
 
-    def _judge(self, probe: _Probe) -> None:
-        change = np.fmax(self._usual, HARDLY * probe.speed)
-        share = np.nan_to_num(np.where(probe.missed > 0.0, probe.missed / change, 0.0))
-        k = int(np.argmax(share))
-        if share[k] > self._worst.share:
-            self._worst = self._worst._replace(
-                share=float(share[k]), t=probe.t, body=self._names[k]
-            )
-        turn = np.nan_to_num(probe.turn)
-        k = int(np.argmax(turn))
-        if turn[k] > self._worst.turn:
-            self._worst = self._worst._replace(
-                turn=float(turn[k]), turn_t=probe.t, turn_body=self._bodies[k]
-            )
+    def _add(self, probe: _Probe | None, at: int) -> None:
+        """Add what the steps from the last probe to this one, after so many of the run, have
+        missed, where it fails as before, and its own."""
+        rate, steps = self._rate, at - self._counted
+        if probe is not None:
+            rate, self._rate = np.minimum(rate, probe.rate), probe.rate
+            self._largest = np.maximum(self._largest, probe.speed)
+            self._missed = self._missed + probe.steps * probe.rate
+            steps -= probe.steps
+        self._missed = self._missed + max(0, steps) * rate
+        self._counted = at
 
-    def _add_up(self, probe: _Probe) -> None:
-        """Add what the steps since the last probe have missed."""
-        steps = max(0, probe.at - self._counted)
-        self._missed = self._missed + steps * np.minimum(self._rate, probe.rate)
-        self._size = np.maximum(self._size, probe.speed)
-        self._rate, self._counted = probe.rate, probe.at
-        grown = np.nan_to_num(self._missed / self._size)  # of what rests: 0
-        k = int(np.argmax(grown))
-        self._worst = self._worst._replace(grown=float(grown[k]), grown_body=self._names[k])
-
-
-def _sampled(trial: Motion, times: Array) -> Array:
-    """Rows of the trial at the times. Raises SimulationError."""
-    out = np.zeros((len(times), trial.width))
-    trial.run_to(times, out)
-    return out
+    def _sampled(self, trial: Motion, times: Array) -> Array:
+        """Coordinates of the trial at the times, (n, bodies, 13). Raises SimulationError."""
+        out = np.zeros((len(times), trial.width))
+        trial.run_to(times, out)
+        return out[:, : 13 * len(self._bodies)].reshape(len(times), -1, 13)

@@ -12,15 +12,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check import below, effort_of, steps_alone
-from rb_sim.checks.check_list import CheckList
+from rb_sim.checks.check import below, steps_alone
+from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import ADVICE, Forecast
@@ -97,15 +95,18 @@ def step_that_runs(
     whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
     horizon = end if whole else min(end, 1.5 * failed_at + 10.0 * step)
     where = "to the end" if horizon == end else f"at least to t = {horizon:.3g} s"
-    trials = _Trials(simulation, horizon, None, goes_on)
-    found = _search(trials, below(step))
-    if found is not None:
-        return f"use step {found:g} s, which runs {where}"
-    if trials.loud:
-        return f"step {min(trials.loud):g} s runs {where}, but with a warning"
-    smallest = min(trials.failed, default=step)
-    tried = f"steps down to {smallest:g} s fail as well; " if smallest < step else ""
-    return tried + _otherwise(simulation)
+    loud, failed = math.inf, step
+    for tried, found in _trials(simulation, below(step), horizon, goes_on):
+        if found is None:
+            failed = tried
+        elif _follows(found):
+            return f"use step {tried:g} s, which runs {where}"
+        else:
+            loud = tried
+    if math.isfinite(loud):
+        return f"step {loud:g} s runs {where}, but with a warning"
+    tell = f"steps down to {failed:g} s fail as well; " if failed < step else ""
+    return tell + _otherwise(simulation)
 
 
 def quiet_step(
@@ -115,32 +116,22 @@ def quiet_step(
 ) -> str:
     """Advice about the step of a run whose findings name a finer one; "" if none of them does.
 
-    The step named ends all findings about the step and brings no other.
+    The step named ends all findings about the step.
     findings: of the whole run of `simulation`; goes_on: asked during the trials.
     """
     finer = [finding.finer_step for finding in findings if finding.finer_step is not None]
     step = simulation.setting.step
     if not finer or step is None:
         return ""
-    first = min(finer)
-    known = frozenset(finding.watch for finding in findings if finding.finer_step is None)
-    trials = _Trials(simulation, simulation.scene.simulation.duration, known, goes_on)
-    found = _search(trials, first)
-    if found is not None:
-        mends = f"use step {found:g} s, which passes all checks"
-        return mends + _in_longer_steps(simulation, found / step)
-    tried = trials.loud + trials.failed
-    if not tried:
-        return f"try step {first:g} s (estimated by the order of the method)"
-    return f"steps down to {min(tried):g} s do not help; {_otherwise(simulation)}"
-
-
-def _in_longer_steps(simulation: Any, share: float) -> str:
-    """What else to try where only steps do that are this share of what was asked for."""
-    stiff = METHODS["radau5"]
-    if share > STIFF or not stiff.suits(simulation.compiled.system):
-        return ""
-    return ", or method radau5 with a tolerance"
+    tried, end = math.inf, simulation.scene.simulation.duration
+    for tried, found in _trials(simulation, min(finer), end, goes_on):
+        if found is not None and _follows(found):
+            stiff = tried <= STIFF * step and METHODS["radau5"].suits(simulation.compiled.system)
+            other = ", or method radau5 with a tolerance" if stiff else ""
+            return f"use step {tried:g} s, which passes all checks{other}"
+    if math.isfinite(tried):
+        return f"steps down to {tried:g} s do not help; {_otherwise(simulation)}"
+    return f"try step {min(finer):g} s (estimated by the order of the method)"
 
 
 def _otherwise(simulation: Any) -> str:
@@ -152,83 +143,45 @@ def _otherwise(simulation: Any) -> str:
     return "use method dopri853 with a tolerance"
 
 
-def _search(trials: _Trials, first: float) -> float | None:
-    """The first step [s] from `first` down that is quiet; None where there is none in time."""
-    step = first
-    with suppress(_NoTimeError):
-        for _ in range(MOST_TRIALS):
-            if trials.quiet(step):
-                return step
-            step = below(step)
-    return None
+def _follows(findings: tuple[Finding, ...]) -> bool:
+    """Whether no finding of a run blames its step."""
+    return all(finding.finer_step is None for finding in findings)
 
 
-class _NoTimeError(Exception):
-    """The trials have taken MOST_TIME, or were asked to end."""
+def _trials(
+    simulation: Any, step: float, end: float, goes_on: Callable[[], bool]
+) -> Iterator[tuple[float, tuple[Finding, ...] | None]]:
+    """Steps from `step` [s] down with what the checks find in a run to `end` [s]; None where that
+    fails.  No more once the time is used up, or `goes_on` says so."""
+    left = MOST_TIME
+    for _ in range(MOST_TRIALS):
+        trial = simulation.with_step(step)
 
+        def taken(trial: Any = trial) -> float:
+            return counted_time(trial.motion, trial.setting)
 
-class _Trials:
-    """Runs of the scene with other steps, up to `end` [s].
+        def may_go_on(_: float, left: float = left, taken: Callable[[], float] = taken) -> bool:
+            return taken() < left and goes_on()
 
-    known: checks that may report, as no step mends what they tell; None: all that name no step.
-    """
-
-    def __init__(
-        self,
-        simulation: Any,
-        end: float,
-        known: frozenset[str] | None = None,
-        goes_on: Callable[[], bool] = lambda: True,
-    ) -> None:
-        self._simulation, self._end, self._known = simulation, end, known
-        self._goes_on = goes_on
-        self._left = MOST_TIME
-        self.loud: list[float] = []
-        """Steps that came to the end, but not without a finding [s]."""
-        self.failed: list[float] = []
-        """Steps that did not come to the end [s]."""
-
-    def quiet(self, step: float) -> bool:
-        """Whether the run with this step [s] comes to its end and no check finds fault with it.
-
-        Raises _NoTimeError.
-        """
         try:
-            quiet = self._run(step)
+            found = _findings(trial, end, may_go_on)
         except (RbSimError, ArithmeticError):
-            self.failed.append(step)
-            return False
-        if not quiet:
-            self.loud.append(step)
-        return quiet
+            found = None
+        left -= taken()
+        if left <= 0.0 or not goes_on():
+            return
+        yield step, found
+        step = below(step)
 
-    def _run(self, step: float) -> bool:
-        trial = self._simulation.with_step(step)
-        left = self._left
 
-        def may_go_on(_: float) -> bool:
-            self._left = left - counted_time(trial.motion, trial.setting)
-            return self._left > 0.0 and self._goes_on()
-
-        check_list = CheckList(trial.scene, trial.layout, trial.compiled)
-        second = SecondRun(trial)
-        try:
-            for block in trial.blocks(self._end, trial.scene.simulation.rate, may_go_on):
-                if not may_go_on(trial.motion.time):
-                    raise _NoTimeError
-                check_list.add(block, partial(effort_of, trial))
-                second.add(block)
-                if self._known is not None and self._beyond(check_list):
-                    return False
-        finally:
-            may_go_on(trial.motion.time)
-        if not self._beyond(check_list):
-            error = second.result(singular=check_list.singular, within=MOST_TIME)
-            check_list.check(error, trial, second.exchanged)
-        return not self._beyond(check_list)
-
-    def _beyond(self, check_list: CheckList) -> bool:
-        """Whether a check has found what is not known to come with any step."""
-        if self._known is None:
-            return any(finding.finer_step is not None for finding in check_list.findings)
-        return any(finding.watch not in self._known for finding in check_list.findings)
+def _findings(trial: Any, end: float, goes_on: Callable[[float], bool]) -> tuple[Finding, ...]:
+    """What the checks find in a run of the simulation to `end` [s]; a second run is made of one in
+    which the others find no fault.  Raises RbSimError, ArithmeticError."""
+    checked = CheckedSamples(trial, trial.blocks(end, trial.scene.simulation.rate, goes_on))
+    second = SecondRun(trial)
+    for block in checked:
+        second.add(block)
+    if goes_on(end) and _follows(checked.findings):
+        error = second.result(singular=checked.singular, within=MOST_TIME)
+        checked.check(error, second.exchanged)
+    return checked.findings

@@ -157,6 +157,12 @@ def name_of(kind: type) -> str:
     return ""
 
 
+def order_of(method: Any) -> int:
+    """The order of a method; 1 of one that is not listed."""
+    entry = METHODS.get(name_of(type(method)))
+    return entry.order if entry else 1
+
+
 def loop_of(kind: type) -> tuple[Step, float] | None:
     """(step of a method's class on traced laws, order of its error estimate); None without such a
     step."""

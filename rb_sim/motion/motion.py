@@ -419,7 +419,8 @@ class Watcher:
         in_pieces: end kernel calls for the watch; else it is called only where they end anyway.
         """
         self._motion, self._watch, self._limits = motion, watch, limits
-        self._span = self._shortest = FIRST_PIECE * duration
+        step = getattr(motion.method, "step", None) or 0.0
+        self._span = self._shortest = max(FIRST_PIECE * duration, step)
         self._began = self._asked = time.perf_counter()
         self._since = own_time()
         self._times, self._reached, self._steps = NONE, 0, 0
@@ -453,7 +454,9 @@ class Watcher:
         motion, done = self._motion, 0
         while done < len(times):
             self._began = time.perf_counter()
-            target = motion.time + self._span
+            # not within a step that has been taken: to stand there costs as much as a step, and
+            # where steps take longer than a piece the run would come no further
+            target = max(motion.time + self._span, motion.frontier[0])
             upto = int(np.searchsorted(times, target, side="right"))
             if upto > done:
                 motion.run_to(times[done:upto], out[done:upto])

@@ -24,7 +24,7 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
 from rb_sim.checks.singular_configuration import rows_between, singular_end
-from rb_sim.checks.step_doubling import LocalError, StepDoubling
+from rb_sim.checks.step_doubling import Missed, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
 from rb_sim.mechanics.inputs import with_kept
@@ -144,8 +144,8 @@ class Simulation(SceneInMotion):
         self._doubling: StepDoubling | None = None
 
     @property
-    def local_error(self) -> LocalError:
-        """Local error of a fixed step, by step doubling at some steps of the run; empty for an
+    def missed(self) -> Missed:
+        """Part of the motion that fixed steps miss, by step doubling at some steps; empty for an
         adaptive method."""
         if self._doubling is None or self._doubling.run is not self._motion:
             self._doubling = StepDoubling(self.scene, self._motion)

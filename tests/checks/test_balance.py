@@ -164,6 +164,24 @@ def test_work_that_is_done_while_nobody_looks_is_none_that_is_lost() -> None:
     assert "energy" not in {finding.watch for finding in run.findings}
 
 
+def test_a_pulse_between_two_samples_is_no_energy_out_of_nothing() -> None:
+    """It strikes a pendulum that hangs at rest, where no other energy is exchanged."""
+    table = {
+        "type": "wrench_table", "body": "bob", "times": [0.52, 0.521, 0.522],
+        "forces": [[0, 0, 0], [300, 0, 0], [0, 0, 0]],
+    }  # fmt: skip
+    pin = {"type": "fixed_point", "body": "bob", "point_B": [0, 0, 1.0]}
+    scene = {
+        "bodies": {"bob": {"mass": 1.0, "inertia": [0.1, 0.2, 0.25]}},
+        "constraints": {"pin": pin},
+        "effects": {"push": table, "weight": {"type": "gravity"}},
+        "simulation": {"duration": 2.0, "rate": 20.0, "project_initial": True},
+    }
+    run = Simulation(scene, announce=None).run()
+    assert not run.block.power.any() and run.energy[-1] > run.energy[0] + 0.01
+    assert run.findings == ()
+
+
 # The ledger of a run, on samples by hand: what is rounding, and where a balance breaks.
 
 

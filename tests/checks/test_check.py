@@ -20,8 +20,8 @@ import pytest
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort, effort_of, finer_step
-from rb_sim.checks.step_checks import found_in, turned
-from rb_sim.checks.step_doubling import LocalError
+from rb_sim.checks.step_checks import found_in
+from rb_sim.checks.step_doubling import Missed
 from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
 
@@ -47,8 +47,6 @@ def test_the_balance_of_an_adaptive_run(tolerance: float, steps: int, balance: f
 def test_the_bounds_of_fixed_steps_by_the_order() -> None:
     first, higher, foreign = fixed("euler"), fixed("rk4"), fixed("heun of nobody")
     assert [e.balance for e in (first, higher, foreign)] == [2e-2, 1e-3, 1e-3]
-    assert [e.bounds.local for e in (first, higher, foreign)] == [0.1, 1e-2, 1e-2]
-    assert [e.bounds.grown for e in (first, higher, foreign)] == [0.5, 0.1, 0.1]
     assert higher.outcome_bound == 1e-3
 
 
@@ -105,11 +103,10 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
     sharp = Simulation(load_scene(scene, method="dopri853", tolerance=1e-13), announce=None)
     exact = sharp.run(watched=False).block
     assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
-    effort = effort_of(chosen)
-    bodies = chosen.layout.bodies
-    assert not [*found_in(block, effort, 1.0), *turned(block, effort, bodies)]
-    for unmeasured in (effort._replace(kept_to=0.0), effort._replace(kept_to=1.99)):
-        assert [finding.watch for finding in turned(block, unmeasured, bodies)] == ["turn"]
+    missed = effort_of(chosen)._replace(missed=Missed(0.5, "top"))
+    assert not [*found_in(block, missed, 1.0)]
+    for unmeasured in (missed._replace(kept_to=0.0), missed._replace(kept_to=1.99)):
+        assert [finding.watch for finding in found_in(block, unmeasured, 1.0)] == ["step"]
 
 
 def reported(
@@ -125,20 +122,14 @@ STEPPED = Effort("time_stepping", 0.02, None, 50)
 ADAPTIVE = Effort("dopri853", None, 1e-6, 50)
 
 
-def test_what_steps_miss_is_told_once_and_the_worst_first() -> None:
-    """What a step misses of the velocities, some steps of an attitude, all steps; of rk4 by 0.01,
-    0.02, 0.1: a figure 8 times its bound asks for half the step."""
-    worst = LocalError(5.0, 0.5, "a", 0.8, "b", 0.16, 0.7, "c")
-    fixed = Effort("rk4", 0.02, None, 50, local=worst)
+def test_what_steps_miss_is_told_beyond_its_bound() -> None:
+    """Of rk4 a figure 8 times the bound asks for half the step."""
+    fixed = Effort("rk4", 0.02, None, 50, missed=Missed(0.8, "b"))
     finding = reported(fixed)["step"]
-    assert (finding.figure, finding.t, finding.where, finding.bound) == (5.0, 0.5, "a", 0.01)
-    finding = reported(fixed._replace(local=worst._replace(share=0.0099)))["step"]
-    assert (finding.figure, finding.t, finding.where, finding.bound) == (0.16, 0.7, "c", 0.02)
-    assert finding.finer_step == 0.01
-    finding = reported(fixed._replace(local=worst._replace(share=0.0, turn=0.019)))["step"]
     assert (finding.figure, finding.t, finding.where, finding.bound) == (0.8, 2.0, "b", 0.1)
-    assert reported(fixed._replace(local=LocalError(0.0099, 0.5, "a", 0.099, "b", 0.019))) == {}
-    assert reported(ADAPTIVE._replace(local=worst)) == {}
+    assert finding.finer_step == 0.01
+    assert reported(fixed._replace(missed=Missed(0.099, "b"))) == {}
+    assert reported(ADAPTIVE._replace(missed=Missed(0.8, "b"))) == {}
 
 
 @pytest.mark.parametrize(

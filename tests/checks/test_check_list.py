@@ -167,33 +167,6 @@ def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleB
     assert "try step 0.0005 s" in str(found)
 
 
-@pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True)])
-def test_a_body_that_turns_by_more_than_half_a_turn_in_a_fixed_step_is_told(
-    swing: SampleBlock, spin: float, told: bool
-) -> None:
-    """In steps of 0.5 s half a turn is 2 pi rad/s; the samples between do not count."""
-    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin / 3.0**0.5))
-    found = findings(SWING, fast, Effort("gauss6", 0.5, None, 1))
-    assert ("turn" in found) == told
-    if told:
-        assert found["turn"].where == "rod" and found["turn"].t == 0.0
-        assert found["turn"].figure == pytest.approx(0.5 * spin)
-        assert "try step 0.05 s" in str(found["turn"])
-
-
-@pytest.mark.parametrize("spin", [1e200, np.inf])
-def test_a_spin_that_has_blown_up_is_told_as_well(swing: SampleBlock, spin: float) -> None:
-    """Its square is no number, nor is the step that would resolve it: this was a traceback."""
-    lost = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin))
-    assert "try step 0.2 s" in str(findings(SWING, lost, Effort("rk4", 0.5, None, 1))["turn"])
-
-
-def test_an_adaptive_method_may_take_turns_in_one_step(swing: SampleBlock) -> None:
-    """It compares two formulas in every step, and a constant spin has no error to see."""
-    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, 1e4))
-    assert "turn" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2))
-
-
 def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
     events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
     block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))

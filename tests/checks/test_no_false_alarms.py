@@ -214,3 +214,17 @@ def test_a_steady_swing_seen_once_a_period_is_no_little_motion(periods: float) -
 def test_energy_that_a_method_loses_is_told_all_the_same() -> None:
     """rk4 with 7 steps to the period, and samples that see it."""
     assert "energy" in findings(DAMPED, PERIOD / 28.0, method="rk4", step=PERIOD / 7.0)
+
+
+def test_a_spring_seen_only_where_it_turns_about_loses_nothing() -> None:
+    """Samples a period apart show it at rest with all of its energy; the second run is looked at
+    between them, too."""
+    spring = {"type": "spring", "body": "bob", "stiffness": (20.0 * math.pi) ** 2}
+    scene = {
+        "bodies": {"bob": {"mass": 1.0, "inertia": [0.1] * 3, "position": [0.3, 0.0, 0.0]}},
+        "effects": {"s": spring | {"rest_length": 0.0}},
+        "simulation": {"duration": 10.0, "rate": 10.0, "tolerance": 1e-8},
+    }
+    run = Simulation(scene, announce=None).run()
+    assert run.block.kinetic_energy.max() < 1e-8
+    assert run.findings == ()

@@ -125,13 +125,6 @@ def test_a_reaction_that_is_wrong_from_some_time_on_is_told() -> None:
     assert block.t[LATE] < reported["momentum"].t < 2.0 * block.t[LATE]
 
 
-def test_a_spin_that_a_step_leaps_over_is_told() -> None:
-    block, _ = run_of(False)
-    effort = Effort("rk4", 1e-2, None, 100 * BLOCKS)
-    reported, _ = found(False, effort, angular_velocity=after(block.angular_velocity, 1000.0))
-    assert reported["turn"].t == pytest.approx(block.t[LATE], abs=17.0 / 200.0)
-
-
 def test_samples_that_are_not_finite_are_told() -> None:
     block, _ = run_of(False)
     reported, _ = found(False, kinetic_energy=after(block.kinetic_energy, np.nan))

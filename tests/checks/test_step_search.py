@@ -103,11 +103,11 @@ def test_a_trial_does_not_trace_the_laws_again(scene: dict[str, Any]) -> None:
     [
         ("heavy_top", "rk4", 0.004, "energy"),
         ("heavy_top", "gauss6", 0.02, "momentum"),
-        ("pendulum", "euler", 0.05, "momentum"),
+        ("pendulum", "euler", 0.05, "global error"),
         ("free_tumble", "rk4", 0.5, "global error"),
         (OSCILLATOR, "gauss6", 0.004, "step"),
         (OSCILLATOR, "euler", 4e-4, "step"),
-        (SPINNER, "rk4", 0.1, "turn"),
+        (SPINNER, "rk4", 0.1, "global error"),
         (DRAGGED, "euler", 0.05, "step"),
         (TWO_ARMS, "rk4", 0.05, "energy"),
     ],
@@ -221,7 +221,7 @@ def test_a_failed_run_names_one_step_and_no_watch_finds_fault_with_it(
     assert command(RunOptions("heavy_top", method="rk4", step=0.05, quiet=True)) == FAILED
     said = capfd.readouterr().err
     (step,) = map(float, re.findall(r"use step ([0-9.e-]+) s, which runs to the end", said))
-    assert "step below" not in said and "rotation in one step" in said
+    assert "step below" not in said and "warning: step: " in said
     assert reported(capfd, "heavy_top", method="rk4", step=step) == []
 
 
@@ -234,19 +234,21 @@ class Tried:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, quiet: float, loud: float = 0.0) -> None:
         self.steps: list[float] = []
 
-        def run(trials: Any, step: float) -> bool:
-            self.steps.append(step)
-            if step not in (pytest.approx(quiet), pytest.approx(loud)):
+        def run(trial: Any, *_: Any) -> tuple[Finding, ...]:
+            self.steps.append(trial.setting.step)
+            if trial.setting.step not in (pytest.approx(quiet), pytest.approx(loud)):
                 raise SimulationError("fails")
-            return step == pytest.approx(quiet)
+            return () if trial.setting.step == pytest.approx(quiet) else (found_by("step", 1e-9),)
 
-        monkeypatch.setattr(search._Trials, "_run", run)
+        monkeypatch.setattr(search, "_findings", run)
+        monkeypatch.setattr(search, "counted_time", lambda *_: 0.0)
         options = SimpleNamespace(duration=10.0)
         self.simulation: Any = SimpleNamespace(
             setting=SimpleNamespace(step=0.1, name="rk4"),
             layout=SimpleNamespace(bodies=("a",)),
             scene=SimpleNamespace(simulation=options),
-            compiled=SimpleNamespace(between=None),
+            compiled=SimpleNamespace(between=None, system=None),
+            with_step=lambda step: SimpleNamespace(motion=None, setting=SimpleNamespace(step=step)),
         )
 
 
@@ -292,7 +294,7 @@ def found_by(watch: str, finer: float | None) -> Finding:
 def test_the_least_of_the_steps_that_findings_name_is_tried_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    findings = found_by("turn", 0.05), found_by("step", 0.02), found_by("aim", None)
+    findings = found_by("energy", 0.05), found_by("step", 0.02), found_by("aim", None)
     fake = Tried(monkeypatch, 0.01)
     assert search.quiet_step(fake.simulation, findings) == (
         "use step 0.01 s, which passes all checks"

@@ -23,6 +23,7 @@ from rb_sim.contact.choose_motion import motion_of
 from rb_sim.contact.events import event_steps as contact_steps
 from rb_sim.integrate import loop
 from rb_sim.integrate.methods.rk4 import Rk4
+from rb_sim.motion import motion
 from rb_sim.motion.motion import Limits
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
@@ -135,3 +136,37 @@ def test_the_more_contacts_a_step_bears_the_fewer_steps_go_by_unseen() -> None:
     for count, most in ((1, 2048), (4, 512)):
         looks, steps = looks_of(count)
         assert steps / (looks + 1) <= most
+
+
+SLIDING = {
+    "bodies": {"box": {"mass": 1.0, "shape": {"type": "box", "size": [0.2, 0.2, 0.2]}}},
+    "constraints": {"floor": {"type": "contact", "body": "box"}},
+    "effects": {"weight": {"type": "gravity"}},
+    "simulation": {"duration": 1.0, "method": "time_stepping", "step": 0.01, "rate": 10},
+}
+SLIDING["bodies"]["box"] |= {"position": [0.0, 0.0, 0.1], "linear_velocity": [1.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        {"method": "time_stepping", "step": 0.01},
+        {"method": "rk4", "step": 0.01},
+        {"method": "dopri853"},
+    ],
+)
+def test_a_run_whose_steps_take_longer_than_a_piece_comes_to_its_end(method: dict) -> None:
+    """Pieces became shorter than a step, which was then taken again and again to its beginning:
+    216 balls on a busy machine never came to their end."""
+    options = {"duration": 1.0, "rate": 10} | method
+    simulation = Simulation(load_scene(SLIDING | {"simulation": options}))
+    looks: list[float] = []
+
+    def goes_on(t: float) -> bool:
+        looks.append(t)
+        return len(looks) < 1000
+
+    with patch.object(motion, "PIECE", 0.0):
+        samples = sum(len(block) for block in simulation.blocks(1.0, 10.0, goes_on))
+    assert samples == 11
+    assert len(looks) <= 2 * simulation.steps + samples
