@@ -174,20 +174,30 @@ PHASES = (0.13, 0.31, 0.57, 0.83)
 
 
 def paced(compiled: Compiled, method: Any) -> Any:
-    """The method with steps no longer than a share of the shortest period of the scene."""
+    """The method with steps no longer than a share of the shortest period of the scene; with fixed
+    steps that is asked of supports alone, whose gaps are looked at within a step."""
+    period = period_of_supports(compiled)
     largest = getattr(method, "largest_step", None)
     if largest is None:
-        return method
-    return method._replace(largest_step=min(largest, SHARE_OF_PERIOD * shortest_period(compiled)))
+        parts = math.ceil(method.step / (SHARE_OF_PERIOD * period))
+        return method._replace(step=method.step / max(1, parts))
+    period = min(period, period_of_forces(compiled))
+    return method._replace(largest_step=min(largest, SHARE_OF_PERIOD * period))
 
 
-def shortest_period(compiled: Compiled) -> float:
-    """Of all harmonic forces, and supports whose surface moves as prescribed; inf if none [s]."""
+def period_of_forces(compiled: Compiled) -> float:
+    """The shortest of all harmonic forces; inf if there is none [s]."""
     shortest = math.inf
     for effect in compiled.system.effects:
         if isinstance(effect.row, WorldHarmonicRow | BodyHarmonicRow):
             rate = abs(effect.row.angular_frequency)
             shortest = min(shortest, 2.0 * math.pi / rate if rate > 0.0 else math.inf)
+    return shortest
+
+
+def period_of_supports(compiled: Compiled) -> float:
+    """The shortest of all supports whose surface moves as prescribed; inf if there is none [s]."""
+    shortest = math.inf
     for group in compiled.system.contacts:
         for contact in group:
             motion = contact.row.carrier

@@ -85,18 +85,20 @@ def test_tossed_disk_finds_soft_ground() -> None:
     assert_allclose(push, 2000.0 * np.maximum(0.0, depth), atol=1e-8)
 
 
-def above_a_shaken_floor(clearance: float) -> tuple[dict[str, Any], float]:
-    """(A ball that sinks without gravity to a floor which is shaken at 47 Hz, when they meet)."""
-    amplitude, frequency, speed = 0.05, 47.3, 0.02
+def above_a_shaken_floor(
+    clearance: float, frequency: float = 47.3, phase: float = 0.0
+) -> tuple[dict[str, Any], float]:
+    """(A ball that sinks without gravity to a floor which is shaken, when they meet)."""
+    amplitude, speed = 0.05, 0.02
 
     def gap(t: Any) -> Any:
-        return clearance - speed * t - amplitude * np.sin(2.0 * math.pi * frequency * t)
+        return clearance - speed * t - amplitude * np.sin(2.0 * math.pi * frequency * t + phase)
 
     times = np.linspace(0.0, 1.0, 1_000_001)
     after = int(np.argmax(gap(times) < 0.0))
     motion = {
         "type": "shaken", "direction": [0.0, 0.0, 1.0], "amplitude": amplitude,
-        "frequency": frequency,
+        "frequency": frequency, "phase": phase,
     }  # fmt: skip
     start = ball([0.0, 0.0, 0.1 + clearance], linear_velocity=[0.0, 0.0, -speed])
     mapping = scene(start, touch(restitution=1.0, motion=motion), gravity=False)
@@ -110,6 +112,14 @@ def test_a_step_that_takes_too_many_looks_is_made_shorter(clearance: float, step
     """The gap comes near zero some 50 times in the step: more than is looked at in one."""
     mapping, when = above_a_shaken_floor(clearance)
     found = contact_run(mapping, [0.0, 1.0], method="rk4", step=step)
+    assert_allclose(found.times("impact")[0], when, atol=1e-12)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.5 * math.pi, -0.5 * math.pi])
+def test_steps_of_whole_periods_miss_no_impact_on_a_shaken_floor(phase: float) -> None:
+    """The floor is at the same place at the ends and in the middle of every step."""
+    mapping, when = above_a_shaken_floor(0.06, 50.0, phase)
+    found = contact_run(mapping, [0.0, 1.0], method="rk4", step=0.7)
     assert_allclose(found.times("impact")[0], when, atol=1e-12)
 
 
