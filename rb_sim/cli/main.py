@@ -103,7 +103,7 @@ def _complain(error: Any) -> int:
         error.show()
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
-    message = NEAREST.sub(r" (did you mean \1?)", message)
+    message = NEAREST.sub(r" (did you mean \1?)", message).replace("argument(s)", "argument")
     if takers := _verbs_with(getattr(error, "option_name", None), context):
         message = f"{error.option_name}: must stand after the command ({', '.join(takers)})"
     verb = NO_COMMAND.fullmatch(message)

@@ -99,7 +99,7 @@ def test_bad_scene(name, tmp_path):
         (("statics", "pendulum", "--set", "a"), "error: --set a: must be KEY=VALUE with a path"),
         (
             ("run", "a.yaml", "b.yaml"),
-            "error: Got unexpected extra argument(s) (b.yaml); see rb_sim run --help",
+            "error: Got unexpected extra argument (b.yaml); see rb_sim run --help",
         ),
         (
             ("linearize", "pendulum", "--axes", "wrld"),
