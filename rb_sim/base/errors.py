@@ -173,8 +173,8 @@ CHECKS: dict[str, Check] = {
         "end the run before, or change lengths or drives so that it is not reached",
     ),
     "step": Check(
-        "what fixed steps miss of the motion, by a few of them taken again at 0.62 of the length, "
-        "summed over all steps: relative to the velocity, or of an attitude [rad]",
+        "part of the motion that fixed steps miss, from some of them taken again at 0.62 of the "
+        "length, summed over all steps: relative to the velocity, or of an attitude [rad]",
         "0.1",
         "the fixed step does not resolve the motion",
         FINER,

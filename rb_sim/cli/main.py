@@ -188,7 +188,9 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     try:
         EARLY.hand_over()
         with terminable():
-            return act() or 0
+            code = act() or 0
+            sys.stdout.flush()  # a full disk is found here, not as Python ends
+            return code
     except SimulationError as error:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:

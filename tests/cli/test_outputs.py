@@ -55,7 +55,8 @@ def test_files_are_written_also_if_nobody_reads_the_output(tmp_path, closed):
 
 def test_a_full_disk_below_the_output_is_one_line(tmp_path):
     command = f"{' '.join(COMMAND)} scenes > /dev/full"
-    done = subprocess.run(["bash", "-c", command], env=environment(), capture_output=True,
+    buffered = environment() | {"PYTHONUNBUFFERED": ""}
+    done = subprocess.run(["bash", "-c", command], env=buffered, capture_output=True,
                           text=True, timeout=PATIENCE, check=False)  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == "error: standard output: cannot be written: No space left on device\n"
