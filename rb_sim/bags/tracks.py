@@ -458,6 +458,11 @@ def tracks_of_csv(path: Path) -> Tracks:
     lines = [line for line in text.splitlines() if line.strip()]
     header = next((h for line in lines if line.startswith("#") and (h := _header(line))), None)
     rows = [line for line in lines if not line.startswith("#")]
+    if rows and any(map(OWN.fullmatch, _cells(rows[0]))):
+        raise RbSimError(
+            f"{path}: a table of Trajectory.to_csv has positions of centres of mass, not of the "
+            "poses in bags; compare the bag or the scene of its run"
+        )
     if rows and not _is_number(_cells(rows[0])[0]):
         header, rows = _columns(rows[0]), rows[1:]
     if not rows:
@@ -481,6 +486,8 @@ def tracks_of_csv(path: Path) -> Tracks:
     return Tracks(str(path), tracks, notes=[f"{path}: {note}" for note in notes])
 
 
+OWN = re.compile(r"position\..+\.x")
+"""Column name of a position in a table of `Trajectory.to_csv`."""
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
 NANOSECONDS = "nanosec"
 """Column that is added to the seconds in t."""

@@ -605,3 +605,11 @@ def test_what_is_the_same_has_no_panel_but_a_line(tmp_path, monkeypatch):
     figure = pictured(one, other, tmp_path, monkeypatch)
     assert "same to rounding: position, angle" in figure.get_suptitle()
     assert not any("apart" in axis.get_ylabel() for axis in figure.axes if axis.axison)
+
+
+def test_a_table_of_a_trajectory_is_refused_with_the_reason(tmp_path):
+    """Its positions are of centres of mass, those of bags of the bodies' origins."""
+    table = tmp_path / "run.csv"
+    table.write_text("t,position.top.x,position.top.y,position.top.z\n0,1,2,3\n")
+    with pytest.raises(RbSimError, match="run.csv: .*to_csv has positions of centres of mass"):
+        tracks_of_csv(table)
