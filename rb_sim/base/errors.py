@@ -174,8 +174,9 @@ CHECKS: dict[str, Check] = {
     ),
     "step": Check(
         "part of the motion that fixed steps miss, from some of them taken again at 0.62 of the "
-        "length, summed over all steps: relative to the velocity, or of an attitude [rad]",
-        "0.1",
+        "length, summed over all steps: relative to the velocity, or of an attitude [rad]; "
+        "rotation in one step [rad]",
+        "0.1; pi",
         "the fixed step does not resolve the motion",
         FINER,
     ),

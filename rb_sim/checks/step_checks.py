@@ -16,6 +16,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rb_sim.base.errors import Finding
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
@@ -28,6 +30,7 @@ from rb_sim.checks.check import (
     round_down,
     try_step,
 )
+from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
     from rb_sim.checks.check import Effort
@@ -45,9 +48,21 @@ ASTRAY = 5e-2
 normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
 
 
+MOST_TURN = np.pi
+"""Rotation in one fixed step [rad] above which a turn is not told from the opposite one."""
+
+ADVISED_TURN = 0.5
+"""Rotation in one step that methods of order 4 and above resolve [rad]."""
+
+
 def steps(run: Run) -> Look:
     """What the steps of the run show."""
-    return lambda seen: found_in(seen.block, seen.effort, seen.ledger.exchanged)
+
+    def look(seen: Seen) -> Iterator[Finding]:
+        yield from found_in(seen.block, seen.effort, seen.ledger.exchanged)
+        yield from turned(seen.block, seen.effort, run.layout.bodies)
+
+    return look
 
 
 def found_in(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
@@ -70,6 +85,28 @@ def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
         what = f"error of all steps of {effort.step:.3g} s, relative to the velocity or in rad,"
         finer = effort.finer_step(figure, MISSED)
         yield Finding("step", last, figure, MISSED, what, body, effort.advice(finer), finer)
+
+
+def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Iterator[Finding]:
+    """Whether a fixed step leaps over turns, as after a motion has blown up: neither probes nor
+    balances, whose samples do not resolve it, say so.
+
+    An adaptive method compares two formulas in every step, and may take a constant spin in one.
+    """
+    last = float(block.t[-1])
+    if effort.step is None or effort.tolerance is not None or last <= effort.kept_to:
+        return
+    # events cut steps; the last one reaches beyond the last sample
+    step = min(effort.step, last / (effort.steps - 1)) if effort.steps > 1 else effort.step
+    spin = norms(block.angular_velocity)
+    beyond = np.argwhere(spin * step > MOST_TURN)
+    if len(beyond):
+        i, body = (int(k) for k in beyond[0])
+        fastest = float(spin[i, body])
+        finer = round_down(ADVISED_TURN / fastest) if np.isfinite(fastest) else below(step)
+        what = f"rotation in one step of {step:.3g} s [rad]"
+        figure, t, advice = fastest * step, float(block.t[i]), effort.advice(finer)
+        yield Finding("step", t, figure, MOST_TURN, what, bodies[body], advice, finer)
 
 
 def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:

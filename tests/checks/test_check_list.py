@@ -167,6 +167,21 @@ def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleB
     assert "try step 0.0005 s" in str(found)
 
 
+@pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True), (1e200, True)])
+def test_more_than_half_a_turn_in_a_fixed_step_is_told(
+    swing: SampleBlock, spin: float, told: bool
+) -> None:
+    """In steps of 0.5 s half a turn is 2 pi rad/s. A motion that has blown up turns by more, and
+    samples that do not resolve it leave its balances silent."""
+    fast = replace(swing, angular_velocity=np.full_like(swing.angular_velocity, spin / 3.0**0.5))
+    found = findings(SWING, fast, Effort("gauss6", 0.5, None, 1))
+    assert ("step" in found) == told
+    if told:
+        assert found["step"].where == "rod" and found["step"].t == 0.0
+        assert "rotation in one step of 0.5 s" in str(found["step"])
+    assert "step" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2))
+
+
 def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
     events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
     block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))
