@@ -422,7 +422,10 @@ class Ledger:
     @property
     def exchanged(self) -> float:
         """What an error of the energy is compared with [J]."""
-        return 0.0 if self._last is None else self.balances()["energy"].scale
+        if self._last is None:
+            return 0.0
+        *_, size = self._work.total()
+        return self._energies.scale(float(size[0]))
 
     @property
     def at_rest(self) -> float:

@@ -28,7 +28,6 @@ from rb_sim.checks.check import (
     Seen,
     below,
     round_down,
-    try_step,
 )
 from rb_sim.numerics.rotations import norms
 
@@ -157,7 +156,7 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
     ):  # fmt: skip
         if figure > bound:
             finer = None if try_part is None else round_down(try_part * step)
-            advice = why if finer is None else f"{why}: {try_step(finer, effort.alone)}"
+            advice = why if finer is None else f"{why}: {effort.advice(finer)}"
             yield Finding("contact steps", t, figure, bound, what, where, advice, finer)
             return
 

@@ -149,11 +149,10 @@ def check_contacts(
     try:
         with np.errstate(all="ignore"):
             write_rows(system, t, y)
-        known = np.isfinite(system.touch[:, GAP : POINT + 3]).all()
+        require_nearest_points(system.touch)
     except ZeroDivisionError:
-        known = False
-    if not known:
         refuse_middle(scene, system, y, names, t)
+        raise
     if scene.simulation.project_initial:
         if not move_apart(system, y, laws, t):
             raise SceneError(
@@ -178,6 +177,13 @@ def check_contacts(
             refuse_initial(scene, name, problem)
 
 
+def require_nearest_points(touch: np.ndarray) -> None:
+    """Raise ZeroDivisionError if the geometry of a contact is not finite: compiled code gives that
+    where Python divides by zero."""
+    if not np.isfinite(touch[:, GAP : POINT + 3]).all():
+        raise ZeroDivisionError
+
+
 def refuse_middle(
     scene: Scene, system: ContactBodies, y: np.ndarray, names: list[str], t: float
 ) -> None:
@@ -187,10 +193,8 @@ def refuse_middle(
         try:
             with np.errstate(all="ignore"):
                 write_contact(placed, t, system, y, c)
-            known = np.isfinite(system.touch[c, GAP : POINT + 3]).all()
+            require_nearest_points(system.touch[c : c + 1])
         except ZeroDivisionError:
-            known = False
-        if not known:
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
             raise SceneError(
@@ -199,7 +203,7 @@ def refuse_middle(
                 "body, by 0.1 rad say",
                 key=f"constraints.{name}",
                 file=scene.file,
-            )
+            ) from None
 
 
 def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: float) -> bool:

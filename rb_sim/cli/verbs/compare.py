@@ -113,7 +113,7 @@ def first_tracks(options: CompareOptions) -> Tracks:
             scene = options.a if kind == "a scene" else "SCENE"
             way = f"record one first: rb_sim run {scene} --out DIR"
         raise RbSimError(f"BAG: got {options.a}, {kind}; must be a bag, {way}")
-    is_scene = other.suffix not in (*BAGS, *TEXTS) and not other.is_dir()
+    is_scene = other.suffix not in TEXTS and not _is_bag(other)
     scene = None
     if is_scene and reader_of(options.a, unfinished=True) is None:
         scene = load_scene(find_scene(options.b))

@@ -101,7 +101,7 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options applied. Raises SceneError, RbSimError."""
     from rb_sim.cli.verbs.scenes import scene_to_run
-    from rb_sim.io.bag.reader import with_value
+    from rb_sim.io.bag.reader import with_values
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
 
@@ -113,9 +113,7 @@ def scene_of(options: RunOptions) -> Scene:
             scene = scene_to_run(options.scene, overrides)
         if not options.changes:
             return scene
-        data = yaml_reader.parse(as_run_text(scene), scene.file)
-        for change in options.changes:
-            data = with_value(data, change)
+        data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.changes)
         return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
         section, _, name = error.key.partition(".")

@@ -120,16 +120,14 @@ def with_changes(
     load: load_scene, which takes `overrides` as well, or load_statics.
     Raises SceneError, and RbSimError for what is no KEY=VALUE.
     """
-    from rb_sim.io.bag.reader import with_value
+    from rb_sim.io.bag.reader import with_values
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
 
     path = find_scene(str(name_or_path))
     if not changes:
         return load(path, **overrides)
-    data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
-    for change in changes:
-        data = with_value(data, change)
+    data = with_values(yaml_reader.parse(yaml_reader.read_text(path), str(path)), changes)
     return load(data, name=path.stem, file=str(path), **overrides)
 
 

@@ -528,10 +528,15 @@ def scene_as_run(
         options |= {"method": choice["method"], "step": None, "tolerance": None}
         options |= {k: choice[k] for k in ("step", "tolerance") if choice.get(k)}
         options = {key: value for key, value in options.items() if value is not None}
-    data = {**data, "simulation": options}
+    data = with_values({**data, "simulation": options}, changes)
+    return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
+
+
+def with_values(data: Mapping[str, Any], changes: Sequence[str]) -> Mapping[str, Any]:
+    """Scene data with several values replaced one after the other, each as in `with_value`."""
     for change in changes:
         data = with_value(data, change)
-    return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
+    return data
 
 
 def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
