@@ -75,20 +75,6 @@ def test_the_bag_has_the_rate_of_the_twist(tmp_path: Path) -> None:
     np.testing.assert_allclose(rock[2:-2], rate, atol=1e-7)
 
 
-def test_without_being_asked_for_it_has_none_and_reads_the_same(tmp_path: Path) -> None:
-    interpreted(recorded, FALLING, tmp_path / "plain", False)
-    interpreted(recorded, FALLING, tmp_path / "asked")
-    with AnyReader(
-        [tmp_path / "plain"], default_typestore=get_typestore(Stores.ROS2_JAZZY)
-    ) as reader:
-        assert not [c.topic for c in reader.connections if c.topic.endswith("/accel")]
-    plain, asked = (
-        [block.position for block in BagReader(tmp_path / name).blocks()]
-        for name in ("plain", "asked")
-    )
-    np.testing.assert_array_equal(np.concatenate(plain), np.concatenate(asked))
-
-
 def test_a_run_of_the_bag_has_them_again(tmp_path: Path) -> None:
     interpreted(recorded, FALLING, tmp_path / "bag")
     interpreted(again, tmp_path / "bag", tmp_path / "again")

@@ -29,16 +29,12 @@ import yaml
 from mcap.exceptions import EndOfFile
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.base.errors import SinkError
-from rb_sim.io.bag import batches as bag_batches
 from rb_sim.io.bag import file
 from rb_sim.io.bag.bag_sink import BagSink
-from rb_sim.io.bag.batches import BagScan
-from rb_sim.io.bag.file import Draft
 from rb_sim.io.bag.folder import recover_bag
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, empty_block
@@ -139,20 +135,6 @@ def test_samples_written_together_are_those_written_one_by_one(
     assert found[0] == found[1]
 
 
-def test_the_log_goes_on_where_a_simulation_was_reset(tmp_path, scene, layout, samples):
-    sink = BagSink(tmp_path / "bag", start_ns=START)
-    sink.open(scene, layout)
-    sink.write(samples(100))
-    sink.write(samples(50))
-    sink.close()
-    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
-        messages = mcap.reader.make_reader(file).iter_messages(["/clock"], log_time_order=False)
-        times = [message.log_time for _, _, message in messages]
-    assert len(times) == 150 and times == sorted(times)
-    block = next(BagReader(tmp_path / "bag").blocks())
-    np.testing.assert_allclose(block.t, np.r_[samples(100).t, samples(50).t], rtol=0, atol=1e-9)
-
-
 def test_a_bag_without_samples_opens(record):
     bag = record(n=0)
     assert list(BagReader(bag).blocks()) == []
@@ -190,51 +172,10 @@ def test_memory_does_not_grow_with_samples(tmp_path, scene, layout, samples):
     assert peaks[1] < 1.1 * peaks[0]
 
 
-def test_log_times_are_simulated_time(tmp_path, scene, layout, samples):
-    sink = BagSink(tmp_path / "bag")
-    sink.open(scene, layout)
-    sink.write(samples(3))
-    sink.close()
-    assert BagReader(tmp_path / "bag").start == 0
-    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
-        clocks = mcap.reader.make_reader(file).iter_messages(["/clock"])
-        assert [message.log_time for *_, message in clocks] == [0, 10_000_000, 20_000_000]
-
-
 # How much of a bag is read at once.
 
 
 CHANNELS, EACH = 8, 40
-
-
-def bag(path: Path) -> Path:
-    """Messages of all channels in turns, in small chunks."""
-    with path.open("wb") as file:
-        writer = Writer(file, chunk_size=300)
-        writer.start(profile="ros2", library="somebody")
-        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
-        channels = [writer.register_channel(f"/x{k}", "cdr", schema) for k in range(CHANNELS)]
-        for n in range(EACH):
-            for k, channel in enumerate(channels):
-                stamp = n * 1000 + k
-                writer.add_message(channel, stamp, bytes(12), stamp, n)
-        writer.finish()
-    return path
-
-
-def test_batches_grow_with_the_channels(tmp_path, monkeypatch):
-    """What is done once for each channel of a batch costs as much for one message as for many."""
-    path = bag(tmp_path / "x.mcap")
-    monkeypatch.setattr(bag_batches, "_TOGETHER", 600)
-    few = list(BagScan(path).batches())
-    monkeypatch.setattr(bag_batches, "_CHANNELS", 2)
-    many = list(BagScan(path).batches())
-    assert len(few) > 3 * len(many) > 3
-    for batches in (few, many):
-        for channel in range(1, CHANNELS + 1):
-            parts = [batch[channel].log_time for batch in batches if channel in batch]
-            expected = np.arange(EACH) * 1000 + channel - 1
-            np.testing.assert_array_equal(np.concatenate(parts), expected)
 
 
 # What waits in the open chunk of a bag is at the end of the file, for whoever reads it then.
@@ -288,20 +229,6 @@ def test_drafts_leave_no_trace(
         sink.close({"steps": 7, "wall_time": period})
         files.append((tmp_path / name / "bag_0.mcap").read_bytes())
     assert files[0] == files[1]
-
-
-def test_a_draft_waits_for_half_a_second() -> None:
-    now = 10.0
-    draft = Draft(lambda: now)
-    assert not draft.due
-    draft.wait()
-    assert not draft.due
-    now += file.PERIOD / 2.0
-    draft.wait()
-    now += file.PERIOD / 2.0
-    assert draft.due
-    draft.clear()
-    assert not draft.due
 
 
 def test_no_room_for_a_draft_is_no_failure(

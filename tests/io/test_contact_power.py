@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.io.contact_power import contact_power, contacts_of, smooth_power
+from rb_sim.io.contact_power import contact_power, smooth_power
 
 FRICTION = {"type": "coulomb", "static": 0.3}
 
@@ -97,9 +97,3 @@ def test_it_is_the_rate_of_the_work(name: str) -> None:
     np.testing.assert_allclose(power[inner], rate, rtol=1e-6)
     smooth = smooth_power(block, scene, layout)
     np.testing.assert_allclose(smooth, block.power - power, rtol=0.0, atol=1e-12)
-
-
-def test_what_touches() -> None:
-    scene = load_scene(SCENES["rigid"])
-    assert list(contacts_of(scene)) == ["rub"]
-    assert list(contacts_of(load_scene(SCENES["string"]))) == ["link"]

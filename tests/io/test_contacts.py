@@ -25,7 +25,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.io.messages.topics import TopicTable
 from rb_sim.io.run_plots import PlotSink
 from rb_sim.mechanics.samples import (
     ARRAYS,
@@ -147,19 +146,6 @@ def test_rosbags_finds_the_events_at_their_instants(tmp_path, scene):
         values = {pair.key: float(pair.value) for pair in status.values}
         assert values["t"] == event.t
         assert tuple(values[f"impulse_{axis}"] for axis in "xyz") == event.impulse
-
-
-def test_ros_takes_the_names_of_points(scene):
-    names = pytest.importorskip("rclpy.validate_full_topic_name", reason="no ROS here")
-    table = TopicTable(scene, LAYOUT)
-    for topic in table.topics:
-        assert names.validate_full_topic_name(topic.full_name())
-
-
-def test_events_go_before_the_first_sample_that_is_not_earlier(scene):
-    instants = list(TopicTable(scene, LAYOUT).messages(concatenate(blocks(), LAYOUT)))
-    reported = {k: len(instant.events) for k, instant in enumerate(instants) if instant.events}
-    assert reported == {0: 1, 13: 2, 35: 1, 99: 1}
 
 
 def test_a_bag_without_contacts_does_not_mention_them(tmp_path):

@@ -18,7 +18,7 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.io.panels import Balance
-from rb_sim.io.sink import Envelope, Thinned, Timeline, stretches
+from rb_sim.io.sink import Envelope, Thinned
 from rb_sim.mechanics.samples import SampleBlock, concatenate
 
 RATE = 100
@@ -87,15 +87,6 @@ def test_a_reset_is_no_lost_energy_and_a_new_state_no_work(together: bool):
     np.testing.assert_allclose(work, change, atol=2e-3 * np.abs(change).max())
 
 
-def test_a_block_is_cut_where_the_run_begins_anew():
-    simulation, blocks = run()
-    cut = list(stretches(concatenate(blocks, simulation.layout)))
-    assert [len(part) for part, _ in cut] == [RESET, SET - RESET, END - SET]
-    assert [given and bool(given.state) for _, given in cut] == [None, False, True]
-    again = np.concatenate([part.t for part, _ in cut])
-    np.testing.assert_array_equal(again, np.arange(END) / RATE_RESTARTS)
-
-
 # Fewer points in bounded memory, with every peak kept.
 
 
@@ -127,14 +118,6 @@ def test_envelope_keeps_the_extremes(n):
     np.testing.assert_array_equal(curves[1::2], np.maximum.reduceat(values, starts))
 
 
-def test_envelope_takes_single_samples():
-    envelope = Envelope(1, capacity=16)
-    for k in range(5000):
-        envelope.add(np.array([float(k)]), np.array([[1.0 if k == 3333 else 0.0]]))
-    _, curves = envelope.curves()
-    assert curves.max() == 1.0 and len(curves) <= 64
-
-
 def test_thinned_keeps_both_ends():
     random = np.random.default_rng(0)
     rows = np.c_[np.arange(10_007.0), np.arange(10_007.0) ** 2]
@@ -148,10 +131,3 @@ def test_thinned_keeps_both_ends():
     np.testing.assert_array_equal(kept[0], rows[0])
     np.testing.assert_array_equal(kept[-1], rows[-1])
     assert set(np.diff(kept[:-1, 0])) == {256.0}
-
-
-def test_timeline_goes_on_after_a_reset():
-    timeline = Timeline()
-    follow = [timeline.follow(np.array(t)) for t in ([0.0, 1, 2], [], [2.0, 3, 0, 1], [0.0, 5])]
-    expected = [0, 1, 2, 2, 3, 3, 4, 4, 9]
-    np.testing.assert_array_equal(np.concatenate(follow), expected)

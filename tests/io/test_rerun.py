@@ -12,12 +12,9 @@
 from __future__ import annotations
 
 import builtins
-import errno
-import random
 import shutil
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -244,17 +241,6 @@ def test_a_plane_on_a_body_is_shown_by_its_shape(tmp_path, parent):
 
 
 @needs_rerun
-@pytest.mark.parametrize(
-    ("value", "nice"),
-    [(19.62, 20), (1.0, 1), (0.7, 0.5), (4.1, 5), (0, 1), (np.inf, 1), (8e-9, 1e-8)],
-)
-def test_arrow_scales_are_round_numbers(value, nice):
-    from rb_sim.io.rerun.arrow_scales import nice as rounded
-
-    assert rounded(value) == pytest.approx(nice, rel=1e-12)
-
-
-@needs_rerun
 def test_rows_go_to_the_file_in_blocks(tmp_path, scene, layout, samples):
     """At most ROWS samples are held; nothing is lost and the order of times is kept."""
     from rb_sim.io.rerun import rerun_sink as rerun
@@ -370,11 +356,6 @@ def test_without_rerun_the_error_says_what_to_install(tmp_path, monkeypatch):
         RerunSink(tmp_path / "r.rrd")
 
 
-def test_importing_the_sink_does_not_import_rerun():
-    code = "import rb_sim.io.rerun.rerun_sink, sys; assert 'rerun' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-
-
 @needs_rerun
 def test_far_from_the_origin_places_are_counted_from_a_local_one(tmp_path):
     """The viewer counts in single precision, which at 4,200 km tells half metres apart."""
@@ -449,48 +430,8 @@ def test_arrows_have_one_scale_however_the_samples_came(tmp_path):
 
     one, many = scale(1001), scale(10)
     assert one == many
+    assert f"{1.0 / one:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")  # m/s for a metre
     assert 0.05 < one * 9.81 * 2.5 < 50.0  # the median speed, as long as an eighth of the way
 
 
 # A pipe into a file: all bytes arrive, and a disk that fails does not stop the writer.
-
-
-def feed(file: PipedFile, data: bytes) -> None:
-    """Write as another program would: by name, and more than the pipe holds."""
-    with open(file.name, "wb") as writer:
-        file.opened()
-        for start in range(0, len(data), 10_000):
-            writer.write(data[start : start + 10_000])
-    file.wait()
-
-
-def test_all_bytes_arrive(tmp_path):
-    data = random.Random(0).randbytes(3_000_000)
-    path = tmp_path / "file"
-    path.write_bytes(b"what was there before, and longer" * 200_000)
-    file = PipedFile(path)
-    assert file.free > 0 and not file.vanished
-    feed(file, data)
-    assert file.error is None and path.read_bytes() == data
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full: not Linux")
-def test_a_full_disk_is_kept_from_the_writer():
-    file = PipedFile(Path("/dev/full"))
-    writer = threading.Thread(target=feed, args=(file, bytes(1_000_000)), daemon=True)
-    writer.start()
-    writer.join(timeout=30)
-    assert not writer.is_alive()
-    assert file.error is not None and file.error.errno == errno.ENOSPC
-
-
-def test_a_removed_file_is_noticed(tmp_path):
-    file = PipedFile(tmp_path / "file")
-    (tmp_path / "file").unlink()
-    assert file.vanished
-    feed(file, b"for nobody")
-
-
-def test_a_folder_that_is_not_there(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        PipedFile(tmp_path / "none" / "file")

@@ -163,14 +163,6 @@ def test_joint_states_count_turns_however_the_samples_come(tmp_path, pieces):
     np.testing.assert_allclose(stamps, block.t, atol=1e-9)
 
 
-def test_joint_states_begin_anew_after_a_reset():
-    scene, layout, block = wheel(20)
-    block = replace(block, inputs=(Input(10, 0.0, ""),))
-    angles = JointTable(scene, layout).values(block)[:, 0]
-    np.testing.assert_allclose(angles[:10], SPIN * block.t[:10], atol=1e-9)
-    np.testing.assert_allclose(angles[10:], SPIN * (block.t[10:] - block.t[10]), atol=1e-9)
-
-
 def test_a_scene_without_joints_has_no_joint_states(tmp_path):
     _, layout, block = wheel(5)
     sink = BagSink(tmp_path / "bag")
