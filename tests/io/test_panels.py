@@ -18,7 +18,7 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.io.panels import Balance
-from rb_sim.io.sink import Envelope, Thinned
+from rb_sim.io.sink import Envelope, Thinned, Timeline
 from rb_sim.mechanics.samples import SampleBlock, concatenate
 
 RATE = 100
@@ -131,3 +131,10 @@ def test_thinned_keeps_both_ends():
     np.testing.assert_array_equal(kept[0], rows[0])
     np.testing.assert_array_equal(kept[-1], rows[-1])
     assert set(np.diff(kept[:-1, 0])) == {256.0}
+
+
+def test_timeline_goes_on_after_a_reset():
+    timeline = Timeline()
+    follow = [timeline.follow(np.array(t)) for t in ([0.0, 1, 2], [], [2.0, 3, 0, 1], [0.0, 5])]
+    expected = [0, 1, 2, 2, 3, 3, 4, 4, 9]
+    np.testing.assert_array_equal(np.concatenate(follow), expected)
