@@ -103,18 +103,6 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
     return seen
 
 
-def looked_at() -> tuple[int, int]:
-    """Samples looked at while nobody asks, before a batch is full and after."""
-    simulation = simulation_of()
-    check_list = CheckSink(simulation)
-    row = simulation.sample_row()
-    for _ in range(BATCH - 1):
-        check_list.write_row(row)
-    before = check_list._check_list.ledger.samples
-    check_list.write_row(row)
-    return before, check_list._check_list.ledger.samples
-
-
 def test_a_broken_balance_is_a_warning_until_reset() -> None:
     """Semi-implicit Euler on a fast top gains energy; a failure goes before, and keeps it."""
     start, broken, failed, again = interpreted(reports)
@@ -130,10 +118,6 @@ def test_a_broken_balance_is_a_warning_until_reset() -> None:
     assert failed[3] == said, "each is said once"
     assert again[:2] == (DiagnosticStatus.OK, "paused")
     assert not any(key.startswith("warning") for key in again[2])
-
-
-def test_samples_that_wait_are_bounded() -> None:
-    assert interpreted(looked_at) == (0, BATCH)
 
 
 def unheard() -> tuple[int, list[str], int]:

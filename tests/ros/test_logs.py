@@ -26,7 +26,6 @@ from rb_sim.io.bag.reader import BagReader
 from rb_sim.ros import log_process as process
 from rb_sim.ros.log_process import Begin, Block, End, LogProcess, Opened, Plan, frame
 from rb_sim.ros.log_writer import claim, out_folder, own_folder
-from rb_sim.ros.parameters import Settings
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
@@ -105,18 +104,6 @@ def test_the_bag_goes_on_in_another_file_by_size_or_by_duration(sphere, start, t
     assert names == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap", "bag_3.mcap"]
     poses = bags.read(out / "bag")["/rb_sim/ball/pose"]
     assert poses.t == pytest.approx([k / 100 for k in range(101)], abs=1e-9)
-
-
-def test_a_file_of_too_few_bytes_is_refused(sphere, start, tmp_path: Path):
-    node = start(sphere, ready=False, out=tmp_path / "run", split_size=5000)
-    assert node.wait() == 1
-    assert "parameter split_size: got 5000; must be 0 (never) or at least 100000" in node.text
-    assert not (tmp_path / "run" / "bag").exists()
-
-
-def test_the_size_reaches_the_bag():
-    assert Settings(split_size=200_000).split == {"split_size": 200_000, "split_duration": None}
-    assert Settings().split == {"split_size": None, "split_duration": None}
 
 
 # The queue to the process that writes the logs, where that does not keep up.

@@ -11,6 +11,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,23 +63,58 @@ def test_a_right_value_is_accepted(name, value):
     assert refusal(name, value) is None
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"rate": -5.0}, "parameter rate: -5.0 is outside [0, 100000]"),
-        ({"method": "euler", "tolerance": 1e-6}, "tolerance"),
-    ],
-)
-def test_a_wrong_start_value_is_one_line_and_no_start(values, words, sphere, start):
-    node = start(sphere, ready=False, **values)
-    assert node.wait() == 1
-    assert words in node.text
-    assert "Traceback" not in node.text
-    assert len([line for line in node.text.splitlines() if "[INFO]" not in line]) == 1
+EACH_IN_TURN = """
+import json, sys
+from rclpy.utilities import try_shutdown
+from rb_sim.ros import main
+for arguments in json.loads(sys.argv[1]):
+    status = main.main(arguments)
+    try_shutdown()
+    print(f"ended with {status}", file=sys.stderr, flush=True)
+"""
+POSE = "qos_overrides./rb_sim/ball/pose.publisher"
+REFUSED: list[tuple[list[str] | dict[str, object], str]] = [
+    ([], "'' is no scene file"),
+    (["missing.yaml"], "missing.yaml"),
+    (["--what"], "must be SCENE"),
+    (["heavy_top", "bogus"], "got 'bogus'; must be SCENE"),
+    (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
+    ({"out": "x" * 300}, "parameter out: xxx"),
+    ({"out": "file/out"}, "file/out/bag: cannot record here"),
+    ({"rate": -5.0}, "parameter rate: -5.0 is outside [0, 100000]"),
+    ({"method": "euler", "tolerance": 1e-6}, "tolerance"),
+    ({"imu": "moon"}, "parameter imu: got body 'moon'; must be one of ball"),
+    ({"split_size": 5000, "out": "run"}, "split_size: got 5000; must be 0 (never) or at least"),
+    ({f"{POSE}.reliability": "perhaps"}, "topic ~/ball/pose: its qos_overrides are refused: "),
+    ({f"{POSE}.depth": 0}, "depth: got 0; must be 1 to 1000000"),
+]
+"""Arguments or parameters of a node of the sphere, and words of the line that refuses them."""
 
 
-def test_ranges_and_meanings_are_told(sphere, start, client: Client):
-    start(sphere)
+def test_a_wrong_start_is_one_line(sphere, tmp_path: Path):
+    """All in one process, which takes as long to start as ten of them do."""
+    (tmp_path / "file").write_text("")
+    every = []
+    for given, _ in REFUSED:
+        if isinstance(given, dict):
+            values = [word for name in given for word in ("-p", f"{name}:={given[name]}")]
+            given = [str(sphere), "--ros-args", "-p", "discovery:=0.0", *values]
+        every.append(given)
+    command = [sys.executable, "-c", EACH_IN_TURN, json.dumps(every)]
+    said = subprocess.run(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ).stdout
+    *parts, rest = said.split("ended with 1\n")
+    assert rest == "" and len(parts) == len(REFUSED), said
+    for part, (_, words) in zip(parts, REFUSED, strict=True):
+        (line,) = [line for line in part.splitlines() if "[INFO]" not in line]
+        assert words in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
+
+
+def test_changes_while_running(sphere, start, client: Client):
+    """And what they are is told: ranges, meanings, which may change."""
+    node = start(sphere)
     described = client.describe("real_time_factor")
     assert "as fast as possible" in described.description
     (limits,) = described.floating_point_range
@@ -84,10 +122,6 @@ def test_ranges_and_meanings_are_told(sphere, start, client: Client):
     assert not described.read_only
     assert client.describe("rate").read_only
     assert "dopri853" in client.describe("method").additional_constraints
-
-
-def test_changes_while_running(sphere, start, client: Client):
-    node = start(sphere)
     for value, reason in (
         (-1.0, "out of range"),
         (float("nan"), "out"),
@@ -110,17 +144,13 @@ def test_changes_while_running(sphere, start, client: Client):
     assert node.process.poll() is None
 
 
-def test_scene_values_are_overridden_by_parameters(sphere, start):
-    node = start(sphere, rate=250, method="rk4", step=0.001, duration=0.1)
-    assert "250 samples per second" in node.text
-    assert node.wait() == 0
-    assert "stopped at t = 0.1 s (duration over)" in node.text
-
-
 def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, start):
-    """A safety limit that is misspelt limits nothing."""
+    """A safety limit that is misspelt limits nothing; those that it has go before the scene's."""
     node = start(
         sphere,
+        rate=250,
+        method="rk4",
+        step=0.001,
         duration=0.1,
         max_forse=5.0,
         joint_state=True,
@@ -133,4 +163,6 @@ def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, st
     assert node.wait() == 0
     words = "joint_state (did you mean joint_states?), max_forse (did you mean max_force?);"
     assert node.text.count("unknown parameters") == 2, node.text
+    assert "250 samples per second" in node.text
+    assert "stopped at t = 0.1 s (duration over)" in node.text
     assert words in node.text and "parameters: qos_overrides./clokc.publisher.depth;" in node.text

@@ -64,13 +64,10 @@ simulation: {duration: 1000.0, rate: 100}
 """
 
 
-@pytest.mark.parametrize("profile", [10, qos_profile_sensor_data], ids=["reliable", "best effort"])
-def test_who_comes_in_a_pause_gets_the_last_sample(
-    tmp_path, start, client: Client, transforms, profile
-):
-    """By ordinary (volatile) subscriptions, as tf's and those of robot_state_publisher are: poses,
-    transforms and joint states of one instant, each once, and what nobody new listens to is not
-    sent again."""
+def test_who_comes_in_a_pause_gets_the_last_sample(tmp_path, start, client: Client, transforms):
+    """By ordinary (volatile) subscriptions, as tf's and those of robot_state_publisher are, or by
+    best effort: poses, transforms and joint states of one instant, each once, and what nobody new
+    listens to is not sent again."""
     scene = tmp_path / "slider.yaml"
     scene.write_text(SLIDER)
     start(scene, joint_states=True, odometry=True, start_paused=True)
@@ -79,23 +76,29 @@ def test_who_comes_in_a_pause_gets_the_last_sample(
     client.until(lambda: stamp_of(twists[-1]) >= 0.05, "the last twist")
     client.spin(0.5)
     heard, now = len(twists), stamp_of(twists[-1])
-    late: dict[str, list] = {
-        "slider/pose": [],
-        "/tf": [],
-        "joint_states": [],
-        "slider/odometry": [],
+    kinds = {
+        f"{NAME}/slider/pose": PoseStamped,
+        "/tf": transforms,
+        f"{NAME}/joint_states": JointState,
+        f"{NAME}/slider/odometry": Odometry,
     }
-    kinds = (PoseStamped, transforms, JointState, Odometry)
-    for (topic, found), kind in zip(late.items(), kinds, strict=True):
-        name = topic if topic.startswith("/") else f"{NAME}/{topic}"
-        client.node.create_subscription(kind, name, found.append, profile)
-    client.until(lambda: all(late.values()), "the last sample")
-    client.spin(1.0)
-    assert {topic: [stamp_of(one) for one in found] for topic, found in late.items()} == {
-        topic: [now] for topic in late
-    }
-    assert late["joint_states"][0].position[0] == pytest.approx(now, abs=1e-9)
-    assert late["slider/pose"][0].pose.position.x == pytest.approx(now, abs=1e-9)
+    for profile in (10, qos_profile_sensor_data):
+        late: dict[str, list] = {topic: [] for topic in kinds}
+        subscriptions = [
+            client.node.create_subscription(kind, topic, late[topic].append, profile)
+            for topic, kind in kinds.items()
+        ]
+        client.until(lambda late=late: all(late.values()), "the last sample")
+        client.spin(1.0)
+        assert {topic: [*map(stamp_of, found)] for topic, found in late.items()} == {
+            topic: [now] for topic in late
+        }
+        joints, pose = late[f"{NAME}/joint_states"][0], late[f"{NAME}/slider/pose"][0]
+        assert joints.position[0] == pytest.approx(now, abs=1e-9)
+        assert pose.pose.position.x == pytest.approx(now, abs=1e-9)
+        for subscription in subscriptions:
+            client.node.destroy_subscription(subscription)
+        client.spin(0.5)
     assert len(twists) == heard
 
 

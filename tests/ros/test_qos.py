@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -73,20 +72,6 @@ def test_the_standard_parameters_override_the_quality_of_service(sphere, start, 
     topics = client.node.get_publisher_names_and_types_by_node("rb_sim", "/")
     theirs = {"/rosout", "/parameter_events"}  # of rclpy itself
     assert {name for name, _ in topics} - overridable == theirs
-
-
-@pytest.mark.parametrize(
-    ("wrong", "why"),
-    [
-        ("reliability:=perhaps", "perhaps"),
-        ("depth:=0", "depth: got 0; must be 1 to 1000000"),
-    ],
-)
-def test_an_override_that_ros_does_not_know_is_one_line(wrong, why, sphere, start):
-    node = start(sphere, ready=False, ros=("-p", f"{OVERRIDES}.{wrong}"))
-    assert node.wait() == 1
-    (line,) = [line for line in node.text.splitlines() if "[INFO]" not in line]
-    assert "topic ~/ball/pose: its qos_overrides are refused" in line and why in line
 
 
 def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):

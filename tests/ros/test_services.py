@@ -50,13 +50,7 @@ def test_step_is_one_sample_period_with_its_clock_and_only_while_paused(
     # a clock that stands still is told again and again
     times = sorted({seconds(message.clock) for message in clocks})
     np.testing.assert_allclose(times[-5:], before + 0.01 * np.arange(1, 6), atol=1e-9)
-
-
-def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start, client: Client):
-    start(sphere)
-    clocks = client.listen(Clock, "/clock")
-    client.until(lambda: clocks, "clock")
-    assert client.pause().success
+    # nothing moves while it is paused, and going on does not catch up
     client.until_it_stands(clocks)
     stopped, count = clocks[-1].clock, len(clocks)
     client.until(lambda: len(clocks) >= count + 3, "the time, again and again")
@@ -65,6 +59,9 @@ def test_nothing_moves_while_paused_and_going_on_does_not_catch_up(sphere, start
     client.until(lambda: clocks[-1].clock != stopped, "clock again")
     after = next(seconds(m.clock) for m in clocks[count:] if m.clock != stopped)
     assert after == pytest.approx(seconds(stopped) + 0.01, abs=1e-9)
+    # without their package there are no services of simulation_interfaces
+    names = {name for name, _ in client.node.get_service_names_and_types()}
+    assert "/rb_sim/pause" in names and "/rb_sim/step_simulation" not in names
 
 
 def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: Client, tmp_path):
@@ -149,13 +146,6 @@ SOURCES = {
     "srv/StepSimulation.srv": "uint64 steps\n---\nResult result\n",
     "srv/ResetSimulation.srv": constants("SCOPE_", SCOPES) + "uint8 scope\n---\nResult result\n",
 }
-
-
-def test_without_the_package_there_are_none_of_its_services(sphere, start, client: Client):
-    start(sphere)
-    client.until(lambda: client.pause().success, "the node")
-    names = {name for name, _ in client.node.get_service_names_and_types()}
-    assert "/rb_sim/pause" in names and "/rb_sim/step_simulation" not in names
 
 
 @pytest.fixture(scope="module")
