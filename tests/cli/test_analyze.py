@@ -46,7 +46,6 @@ def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     ("scene", "duration", "said", "times"),
     [
         # of a box its lower corners, not the upper ones; the gap is 0 or rounding of either sign
-        ("stick_slip", 0.5, ": closed; largest overlap", 1),
         ("incline_block", 0.5, ": closed; largest overlap", 4),
         ("bouncing_ball", 0.1, "never closed; smallest gap 0.", 1),
     ],

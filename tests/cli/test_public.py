@@ -131,15 +131,6 @@ def test_pitch_goes_on_beyond_a_quarter_turn():
     np.testing.assert_allclose(run.euler_angles["a"], expected, atol=1e-7)
 
 
-def test_all_errors_of_a_scene_at_once():
-    scene = {"bodies": {"a": {"mass": -1.0, "inertia": [1, 1, 1], "colour": "red"}, "b": {}}}
-    with pytest.raises(rb_sim.SceneError) as error:
-        rb_sim.load_scene(scene)
-    for key in ("bodies.a.colour: unknown key", "bodies.b.mass: is missing"):
-        assert key in str(error.value)
-    assert "\n" not in str(error.value)
-
-
 def test_run_takes_values_and_scenes_shows_one(capsys: pytest.CaptureFixture[str]):
     from rb_sim.cli.verbs.run import RunOptions, scene_of
 
