@@ -109,12 +109,6 @@ def test_drag_does_the_work_that_the_body_loses():
     assert ledger.momentum() is None
 
 
-def test_nothing_logged_balances_nothing():
-    scene = load_scene(DRAGGED)
-    ledger = Ledger(scene, Simulation(scene).layout)
-    assert ledger.energy() is None and ledger.momentum() is None and ledger.end is None
-
-
 @pytest.mark.parametrize("interpolation", ["hold", "linear"])
 @pytest.mark.parametrize("rate", [100.0, 37.0])
 def test_the_work_of_a_table_is_integrated_over_its_pieces(interpolation: str, rate: float):
@@ -293,14 +287,6 @@ def test_what_acts_from_outside_by_hand() -> None:
         torque += np.cross(p_a, f) + tau + np.cross(origin, push) + block.command[k, 0, 3:]
         torque += np.cross(block.anchor[k, 0], pull) + block.reaction_torque[k, 0]
         assert_allclose(found[k], [*force, *torque], rtol=1e-13, atol=1e-12)
-
-
-def test_a_weight_of_one_body_alone() -> None:
-    weight = {"type": "gravity", "acceleration": [0.0, 0.0, -1.0], "bodies": ["b"]}
-    names, block = SampleLayout(("a", "b"), (), (), ()), drawn(4)
-    found = external_wrench(block, scene_of({"weight": weight}), names)
-    arms = np.cross(block.position[:, 1], [0.0, 0.0, -3.0])
-    assert_allclose(found, np.hstack([[[0.0, 0.0, -3.0]] * 2, arms]), atol=1e-15)
 
 
 @pytest.mark.parametrize(

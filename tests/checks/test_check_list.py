@@ -157,16 +157,6 @@ def test_a_constraint_of_a_state_without_an_attitude_is_named_as_well(swing: Sam
     assert findings(SWING, spoilt)["residual"].where == "hinge"
 
 
-def test_steps_that_left_their_friction_problem_unsolved_are_told(swing: SampleBlock) -> None:
-    solved = Effort("time_stepping", 1e-3, None, 1000)
-    assert "contact steps" not in findings(SWING, swing, solved)
-    found = findings(SWING, swing, solved._replace(unsolved=3, solver_residual=0.02))[
-        "contact steps"
-    ]
-    assert found.where == "3 of 1000 steps" and found.figure == 0.02 and found.t <= 1.0
-    assert "try step 0.0005 s" in str(found)
-
-
 @pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True), (1e200, True)])
 def test_more_than_half_a_turn_in_a_fixed_step_is_told(
     swing: SampleBlock, spin: float, told: bool
@@ -187,12 +177,6 @@ def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
     block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))
     mapping = SWING | {"constraints": SWING["constraints"]}
     assert findings(mapping, block, contacts=("floor",))["events"].where == "floor"
-
-
-def test_a_run_too_coarsely_sampled_is_not_accused() -> None:
-    """Three samples to a turn: the integral of the power is unknown, so nothing is said."""
-    mapping = SWING | {"simulation": SWING["simulation"] | {"rate": 3.0, "duration": 6.0}}
-    assert findings(mapping, trajectory(mapping)) == {}
 
 
 def test_a_body_at_rest_has_no_balance_to_break() -> None:

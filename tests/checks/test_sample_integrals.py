@@ -46,22 +46,6 @@ def test_cubic_is_exact_on_any_grid(n):
     np.testing.assert_allclose(integral(t, f, []), want, rtol=1e-13)
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 3])
-def test_few_samples_take_the_polynomial_through_them(n):
-    t = np.linspace(1.0, 2.0, n)
-    f = t[:, None] ** max(n - 1, 0)
-    want = (t[-1] ** n - t[0] ** n) / n if n else 0.0
-    np.testing.assert_allclose(integral(t, f, []), [want], atol=1e-14)
-
-
-def test_order_four():
-    errors = []
-    for n in (161, 321):
-        t = np.linspace(0.0, 3.0, n)
-        errors.append(abs(integral(t, np.sin(3.0 * t)[:, None], [])[0] - (1 - np.cos(9.0)) / 3.0))
-    assert np.log2(errors[0] / errors[1]) > 3.8
-
-
 @pytest.mark.parametrize("cuts", [[1], [1, 2, 3, 4, 5], [10, 11, 40], [49]])
 def test_blocks_do_not_matter(cuts):
     t = np.linspace(0.0, 1.0, 50)
@@ -69,14 +53,6 @@ def test_blocks_do_not_matter(cuts):
     np.testing.assert_allclose(integral(t, f, cuts), integral(t, f, []), rtol=1e-14)
     got, whole = (integrals(t, f, c) for c in (cuts, []))
     np.testing.assert_allclose(got, whole, rtol=1e-9, atol=1e-14)
-
-
-@pytest.mark.parametrize("n", [60, 61])
-def test_cubics_without_their_farthest_samples_bound_the_error(n):
-    t = np.linspace(0.0, 2.0, n)
-    total, doubt, _ = integrals(t, np.sin(9.0 * t)[:, None], [7])
-    error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
-    assert error < doubt[0] < 200.0 * error
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
@@ -153,26 +129,6 @@ def test_what_decays_between_two_samples_is_in_doubt(decay: float) -> None:
     got, doubt, _ = rule.total()
     error = abs(got[0] - decay * (1.0 - np.exp(-0.5 / decay)))
     assert error <= DOUBTS * doubt[0] + 1e-15
-
-
-def test_the_integral_of_the_size_is_that_of_trapezoids() -> None:
-    """Equal spacing, a gap and a bend, in pieces."""
-    t = np.concatenate([0.1 * np.arange(50), 7.0 + 0.1 * np.arange(2000)])
-    f = np.c_[np.cos(3.0 * t), t - 40.0]
-    sizes = integrals(t, f, range(137, len(t), 137))[2]
-    want = 0.5 * np.diff(t) @ (np.abs(f[1:]) + np.abs(f[:-1]))
-    np.testing.assert_allclose(sizes, want, rtol=1e-12)
-
-
-def test_a_gap_after_many_samples_is_in_doubt_altogether() -> None:
-    t = 0.01 * np.arange(4000)
-    t[3000:] += 2.0
-    f = np.cos(3.0 * t)[:, None]
-    rule = Quadrature(1)
-    for first in range(0, 4000, 512):
-        rule.add(t[first : first + 512], f[first : first + 512])
-    whole = 0.5 * 2.01 * (abs(f[2999, 0]) + abs(f[3000, 0]))
-    assert whole < rule.total()[1][0] < 1.5 * whole
 
 
 # Samples that resolve a motion, that miss it, and that a coarse method spoils.

@@ -252,19 +252,6 @@ class Tried:
         )
 
 
-SMALLER = [0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5]
-SMALLER += [5e-6, 2e-6, 1e-6, 5e-7]
-"""Those that are tried of a step of 0.1 s that failed."""
-
-
-@pytest.mark.parametrize(("quiet", "tried"), [(0.005, 4), (5e-7, 16)])
-def test_smaller_steps_are_tried(monkeypatch: pytest.MonkeyPatch, quiet: float, tried: int) -> None:
-    fake = Tried(monkeypatch, quiet)
-    found = search.step_that_runs(fake.simulation, 2.0, 10.0)
-    assert fake.steps == pytest.approx(SMALLER[:tried])
-    assert found == f"use step {quiet:g} s, which runs to the end"
-
-
 def test_what_is_said_where_no_step_does(monkeypatch: pytest.MonkeyPatch) -> None:
     fake = Tried(monkeypatch, -1.0)
     found = search.step_that_runs(fake.simulation, 2.0, 10.0)
