@@ -27,20 +27,13 @@ from rb_sim.accuracy import costs
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.costs import (
     EDGE,
-    FEW_STEPS,
-    FEWEST_ROUNDS,
-    FEWEST_STEPS,
     Cost,
     Events,
     Explanation,
     Item,
     RunCost,
-    Survey,
-    comes_to,
-    cost_of,
     cost_of_events,
     explain,
-    interleaved,
     longest_stretch,
     steps_of_a_run,
     survey,
@@ -50,7 +43,6 @@ from rb_sim.accuracy.runs import Runner
 from rb_sim.catalogue.effects import SPECS
 from rb_sim.cli.verbs.explain import counted, notes, print_explanation
 from rb_sim.cli.verbs.explain import explain as explain_verb
-from rb_sim.contact.choose_motion import motion_of
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import G, ball, scene, touch
@@ -100,11 +92,6 @@ def test_of_a_run_that_does_not_end_in_time_no_price_is_measured(
     assert explain(scene, run_cost=asked).run is None
 
 
-def test_cost_is_the_median_with_half_the_interquartile_range() -> None:
-    cost = cost_of([1.0, 2.0, 3.0, 4.0, 100.0])
-    assert (cost.nanoseconds, cost.spread) == (3.0, 1.0)
-
-
 def test_steps_in_contact_are_measured_between_events_and_events_apart() -> None:
     """A ball dropped from 0.2 m that keeps 0.8 of its speed flies for longest after the first."""
     fall = math.sqrt(2.0 * 0.2 / G)
@@ -150,20 +137,8 @@ def measured(mapping: dict[str, Any], duration: float) -> Any:
     )
 
 
-SLOW = Setting("rk4", step=1e-4)
-"""A hundred thousand steps of `swing`."""
-
-
 def swing() -> Any:
     return load_scene(CONFIG / "pendulum.yaml", duration=10.0, method="rk4", step=1e-4)
-
-
-def test_a_run_whose_time_is_over_ends_and_can_go_on() -> None:
-    motion, whole = (motion_of(compile_scene(swing()), SLOW.build(10.0)) for _ in range(2))
-    assert not comes_to(motion, 10.0, 0.0)
-    assert 0.0 < motion.frontier[0] < 10.0
-    assert comes_to(motion, 10.0, math.inf) and comes_to(whole, 10.0, math.inf)
-    assert motion.coordinates == whole.coordinates
 
 
 def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
@@ -174,24 +149,6 @@ def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
     assert 0.0 < reported.seen_until < reported.duration == 10.0
     assert any(line.startswith("Measured up to t = ") for line in notes(reported))
     assert all(part.cost is not None for part in reported.constraints + reported.effects)
-
-
-def test_dear_steps_are_measured_by_few() -> None:
-    cheap, dear = (Survey(1.0, 100, 0, None, 100 * each) for each in (1e-7, 1e-3))
-    assert steps_of_a_run(cheap) == FEWEST_STEPS
-    assert steps_of_a_run(Survey(1.0, 1, 0, None, 0.0)) == FEWEST_STEPS  # a clock that ticks rarely
-    assert steps_of_a_run(dear) == FEW_STEPS
-    assert typical_step(Setting("rk4", step=1.0), dear, None) == pytest.approx(
-        (1.0 - EDGE) / FEW_STEPS
-    )
-
-
-def test_measuring_ends_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    motion = motion_of(compile_scene(swing()), SLOW.build(10.0))
-    motion.warm()
-    monkeypatch.setattr(costs, "MEASURING", 0.0)
-    measured, none = interleaved([motion, None], 1e-4, FEW_STEPS, None)
-    assert none is None and measured is not None and len(measured) == FEWEST_ROUNDS
 
 
 def test_parts_for_which_no_time_is_left_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

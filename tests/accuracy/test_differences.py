@@ -17,7 +17,6 @@ import pytest
 from rb_sim.accuracy.ladder import Reference
 from rb_sim.accuracy.runs import Errors, compare, dividing, one_ulp_apart, pose_difference
 from rb_sim.mechanics.samples import SampleLayout
-from rb_sim.numerics.rotations import angle_between
 
 ONE = SampleLayout(("b",), ("r",), ("b",), ())
 
@@ -28,13 +27,6 @@ def rows(count: int = 2) -> np.ndarray:
     out[:, 13] = 4.0  # a force of 4 N
     out[:, 22] = 2.0  # kinetic energy of 2 J
     return out
-
-
-@pytest.mark.parametrize("angle", [1e-15, 1e-9, 0.3, 3.1])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_turn_is_the_angle_whatever_the_sign_of_the_quaternion(angle: float, side: float) -> None:
-    q = side * np.array([0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)])
-    assert angle_between(q, np.array([0.0, 0.0, 0.0, 1.0])) == pytest.approx(angle, rel=1e-12)
 
 
 def test_errors_are_the_largest_of_each_kind() -> None:

@@ -19,11 +19,29 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import Finding
-from rb_sim.checks.check import Effort, effort_of
+from rb_sim.checks.check import Effort, effort_of, finer_step
 from rb_sim.checks.step_checks import found_in
 from rb_sim.checks.step_doubling import Missed
 from rb_sim.contact.grid_motion import LeftOpen
 from tests.checks.blocks import Block
+
+
+@pytest.mark.parametrize(
+    ("figure", "order", "step"),
+    [
+        (0.1, 1, 0.05),  # at its bound: half of it
+        (0.8, 1, 0.005),  # to 1/16
+        (0.8, 2, 0.02),  # to 1/4
+        (5.0, 1, 0.005),  # lost: as a figure of one
+        (np.inf, 1, 0.005),
+        (np.nan, 2, 0.02),
+        (0.0, 1, 0.05),
+    ],
+)
+def test_a_finer_step_by_the_order(figure: float, order: int, step: float) -> None:
+    """A step of 0.1 s and a bound of 0.1: a figure of one asks for 1/20, or 1/4.5 of order two."""
+    assert finer_step(0.1, figure, 0.1, order) == step
+
 
 # What shows in how a run was integrated is told in finite steps, whatever it lost.
 
