@@ -28,11 +28,6 @@ def test_a_bare_name_is_a_shipped_scene(tmp_path, monkeypatch):
     assert list(load_scene("heavy_top").bodies) == ["mine"]  # a file of that name comes first
 
 
-def test_scenes_lists_what_is_shipped():
-    listed = {scene.name: scene.description for scene in rb_sim.scenes()}
-    assert "Bruls" in listed["heavy_top"]
-
-
 def test_the_builder_says_the_same_as_a_file():
     builder = (
         SceneBuilder("door", description="a door on its hinge")

@@ -272,15 +272,6 @@ def test_no_bodies() -> None:
             load_scene(text)
 
 
-def test_error_carries_file_and_key(tmp_path: Path, valid: str) -> None:
-    path = tmp_path / "x.yaml"
-    path.write_text(valid.replace("mass: 2", "mass: -2"), encoding="utf-8")
-    with pytest.raises(SceneError) as caught:
-        load_scene(path)
-    assert (caught.value.file, caught.value.key) == (str(path), "bodies.ball.mass")
-    assert str(caught.value) == f"{path}: bodies.ball.mass: got -2; must be a number > 0"
-
-
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     folder = tmp_path / "folder.yaml"
     folder.mkdir()

@@ -25,11 +25,6 @@ def test_inertia_of_the_shape_scales_with_the_mass() -> None:
     assert body.inertia.shape == (3, 3)
 
 
-def test_given_inertia_overrides_the_shape() -> None:
-    body = Body(mass=3.0, shape=Sphere(radius=0.1), inertia=(1, 2, 2.5), center_of_mass=(0, 0, 1))
-    assert np.array_equal(body.inertia, np.diag([1, 2, 2.5]))
-
-
 def test_inertia_is_read_only() -> None:
     for body in (Body(mass=1, inertia=(1, 1, 1)), Body(mass=1, shape=Sphere(radius=1))):
         with pytest.raises(ValueError, match="read-only"):
@@ -55,23 +50,11 @@ def test_inertia_beyond_the_range_of_numbers(mass: float, radius: float) -> None
         Body(mass=mass, shape=Sphere(radius=radius))
 
 
-def test_a_body_needs_an_inertia() -> None:
-    with pytest.raises(ValidationError, match="given unless the body has a shape"):
-        Body(mass=1.0)
-
-
 @pytest.mark.parametrize("field", ["position", "linear_velocity", "angular_velocity"])
 def test_a_start_whose_squares_overflow_is_refused(field: str) -> None:
     """Its energy was infinite, and the run ended with a word about singularities."""
     with pytest.raises(ValidationError, match="less than or equal to 10{100}"):
         Body.model_validate({"mass": 1.0, "inertia": (1, 1, 1), field: (0.0, 1e101, 0.0)})
-
-
-def test_defaults_of_a_body() -> None:
-    body = Body(mass=1.0, inertia=(1, 1, 1))
-    assert body.orientation == (0.0, 0.0, 0.0, 1.0)
-    assert body.position == body.linear_velocity == body.angular_velocity == (0.0, 0.0, 0.0)
-    assert body.shape is None
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -96,47 +79,6 @@ def test_exactly_one_of_step_and_tolerance(method: str) -> None:
                 SimulationOptions.model_validate(data | {key: 1e-4})
     with pytest.raises(ValidationError):
         SimulationOptions.model_validate(data | {"step": 1e-3, "tolerance": 1e-4})
-
-
-def test_defaults_of_the_simulation() -> None:
-    options = SimulationOptions()
-    assert (options.method, options.step, options.tolerance) == ("dopri853", None, 1e-10)
-    assert (options.rate, options.project_initial) == (100.0, False)
-
-
-def test_scene_from_models() -> None:
-    body = Body(mass=1.0, inertia=(1, 1, 1))
-    scene = Scene(bodies={"a": body})
-    assert (scene.name, scene.file, scene.text) == ("scene", "<scene>", "")
-    assert scene.bodies["a"] is body
-    assert scene.simulation == SimulationOptions()
-    renamed = scene.from_source("x", "x.yaml", "text")
-    assert (renamed.name, renamed.file, renamed.text) == ("x", "x.yaml", "text")
-    assert scene.name == "scene"
-
-
-def test_models_are_frozen() -> None:
-    scene = Scene(bodies={"a": Body(mass=1.0, inertia=(1, 1, 1))})
-    with pytest.raises(ValidationError, match="frozen"):
-        scene.description = "x"  # type: ignore[misc]
-    with pytest.raises(ValidationError, match="frozen"):
-        scene.bodies["a"].mass = 2.0  # type: ignore[misc]
-
-
-def test_every_wrong_reference_is_counted() -> None:
-    with pytest.raises(ValidationError) as caught:
-        Scene.model_validate(
-            {
-                "bodies": {"a": {"mass": 1.0, "inertia": [1, 1, 1]}},
-                "constraints": {"tip": {"type": "fixed_point", "body": "b", "parent": "c"}},
-                "effects": {"weight": {"type": "gravity", "bodies": ["a", "d"]}},
-            }
-        )
-    assert [error["loc"] for error in caught.value.errors()] == [
-        ("constraints", "tip", "body"),
-        ("constraints", "tip", "parent"),
-        ("effects", "weight", "bodies", 1),
-    ]
 
 
 def test_a_body_and_a_constraint_may_share_a_name() -> None:
