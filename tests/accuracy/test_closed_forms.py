@@ -225,9 +225,6 @@ def test_drag_or_a_tilted_inertia_has_no_closed_form() -> None:
     assert closed_form(compiled_of(tilted)) is None
 
 
-# Jacobi's functions in long doubles, against scipy, their identities and a quadrature.
-
-
 # Closed forms of motions in contact against the integrator, which knows nothing of them.
 
 
