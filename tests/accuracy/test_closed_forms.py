@@ -143,7 +143,7 @@ def pendulum_of(angle: float, speed: float) -> Compiled:
 
 @pytest.mark.parametrize(
     ("angle", "speed"),
-    [(0.4, 1.0), (2.9, -0.3), (-1.0, -1.0), (0.3, 12.0), (-1.0, -11.0)],
+    [(0.4, 1.0), (2.9, -0.3), (-1.0, -2.0), (0.3, 12.0), (-1.0, -11.0)],
 )
 def test_pendulum_takes_the_time_that_the_energy_integral_says(angle: float, speed: float) -> None:
     """t = integral of d theta / theta', with theta'^2 from the conservation of energy."""
