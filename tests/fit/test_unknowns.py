@@ -26,9 +26,6 @@ from rb_sim.fit.unknowns import (
     bounds,
     difference,
     free_numbers,
-    slopes_of,
-    start_of,
-    values_of,
 )
 
 NOISE = (1e-3, 2e-3)
@@ -162,15 +159,6 @@ def test_bounds_of_numbers_that_depend_on_another() -> None:
     ):
         found = bounds(free_numbers(data, keys), data)
         assert found[0] == pytest.approx(low) and found[1] == pytest.approx(high)
-
-
-def test_a_share_is_a_number_of_the_scene() -> None:
-    """Values at the start are those of the scene; slopes are those of the values."""
-    free = free_numbers(ball(0.5, 0.4), [KINETIC, "bodies.ball.position", STATIC])
-    x = start_of(free)
-    assert values_of(free, x) == pytest.approx([0.4, 0.0, 0.0, 0.1, 0.5])
-    slopes = np.stack([difference(lambda y: values_of(free, y), x, k) for k in range(5)], axis=1)
-    np.testing.assert_allclose(slopes_of(free, x), slopes, atol=1e-9)
 
 
 def test_a_size_that_only_steps_of_adaptive_length_tell() -> None:

@@ -82,18 +82,11 @@ def test_rb_sim_lists_and_runs_the_shipped_scenes(installed: Path, environment, 
     scene = installed / "share/rb_sim/config/rolling_sphere_commanded.yaml"
     result = run(
         installed, environment, "rb_sim", "run", str(scene),
-        "--out", "here", "--duration", "0.1", "--no-rerun", "--quiet", cwd=tmp_path,
+        "--out", "here", "--duration", "0.1", cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "here/bag/metadata.yaml").is_file()
-
-
-def test_recording_without_rerun_says_what_to_install(installed: Path, environment, tmp_path):
-    scene = installed / "share/rb_sim/config/rolling_sphere_commanded.yaml"
-    result = run(
-        installed, environment, "rb_sim", "run", str(scene),
-        "--out", "here", "--duration", "0.1", cwd=tmp_path,
-    )  # fmt: skip
+    # it has no Rerun, and says what to install for a recording
     assert "rb_sim[rerun]" in result.stdout + result.stderr
     assert "Traceback" not in result.stdout + result.stderr
 
