@@ -228,9 +228,13 @@ def test_between_samples_a_body_turns_the_short_way(tmp_path):
     run = Simulation(scene).run(watched=False)
     run.block.orientation[3:] *= -1.0
     save(RunPage(scene, run.layout, run.block).data(facts=[], warnings=[]), tmp_path / "page.html")
-    for t in (0.3, 0.5):
-        found = ask(tmp_path / "page.html", f"rb_sim.seek({t}); return rb_sim.poseOf('disk')")
-        x, y, z, w = found["orientation"]
+    looked_at = """
+        return [0.3, 0.5].map((t) => {
+          rb_sim.seek(t);
+          return rb_sim.poseOf("disk").orientation;
+        });
+    """
+    for t, (x, y, z, w) in zip((0.3, 0.5), ask(tmp_path / "page.html", looked_at), strict=True):
         assert 2.0 * np.arctan2(z * np.sign(w), abs(w)) == pytest.approx(2.0 * t, abs=1e-6)
         assert (x, y) == (0.0, 0.0)
 
@@ -337,10 +341,12 @@ def test_a_bag_of_others_is_shown_by_its_axes(tmp_path, capsys):
     bag = foreign.write(tmp_path / "drone", foreign.tf)
     show(str(bag), tmp_path / "page.html")
     page = tmp_path / "page.html"
-    pose = ask(page, "rb_sim.seek(1.0); return rb_sim.poseOf(rb_sim.bodies[0])")
+    pose, titles = ask(page, """
+        rb_sim.seek(1.0);
+        return [rb_sim.poseOf(rb_sim.bodies[0]), plots.map((plot) => plot.title)];
+    """)  # fmt: skip
     assert pose["position"] == pytest.approx([0.5 * np.sin(3.0), 0.1, 0.2], abs=1e-6)
     assert abs(pose["orientation"][3]) == pytest.approx(np.cos(0.4), abs=1e-6)
-    titles = ask(page, "return plots.map((plot) => plot.title)")
     assert titles[0] == "position of /body:drone, origin of its frame"  # no mass is known
     data = data_of(page)
     assert data["axes"] and data["trace"] and all(b["solid"] is None for b in data["bodies"])
