@@ -25,7 +25,7 @@ from tests.mechanics.test_many_body_laws import (
     dense,
     velocities_of,
 )
-from tests.mechanics.test_tables import outputs
+from tests.numbers import outputs
 
 NEAR = 1e-4
 """How far from the manifold the states are; quaternions are off their length by as much."""
