@@ -164,6 +164,3 @@ def test_kinds_share_their_laws() -> None:
     ]
     assert laws_of_kind(rows[0], True) == laws_of_kind(rows[1], True)
     assert laws_of_kind(rows[0], True) != laws_of_kind(rows[0], False)
-
-
-# The table of contacts: each number has a name, and what a sample writes no step reads.
