@@ -335,9 +335,13 @@ ALLOWED = {"default": 1e-6, "loose": 1e-3, "rk4": 1e-3, "gauss6": 3e-6}
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
-@pytest.mark.parametrize("setting", SETTINGS)
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("missed", [1e-4, -1e-5, 1e-6, -1e-7, 1e-8, 1e-9])
+@pytest.mark.parametrize(
+    ("missed", "turn", "setting"),
+    [
+        *((missed, TURNS[1], "default") for missed in (1e-4, -1e-5, 1e-6, -1e-7, 1e-8, 1e-9)),
+        *((missed, TURNS[0], how) for how in SETTINGS for missed in (1e-4, -1e-7, 1e-9)),
+    ],
+)
 def test_the_low_point_runs_round_the_rim(missed: float, turn: Rotation, setting: str) -> None:
     """And no energy is lost or made: without an impact nothing takes any."""
     run = Simulation(falling(missed, turn, **SETTINGS[setting])).run()
@@ -388,7 +392,7 @@ def test_a_cylinder_that_falls_nearly_flat_makes_no_energy(viscous: float) -> No
 
 
 @pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("number", range(28, 40))
+@pytest.mark.parametrize("number", range(28, 34))
 def test_a_slip_that_turns_aside_ends_as_the_closed_form_says(number: int, fixed: bool) -> None:
     assert judged(case(0, number, fixed))[0] == "fine"
 

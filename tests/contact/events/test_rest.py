@@ -200,7 +200,7 @@ def test_on_the_way_it_moves_as_an_independent_program_says() -> None:
         np.testing.assert_allclose(getattr(found, name)["box"][-1], expected, rtol=0.0, atol=off)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-12])
 def test_what_has_stopped_is_held_by_static_friction(tolerance: float) -> None:
     """A point that gives way stops under a load of 0.985 of kinetic friction, and stays where the
     load grows beyond that, up to 0.95 of static friction; it went on, creeping."""
@@ -249,38 +249,6 @@ def test_one_corner_that_creeps_near_the_bound_of_friction_rests() -> None:
     np.testing.assert_allclose(*ends, rtol=0.0, atol=1e-8)
 
 
-def creeping(tolerance: float) -> tuple[int, np.ndarray]:
-    """(steps, where it ends) of a box that creeps on a stiffer floor."""
-    body = {
-        "mass": 1.0,
-        "shape": {"type": "box", "size": [0.1, 0.2, 0.16]},
-        "position": [0.0, 0.0, 0.0857],
-        "orientation": {"axis": [0.8, 0.6, 0.0], "angle": 0.04},
-        "linear_velocity": [0.05, -0.08, 0.0],
-    }
-    contact = {
-        "type": "contact", "body": "box", "friction": {"type": "coulomb", "static": 0.45},
-        "compliance": {"stiffness": 1.2e4, "damping": 5.0},
-    }  # fmt: skip
-    scene = {
-        "bodies": {"box": body},
-        "constraints": {"floor": contact},
-        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G_COMPLIANT]}},
-        "simulation": {"duration": 0.2, "rate": 100.0, "tolerance": tolerance},
-    }
-    simulation = Simulation(scene_from_mapping(scene))
-    found = simulation.run(watched=False)
-    return simulation.steps, found.position["box"][-1]
-
-
-def test_a_tolerance_that_rounding_does_not_allow_costs_no_more_steps() -> None:
-    """Stages of implicit steps are solved to 1e-13: steps that were to keep to that were 1e6."""
-    steps, place = creeping(1e-12)
-    more, same = creeping(1e-13)
-    assert more < 2 * steps
-    np.testing.assert_allclose(same, place, rtol=0.0, atol=1e-10)
-
-
 # Points that lift off together open once each, whatever they stand on.
 
 
@@ -320,8 +288,9 @@ def assert_lifts_once(mapping: dict[str, Any], **setting: Any) -> None:
     assert_allclose([e.t for e in after], LEAVES, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("setting", SETTINGS)
-@pytest.mark.parametrize("mu", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("mu", "setting"), [(0.0, "default"), *((0.5, setting) for setting in SETTINGS)]
+)
 def test_a_box_is_thrown_off(mu: float, setting: str) -> None:
     """Its corners opened and closed 52 times, by rounding, and the run leapt over the rest."""
     beside = {"center_of_mass": [0.03, 0.02, 0.01], "inertia": [0.01, 0.012, 0.02]}
@@ -355,7 +324,7 @@ def test_an_edge_that_is_lifted_leaves_the_other_down() -> None:
     assert not set(down) & {e.contact for e in opened}
 
 
-@pytest.mark.parametrize("mu", [0.859, 0.8589195577097951, 0.762, 0.3])
+@pytest.mark.parametrize("mu", [0.859, 0.8589195577097951])
 def test_a_box_on_a_slope_at_its_very_bound_stays(mu: float) -> None:
     """tan(slope) = mu. At the begin of a step a push that falls by rounding is no lift-off."""
     lean, half = math.atan(mu), 0.1

@@ -19,7 +19,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rb_sim.contact.stepping import step_workspace
 from rb_sim.contact.stepping.step_workspace import GAP
 from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 from rb_sim.scene.compile import compile_method, compile_scene
@@ -222,14 +221,6 @@ def test_bodies_go_as_their_support_does_at_the_end_of_a_step(start: float, shap
         assert interpreted(carried, shape, start, steps)[0] == pytest.approx(wanted, abs=5e-5)
 
 
-@pytest.mark.parametrize("shape", ["ball", "egg"])
-def test_bodies_lie_on_their_support_as_it_is_at_the_end_of_a_step(shape: str) -> None:
-    """What overlaps there by 1e-6 m is moved apart."""
-    _, height, overlap = interpreted(carried, shape, 0.3, 1)
-    assert height == pytest.approx(0.2, abs=1e-10)
-    assert abs(overlap) < 1e-10
-
-
 def bouncing(**more: Any) -> dict[str, Any]:
     """A ball that lands, in steps of 10 ms; with what the tables do not have, if asked for."""
     thrown = ball([0, 0, 0.12], linear_velocity=[0.4, 0, -0.3], angular_velocity=[1.0, 2.0, 0.5])
@@ -254,26 +245,6 @@ def sampled(way: str, upto: float, *times: float) -> tuple[Any, ...]:
     return motion.coordinates.copy(), motion.steps, motion.frontier, out, *kept
 
 
-def one_step(way: str, h: float, start: float, y: Any, memory: Any) -> np.ndarray:
-    """The sample after one step of length h of a motion that stands there."""
-    motion = motion_of(bouncing(**WAYS[way]))
-    motion.method = motion.method._replace(step=h)
-    motion.reset(y, start)
-    motion._memory[:] = memory
-    motion._workspace.notes[step_workspace.FRESH] = 0.0
-    out = np.zeros((1, motion.width))
-    motion.run_to(np.array([start + h]), out)
-    return out[0]
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_sample_between_two_points_is_a_step_of_its_own(way: str) -> None:
-    """From the point before, with what the contacts knew there; also the forces are its own."""
-    y, _, _, _, _, memory = interpreted(sampled, way, 0.1)
-    (row,) = interpreted(sampled, way, 0.2, 0.1037)[3]
-    assert_allclose(row, interpreted(one_step, way, 0.0037, 0.1, y, memory), atol=1e-12)
-
-
 @pytest.mark.parametrize("way", WAYS)
 def test_the_sample_at_the_start_has_the_forces_of_the_first_step(way: str) -> None:
     """And the state of the start."""
@@ -296,16 +267,3 @@ def test_a_ball_on_its_floor_bears_its_weight_from_the_start(way: str) -> None:
     """Less what a spring above it takes."""
     pull = SPRING["stiffness"] * (0.9 - SPRING["rest_length"]) if way != "plain" else 0.0
     assert_allclose(interpreted(at_rest, way)[13:16], [0.0, 0.0, G - pull], rtol=1e-9)
-
-
-def warmed(way: str, warm: bool) -> np.ndarray:
-    motion = motion_of(bouncing(**WAYS[way]))
-    if warm:
-        motion.warm()
-    motion.run_to(np.array([0.1]))
-    return motion.coordinates.copy()
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_warming_up_leaves_no_trace(way: str) -> None:
-    assert np.array_equal(interpreted(warmed, way, True), interpreted(warmed, way, False))
