@@ -18,7 +18,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.mechanics.error_scales import Turn, of_pair
+from rb_sim.mechanics.error_scales import Turn, of_pair, spin_lengths
 
 
 def oscillators(amplitude: float, centre: float, **options: Any) -> dict[str, Any]:
@@ -456,3 +456,13 @@ def test_numbers_beyond_all_steps_end_in_one_line(stiffness: float, place: float
     }
     with pytest.raises(RbSimError):
         Simulation(load_scene(scene)).run(watched=False)
+
+
+def test_a_spin_counts_as_its_angular_momentum_over_the_largest_radius_of_gyration() -> None:
+    """m |A w| = |I w| / R of two bodies at once, R = sqrt(largest moment / m)."""
+    inertia, mass = np.array([np.diag([4.0, 3.0, 1e-6]), np.diag([0.5, 2.0, 2.0])]), [1.0, 0.5]
+    w, radius = np.array([0.3, -0.2, 1e4]), [2.0, 2.0]
+    lengths = spin_lengths(inertia, np.array(mass))
+    for k in range(2):
+        expected = np.linalg.norm(inertia[k] @ w) / radius[k] / mass[k]
+        assert np.linalg.norm(lengths[k] @ w) == pytest.approx(expected)

@@ -22,9 +22,11 @@ import pytest
 from scipy.integrate._ivp import dop853_coefficients as reference
 
 from rb_sim import load_scene
+from rb_sim.integrate.layout import FLOOR, SHARE_OF_WAY, WORK_ROWS
 from rb_sim.integrate.methods import dopri853 as ours
-from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853, Dopri853
+from rb_sim.integrate.methods.dopri853 import E3, E5, AdaptiveDopri853, C, Dopri853, dopri853
 from rb_sim.mechanics.methods import TimeStepping, build
+from tests.interpreted import interpreted
 from tests.one_body_scenes import EFFECTS, JOINTS, WEIGHT, scene
 
 
@@ -102,6 +104,36 @@ def test_same_as_scipy():
     np.testing.assert_array_equal(ours.PUBLISHED_C, reference.C[:STAGES])
     np.testing.assert_array_equal(ours.PUBLISHED_E5, reference.E5[:STAGES])
     np.testing.assert_array_equal(ours.PUBLISHED_E3, reference.E3[:STAGES])
+
+
+# A step so long that its estimates overflow is no step without an error.
+
+
+STAGE = int(np.argmax(np.abs(E3) / np.maximum(np.abs(E5), 1e-30)))
+"""A stage that counts in the estimate of order 3 above all."""
+
+
+def errors(rate: float) -> list[float]:
+    """The error of a step with this slope at that stage, as the loop and as the trace have it."""
+
+    def at(t: float) -> Any:
+        return np.float64(rate if t == C[STAGE] else 0.0)
+
+    def law(t: float, y: Any, p: Any, out: Any) -> None:
+        out[0] = at(t)
+
+    one, work = np.ones(1), np.zeros((WORK_ROWS, 1))
+    work[FLOOR] = work[SHARE_OF_WAY] = 1.0
+    with np.errstate(over="ignore"):
+        loop = dopri853.function(law, 0, 1, 0.0, one, 1.0, one, np.zeros(1), work.reshape(-1))
+        traced: Any = dopri853.traced
+        step = traced(lambda t, y: (at(t),), 0.0, (np.float64(1.0),), 1.0, (0.0,))
+    return [float(loop), float(step[1])]
+
+
+@pytest.mark.parametrize("scale", [E3[STAGE], E5[STAGE]], ids=["of order 3", "both"])
+def test_an_overflow_is_a_large_error(scale: float) -> None:
+    assert min(interpreted(errors, 2e154 / abs(scale))) > 1e9
 
 
 # The error of every method falls with the power of the step that theory says.
