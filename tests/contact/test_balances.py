@@ -59,20 +59,6 @@ def test_shipped_scene_balances(name: str) -> None:
         assert np.abs(r.contact_work).max() > 1e-3
 
 
-def test_stick_slip_balances() -> None:
-    """The drive does k v t dx, by Gauss's rule over the first slip; else nothing moves."""
-    slip, stick = 0.981, 0.981 + 0.364065
-    x, w = np.polynomial.legendre.leggauss(24)
-    t = 0.5 * (slip + stick) + 0.5 * (stick - slip) * x
-    found = contact_run(shipped("stick_slip"), [0.0, *t, 1.4], tolerance=TOLERANCE)
-    r = found.trajectory
-    drive = 5.0 * t * r.linear_velocity["block"][1:-1, 0]
-    work = 0.5 * (stick - slip) * float(w @ drive)
-    change = r.energy[-1] - r.contact_work[-1] - r.energy[0]
-    assert work > 0.1
-    assert abs(change - work) <= 1e-9
-
-
 # A ball thrown onto a plane of a body that moves as well, with every law of friction.
 
 

@@ -91,15 +91,6 @@ def test_order_one() -> None:
     assert max(errors[2:]) < max(errors[:2])
 
 
-def test_friction_is_against_the_slip() -> None:
-    """A box slows down at mu g on corners whose inverse masses differ along the tangents."""
-    v = np.array([0.8, 0.6, 0.0])
-    sliding = scene(box([0.4, 0.3, 0.2], [0, 0, 0.1], linear_velocity=v.tolist()), touch(mu=0.3))
-    r = stepped(sliding, 0.01, [0.0, 0.2]).trajectory
-    assert_allclose(r.linear_velocity["body"][1], v * (1.0 - 0.3 * G * 0.2), atol=1e-9)
-    assert_allclose(r.angular_velocity["body"][1], 0.0, atol=1e-9)
-
-
 def test_leaves_a_sphere_where_nothing_presses_it_any_more() -> None:
     """From theta0 = 0.6 at rest the ball leaves at cos(theta) = 2/3 cos(theta0); of order 1."""
     theta, R = 0.6, 1.1
@@ -115,23 +106,6 @@ def test_leaves_a_sphere_where_nothing_presses_it_any_more() -> None:
         r = stepped(mapping, step, [0.0, 0.6]).trajectory
         errors.append(np.abs(r.position["body"][1] - end).max())
     assert errors[0] < 5e-3 and errors[1] < 0.3 * errors[0]
-
-
-@pytest.mark.parametrize("what", ["rests", "slides", "rolls"])
-def test_forces_and_states_of_the_exact_motion(what: str) -> None:
-    """At rest, in steady sliding and rolling both methods report the same."""
-    start = {
-        "rests": ball([0, 0, 0.1]),
-        "slides": ball([0, 0, 0.1], linear_velocity=[5.0, 0, 0]),
-        "rolls": ball([0, 0, 0.1], linear_velocity=[1.0, 0, 0], angular_velocity=[0, 10.0, 0]),
-    }[what]
-    mapping, times = scene(start, touch(mu=0.2)), [0.0, 0.1, 0.2]
-    exact = contact_run(mapping, times, tolerance=1e-10).trajectory
-    found = stepped(mapping, 0.01, times).trajectory
-    assert_allclose(found.reaction["floor"].force, exact.reaction["floor"].force, atol=1e-9)
-    assert found.contact_state["floor"].tolist() == exact.contact_state["floor"].tolist()
-    v = found.linear_velocity["body"]
-    assert_allclose(v, exact.linear_velocity["body"], atol=1e-9)
 
 
 def test_huge_spin() -> None:
@@ -246,23 +220,6 @@ def test_work_of_a_moving_support_is_told() -> None:
         assert run.balance() <= 1e-12
         errors.append(abs(run.trajectory.contact_work[-1] - exact))
     assert errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1] < 0.05 * exact
-
-
-OF_EACH, PER_NORMAL = {"coefficient": 0.5}, {"coefficient": 2.0 / G, "per_normal": True}
-
-
-@pytest.mark.parametrize("law", [OF_EACH, PER_NORMAL])
-def test_drag_slows_a_slide_down_exponentially(law: dict[str, Any]) -> None:
-    """v' = -2/s v on four corners that bear the weight."""
-    plate = box([1.0, 1.0, 0.1], [0.0, 0.0, 0.05], linear_velocity=[1.0, 0.0, 0.0])
-    mapping = scene(plate, touch(friction={"type": "viscous"} | law))
-    times, expected = [0.25, 0.5], np.exp([-0.5, -1.0])
-    for found, close in (
-        (stepped(mapping, 1e-3, times), 2e-3),
-        (contact_run(mapping, times), 1e-8),
-    ):
-        speed = found.trajectory.linear_velocity["body"][:, 0]
-        assert speed == pytest.approx(expected, rel=close)
 
 
 def test_a_contact_that_holds_both_ways_pulls() -> None:

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from tests.contact.scenes import body, box, scene, touch
 from tests.contact_runs import contact_run
@@ -83,12 +82,6 @@ def test_going_through_between_samples_is_told(name: str) -> None:
         contact_run(ACROSS[name], FALLEN, tolerance=1e-8)
 
 
-def test_going_through_is_told_where_nothing_is_sampled() -> None:
-    simulation = Simulation(load_scene(ACROSS["rod on a log"]), announce=None)
-    with pytest.raises(RbSimError, match="an edge of the body penetrates"):
-        simulation._motion.run_to(FALLEN)
-
-
 def test_going_through_between_samples_is_told_in_steps() -> None:
     steps = {"method": "time_stepping", "step": 1e-2, "tolerance": None}
     with pytest.raises(RbSimError, match=r"an edge of the body penetrates .* at t = 0\."):
@@ -125,14 +118,6 @@ def test_looks_change_no_bit_of_a_motion() -> None:
     assert rare.times("impact") == often.times("impact")
 
 
-def test_samples_are_those_asked_for() -> None:
-    times = [0.0, 0.1, 0.1 + 1e-9, 0.35, 0.6]
-    found = contact_run(standing(), times, tolerance=1e-9).trajectory
-    alone = contact_run(standing(), [0.35], tolerance=1e-9).trajectory
-    assert_array_equal(found.t, times)
-    assert_array_equal(found.position["body"][3], alone.position["body"][0])
-
-
 # Sides between the points with which a body touches: never in a support without a word.
 
 
@@ -143,17 +128,6 @@ def test_sinking_is_told(name: str) -> None:
         match=r"an edge of the body penetrates the support of contact floor by .* at t = ",
     ):
         contact_run(ACROSS[name], np.linspace(0.0, 0.35, 36).tolist(), tolerance=1e-8)
-
-
-def test_sinking_is_told_in_steps() -> None:
-    with pytest.raises(RbSimError, match="an edge of the body penetrates"):
-        contact_run(
-            ACROSS["rod on a log"],
-            [0.1, 0.2, 0.3],
-            method="time_stepping",
-            step=1e-2,
-            tolerance=None,
-        )
 
 
 def test_corners_and_ends_that_touch_are_no_sides() -> None:

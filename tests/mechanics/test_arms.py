@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim import Simulation, load_scene
+from rb_sim import Simulation
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
 from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.load import scene_from_mapping
@@ -73,17 +73,6 @@ def test_the_analysis_of_bags_measures_it_alike(size: float) -> None:
     assert reported is not None
     assert reported["relative"] == pytest.approx(math.sin(TILT), rel=1e-9)
     assert reported["position"]["axis0"]["largest"] == pytest.approx(math.sin(TILT), rel=1e-9)
-
-
-def test_a_contact_that_just_touches_violates_nothing() -> None:
-    """Its depth is the negative of a gap of 0."""
-    laws = SceneLaws(load_scene("bouncing_ball"))
-    figures, zero = ConstraintFigures(laws), np.zeros(1)
-    found = laws.at(zero, np.zeros((1, 13)) + np.eye(1, 13, 6))
-    none = np.zeros((1, 0))
-    figures.add(zero, found._replace(gap=none, slip=none, overlap=np.array([[-0.0]])))
-    reported = figures.as_dict()
-    assert reported is not None and f"{reported['relative']:.2g}" == "0"
 
 
 def welded(size: float) -> dict[str, Any]:

@@ -11,8 +11,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -24,7 +22,6 @@ from rb_sim import Simulation, load_scene
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.motion.motion import Motion
-from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping
@@ -79,47 +76,6 @@ def test_interpreted_runs_give_the_same_numbers():
     plain = trajectory(chain(2, **options))
     for name in ("position", "orientation", "reaction_force", "kinetic_energy"):
         assert_allclose(getattr(compiled, name), getattr(plain, name), atol=1e-12, err_msg=name)
-
-
-@pytest.mark.parametrize("method", ["rk4", "dopri853", "gauss6"])
-@pytest.mark.parametrize("mapping", [chain(2), on_springs(3)], ids=["joints", "springs"])
-def test_a_run_in_parts_is_the_run_in_one_bit_for_bit(mapping, method):
-    mapping = mapping | {"simulation": mapping["simulation"] | {"method": method}}
-    whole, parts = motion(mapping), motion(mapping)
-    assert isinstance(whole, TracedMotion)
-    times = np.array([0.0105, 0.02, 0.0331])
-    one, two = np.zeros((2, 3, whole.width))
-    whole.run_to(times, one)
-    for k in range(3):
-        parts.run_to(times[k : k + 1], two[k : k + 1])
-    assert one.tobytes() == two.tobytes()
-    assert whole.steps == parts.steps
-
-
-THREADS = """
-import threading
-from benchmarks.many_body_scenes import chain, on_springs
-from rb_sim.scene.load import scene_from_mapping
-from rb_sim import Simulation
-energies = {}
-def work(k, scene):
-    simulation = Simulation(scene_from_mapping(scene))
-    simulation.warm()
-    energies[k] = simulation.run().block.kinetic_energy[-1]
-scenes = [chain(2), on_springs(2), chain(2), on_springs(2)]
-threads = [threading.Thread(target=work, args=item) for item in enumerate(scenes)]
-for thread in threads: thread.start()
-for thread in threads: thread.join()
-assert energies[0] == energies[2] and energies[1] == energies[3]
-print("fine", len(energies))
-"""
-
-
-def test_simulations_start_in_several_threads_from_an_empty_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", ".")
-    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "fine 4\n"), done.stderr
 
 
 @pytest.mark.parametrize("method", ["rk4", "euler"])

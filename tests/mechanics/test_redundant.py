@@ -146,13 +146,6 @@ def test_a_ball_that_bounces_beside_a_loop_costs_it_no_accuracy(method: str, bou
 # divide by next to nothing.
 
 
-SPIN = [1.0, 0.5, 2.0]
-POINTS = [[0.2, 0.1, 0.0], [-0.3, 0.2, 0.1], [0.1, -0.3, 0.4]]
-BOX = {"mass": 2.0, "inertia": [0.3, 0.4, 0.5], "angular_velocity": SPIN}
-DOOR = {"mass": 1.0, "inertia": [0.02, 0.03, 0.04], "center_of_mass": [0.1, 0.05, 0.0]}
-DOOR |= {"position": [0.3, 0.0, 0.0], "angular_velocity": SPIN}
-DOOR |= {"linear_velocity": np.cross(SPIN, [0.3, 0.0, 0.0]).tolist()}
-BALLS = {f"ball{k}": {"type": "fixed_point", "point_B": point} for k, point in enumerate(POINTS)}
 WAYS = {
     "rk4": {"method": "rk4", "step": 0.005},
     "gauss6": {"method": "gauss6", "step": 0.01},
@@ -167,38 +160,9 @@ def watched(scene: dict[str, Any]) -> Any:
         return Simulation(scene_from_mapping(scene)).run()
 
 
-@cache
-def as_one_body() -> Any:
-    """Box and door as one free body with the origin of the box, in reduced coordinates."""
-    masses, centres = [BOX["mass"], DOOR["mass"]], [np.zeros(3), np.array([0.4, 0.05, 0.0])]
-    mass = sum(masses)
-    centre = np.average(centres, axis=0, weights=masses)
-    inertia = np.zeros((3, 3))
-    for body, at in zip((BOX, DOOR), centres, strict=True):
-        r = at - centre
-        inertia += np.diag(body["inertia"]) + body["mass"] * (r @ r * np.eye(3) - np.outer(r, r))
-    body = BOX | {"mass": mass, "inertia": inertia.tolist(), "center_of_mass": centre.tolist()}
-    scene = {
-        "bodies": {"box": body},
-        "simulation": {"duration": 3.0, "rate": 20.0, "method": "dopri853", "tolerance": 1e-12},
-    }
-    run = Simulation(scene_from_mapping(scene)).run()
-    return run.orientation["box"]
-
-
 def turn_between(a: np.ndarray, b: np.ndarray) -> float:
     """The largest angle between attitudes [rad]."""
     return float(np.minimum(np.abs(a - b).max(axis=1), np.abs(a + b).max(axis=1)).max()) * 2.0
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_bodies_held_by_three_balls_turn_as_one_body(way: str) -> None:
-    """Three of nine lines too many: a singular configuration before; gauss6 went on at no step."""
-    joints = {name: joint | {"body": "door", "parent": "box"} for name, joint in BALLS.items()}
-    scene = {"bodies": {"box": BOX, "door": DOOR}, "constraints": joints}
-    run = watched(scene | {"simulation": {"duration": 3.0, "rate": 20.0} | WAYS[way]})
-    for name in ("box", "door"):
-        assert turn_between(run.orientation[name], as_one_body()) < 2e-9
 
 
 LENGTH_TURNING, APART_TURNING, LEAN = 0.8, 0.6, 0.5

@@ -66,20 +66,6 @@ def test_bounces_of_a_shaken_table() -> None:
     assert found.balance() <= 1e-9
 
 
-def test_spinning_ball_stops() -> None:
-    """I w / (arm N)."""
-    mapping = scene(
-        ball([0, 0, 0.1], angular_velocity=[0, 0, 3.0]), touch(mu=0.4, spinning_resistance=0.002)
-    )
-    stop = 0.4 * 0.01 * 3.0 / (0.002 * G)
-    found = run(mapping, [0.0, 0.5 * stop, stop + 0.1])
-    assert_allclose(found.times("stops spinning"), [stop], atol=1e-10)
-    w = found.trajectory.angular_velocity["body"]
-    assert_allclose(w[1], [0, 0, 1.5], atol=1e-11)
-    assert (w[2] == 0.0).all()
-    assert_allclose(found.trajectory.reaction["floor"].torque[1], [0, 0, -0.002 * G], atol=1e-12)
-
-
 def test_bilateral_contact_pulls() -> None:
     """A bead under a wire's plane, lifted by nothing but the contact."""
     mapping = scene(

@@ -115,31 +115,6 @@ def test_tall_box_jams_at_both_front_corners() -> None:
     assert {"leaps", "jams"} & {e.kind for e in found.events}
 
 
-def test_slip_as_slow_as_the_errors_of_the_method_ends() -> None:
-    """A disk that has come to rest from its bounces, still rolling: what slip is left is rounding.
-
-    Resolved, its direction would turn about zero without end, in steps of 1e-10 s.
-    """
-    disk = {
-        "mass": 0.13652604719427208,
-        "shape": {"type": "disk", "radius": 0.12373983764073569},
-        "position": [0.5091760505955326, -0.18167770225150276, -0.02310028943720267],
-        "orientation": [
-            -0.10858750190453277,
-            0.10695259530424513,
-            -0.9637660125608265,
-            0.2189177238608706,
-        ],
-        "linear_velocity": [-0.5458750960665818, -0.4610594139438497, -0.15950382686065395],
-        "angular_velocity": [-2.969927352898657, 13.950939297959163, 5.646110245688995],
-    }
-    slope = {"type": "plane", "normal": [0.09983341664682815, 0.0, 0.9950041652780258]}
-    contact = touch(mu=1.5, kinetic=1.2, surface=slope, restitution=0.8)
-    found = contact_run(scene(disk, contact), [0.0, 1e-4], tolerance=1e-9)
-    assert found.times("rests")
-    assert found.trajectory.contact_state["floor"][1] == 2.0
-
-
 # A box that lands on a support that gives way rocks, creeps and rests.
 #
 # Its corners slip by lean times rate of the lean, ever more slowly, while friction of some newtons
@@ -256,13 +231,6 @@ AMPLITUDE, RATE = 0.03, 10.0 * math.pi
 SHAKEN = {"type": "shaken", "direction": [0, 0, 1], "amplitude": AMPLITUDE, "frequency": 5.0}
 LEAVES = math.asin(G / (AMPLITUDE * RATE**2)) / RATE
 """Where the floor falls as fast as the weight asks for: a w^2 sin(w t) = g."""
-PLATE = {"type": "disk", "radius": 0.2}
-FEET = {
-    "two": [[0.1, 0.0, -0.05], [-0.1, 0.0, -0.05]],
-    "three": [[0.1, 0.0, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05]],
-    "five": [[0.1, 0.1, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05], [0.1, -0.1, -0.05]]
-    + [[0.0, 0.0, -0.05]],
-}
 SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "loose": {"tolerance": 1e-4},
@@ -298,12 +266,6 @@ def test_a_box_is_thrown_off(mu: float, setting: str) -> None:
     assert_lifts_once(thrown_off(thrown, mu=mu), **SETTINGS[setting])
 
 
-@pytest.mark.parametrize("feet", FEET)
-def test_feet_are_thrown_off(feet: str) -> None:
-    standing = body(PLATE, [0, 0, 0.05])
-    assert_lifts_once(thrown_off(standing, mu=0.4, kinetic=0.3, points=FEET[feet]))
-
-
 def test_a_cylinder_on_its_end_is_thrown_off() -> None:
     shape = {"type": "cylinder", "radius": 0.1, "length": 0.2}
     assert_lifts_once(thrown_off(body(shape, [0, 0, 0.1]), mu=0.4))
@@ -322,17 +284,3 @@ def test_an_edge_that_is_lifted_leaves_the_other_down() -> None:
     down = [name for name in states if name.startswith("floor/") and states[name][-1] > 0.0]
     assert len(down) == 2
     assert not set(down) & {e.contact for e in opened}
-
-
-@pytest.mark.parametrize("mu", [0.859, 0.8589195577097951])
-def test_a_box_on_a_slope_at_its_very_bound_stays(mu: float) -> None:
-    """tan(slope) = mu. At the begin of a step a push that falls by rounding is no lift-off."""
-    lean, half = math.atan(mu), 0.1
-    normal = [math.sin(lean), 0.0, math.cos(lean)]
-    placed = box([2 * half] * 3, [half * x for x in normal])
-    placed["orientation"] = {"axis": [0, 1, 0], "angle": lean}
-    plane = {"type": "plane", "normal": normal}
-    found = contact_run(scene(placed, touch(mu=mu, surface=plane)), [0.0, 0.1, 0.2], tolerance=1e-9)
-    assert not [e for e in found.events if e.kind in ("opens", "impact")]
-    moved = found.trajectory.block.position - found.trajectory.block.position[0]
-    assert np.abs(moved).max() < 1e-12

@@ -327,40 +327,6 @@ def test_points_swing_through_nothing_within_half_a_turn(tolerance):
 # Tens of balls by events: each keeps the closed form of its own fall and bounce.
 
 
-G_BALLS, R, E, END = 9.81, 0.1, 0.9, 0.29
-HEIGHTS = 0.1 + 0.009 * np.arange(32)
-"""Of the lowest points [m]; every ball bounces once before END."""
-
-
-def balls():
-    names = [f"b{i}" for i in range(len(HEIGHTS))]
-    shape = {"type": "sphere", "radius": R}
-    bodies = {
-        name: {"mass": 1.0, "shape": shape, "position": [float(i), 0.0, R + float(height)]}
-        for i, (name, height) in enumerate(zip(names, HEIGHTS, strict=True))
-    }
-    floor = {"type": "contact", "restitution": E}
-    return {
-        "bodies": bodies,
-        "constraints": {f"floor_{name}": floor | {"body": name} for name in names},
-        "effects": {"weight": {"type": "gravity"}},
-        "simulation": {"duration": END, "method": "rk4", "step": 0.05, "rate": 1.0 / END},
-    }
-
-
-def test_thirty_two_balls_bounce_at_their_own_instants():
-    run = Simulation(load_scene(balls())).run()
-    falls = np.sqrt(2.0 * HEIGHTS / G_BALLS)
-    struck = {event.contact: event.t for event in run.events if event.kind == "impact"}
-    assert len(struck) == len([e for e in run.events if e.kind == "impact"]) == 32
-    found = np.array([struck[f"floor_b{i}"] for i in range(32)])
-    np.testing.assert_allclose(found, falls, atol=1e-12)
-    up = END - falls
-    heights = R + E * G_BALLS * falls * up - 0.5 * G_BALLS * up**2
-    ends = np.array([run.position[f"b{i}"][-1, 2] for i in range(32)])
-    np.testing.assert_allclose(ends, heights, atol=1e-12)
-
-
 # States inside a long step of an implicit method, where one step to them has no solution.
 
 
