@@ -140,6 +140,3 @@ def test_corners_and_ends_that_touch_are_no_sides() -> None:
     for mapping in (standing, scene(slides, touch(**LOG))):
         found = contact_run(mapping, np.linspace(0.0, 0.2, 9).tolist(), tolerance=1e-8)
         assert found.trajectory.residual.max() <= 1e-10
-
-
-# How deep sides lie in supports: beside distances in closed form and points one by one.

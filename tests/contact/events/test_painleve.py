@@ -20,9 +20,13 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
+from rb_sim.contact.events.instant import Instant, bring_back, leap, stopping_impulse
+from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
 from tests.contact.scenes import ball, scene, touch
 from tests.contact_runs import contact_run
+from tests.interpreted import interpreted
 
 ROD = Path(__file__).resolve().parents[3] / "config" / "painleve_rod.yaml"
 MU, HALF, INERTIA = 1.6, 0.5, 1.0 / 12.0
@@ -108,7 +112,80 @@ def test_a_ball_jams_though_no_step_comes_down_to_the_vanishing_pivot() -> None:
 # The impulse process of a contact that jams, beside what follows by hand in a plane.
 
 
+NORMAL, COUPLED, ALONG = 1.0, 0.9, 1.0
+SLIP, FRICTION = 2.0, 1.5
+"""Friction drives the contact in: NORMAL - FRICTION COUPLED < 0."""
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("turned", [0.0, 2.0])
+def test_poissons_e_gives_back_its_share_of_the_compression(
+    restitution: float, turned: float
+) -> None:
+    """The slip falls by FRICTION ALONG - COUPLED for each unit of normal impulse and ends; stuck,
+    the contact rises by NORMAL - COUPLED^2 / ALONG for each until it is back at rest; e times the
+    impulse of both is given back, stuck as well."""
+    d = np.array([np.cos(turned), np.sin(turned)])
+    A = np.block(
+        [[np.array([[NORMAL]]), COUPLED * d[None]], [COUPLED * d[:, None], ALONG * np.eye(2)]]
+    )
+    x = stopping_impulse(A, np.array([0.0, *(SLIP * d)]), FRICTION, restitution)
+    assert x is not None
+    slipping = SLIP / (FRICTION * ALONG - COUPLED)
+    rise = NORMAL - COUPLED**2 / ALONG
+    stuck = slipping * (FRICTION * COUPLED - NORMAL) / rise
+    after = A @ x + [0.0, *(SLIP * d)]
+    np.testing.assert_allclose(x[0], (1.0 + restitution) * (slipping + stuck), rtol=1e-9)
+    np.testing.assert_allclose(after[0], restitution * (slipping + stuck) * rise, atol=1e-9)
+    np.testing.assert_allclose(after[1:], 0.0, atol=1e-9)
+
+
 # A step of impulses books the work of every contact force.
+
+
+ROLLING: dict[str, Any] = {
+    "mass": 1.0,
+    "shape": {"type": "disk", "radius": 0.1, "axis_B": [0, 0, 1]},
+    "orientation": {"axis": [0, 1, 0], "angle": 1.2},
+    "position": [0, 0, 0.1 * math.sin(1.2)],
+    "linear_velocity": [0, 2.0, 0],
+    "angular_velocity": [0, 0, -20.0],
+}
+STICKY: dict[str, Any] = {"friction": {"type": "coulomb", "static": 0.9, "kinetic": 0.5}}
+
+
+def one_leap(body: dict, contact: dict, length: float) -> tuple[Any, list[float]]:
+    """Velocities after a leap of this length [s], by how much they differ from those of the motion,
+    and the gap, its rate and the slip of the contact after it."""
+    motion: Any = Simulation(load_scene(scene(body, contact)))._motion
+    start = np.array(motion.compiled.y)
+    instant = Instant(motion.laws, motion._call, 0.0, start)
+    assert leap(instant, length) is not None
+    bring_back(instant)
+    left = [*instant.system.contact_table[0, [GAP, GAP_RATE]].tolist(), instant.slip_speed(0)]
+    motion.run_to(np.array([length]))
+    return instant.y[7:13], [float(np.abs(instant.y - motion._grid.y)[7:13].max()), *left]
+
+
+def test_a_leap_keeps_what_rolls_on_its_way() -> None:
+    """The point of contact of a leaning disk runs on: what keeps it from slipping there is an
+    impulse of first order, and the rim neither sinks in nor leaves."""
+    rim = touch(**STICKY, lies_flat=False)
+    (error, *left), (half, *_) = (interpreted(one_leap, ROLLING, rim, h)[1] for h in (1e-4, 5e-5))
+    assert np.abs(left).max() < 1e-14
+    assert error < 1e-4 and half < 0.3 * error
+
+
+def test_a_leap_holds_what_rests_on_a_support_that_gives_way() -> None:
+    """Friction at rest takes the whole load along the slope, more than kinetic friction would."""
+    normal = np.array([math.sin(0.6), 0, math.cos(0.6)])
+    middle = (0.1 - G * normal[2] / 3e3) * normal
+    surface = {"type": "plane", "normal": normal.tolist()}
+    law = STICKY | {"compliance": {"stiffness": 3e3}, "surface": surface}
+    block = {"mass": 1.0, "inertia": [1e6] * 3, "position": middle.tolist()}
+    contact = touch(**law, points=[(-0.1 * normal).tolist()])
+    velocities, _ = interpreted(one_leap, block, contact, 1e-3)
+    assert np.abs(velocities).max() < 1e-8
 
 
 # Where a law of friction has no motion the run ends in one line, and nothing slips or sinks.

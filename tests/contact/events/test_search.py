@@ -324,9 +324,6 @@ def test_points_swing_through_nothing_within_half_a_turn(tolerance):
     assert deepest(scene, CORNERS, tolerance, 2.0) < 1e-6
 
 
-# Tens of balls by events: each keeps the closed form of its own fall and bounce.
-
-
 # States inside a long step of an implicit method, where one step to them has no solution.
 
 

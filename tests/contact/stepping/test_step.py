@@ -179,9 +179,6 @@ def test_a_spring_that_has_lost_its_direction_ends_the_run() -> None:
     assert np.isfinite(Simulation(pulled(10.1)).run().energy).all()
 
 
-# Which pairs take part in a step: those left out as far would not have, and what is an impact.
-
-
 # What keeps touching, or rolls, keeps its energy to second order in the step, and gains none.
 
 
