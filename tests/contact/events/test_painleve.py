@@ -24,7 +24,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.instant import Instant, bring_back, leap, stopping_impulse
 from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
-from tests.contact.scenes import ball, scene, touch
+from tests.contact.scenes import G, ball, scene, touch
 from tests.contact_runs import contact_run
 from tests.interpreted import interpreted
 
