@@ -222,6 +222,13 @@ def test_a_face_goes_on_beyond_its_edge(name: str, along: float) -> None:
 
 
 @pytest.mark.parametrize("name", FACES)
+def test_corners_on_an_edge_but_for_rounding_are_held(name: str) -> None:
+    for along in (1.0, 1.0 + 1e-14, 1.0 - 1e-14):
+        lean = touch(name, along, 0.0, Lean(FACES[name][1], ZERO, HELD))[1]  # type: ignore[arg-type]
+        assert lean.sense == HELD
+
+
+@pytest.mark.parametrize("name", FACES)
 @pytest.mark.parametrize("along", [0.4, 1.3])
 @pytest.mark.parametrize("sense", [HELD, IN_AIR])
 def test_rates_agree_with_differences(name: str, along: float, sense: float) -> None:
