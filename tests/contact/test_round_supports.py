@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from benchmarks.contact.turned_slips import case, judged
@@ -246,6 +247,21 @@ def test_falls_flat(mu: float) -> None:
     assert found.trajectory.residual.max() <= 1e-10
     assert np.diff(found.trajectory.energy).max() <= 1e-9
     assert found.balance() <= 1e-9
+
+
+def test_a_rim_strikes_a_bowl_with_its_farthest_point() -> None:
+    """Let go near the middle of a bowl, leaning: a search round the rim says when it is there."""
+    lean = Rotation.from_rotvec([0.0, 0.4, 0.0])
+    around = np.linspace(0.0, 2.0 * np.pi, 100_001)
+    rim = lean.apply(RADIUS * np.stack([np.cos(around), np.sin(around), 0.0 * around], axis=1))
+
+    def beyond(t: float) -> float:
+        return float(np.linalg.norm(rim + [0.1, 0.0, -0.5 * G * t**2], axis=1).max()) - R
+
+    start = body({"type": "disk", "radius": RADIUS}, [0.1, 0, 0], orientation=lean.as_quat())
+    bowl = {"type": "sphere", "radius": R, "side": "inside"}
+    found = run(scene(start, touch(surface=bowl, restitution=0.5)), [0.0, 0.6])
+    assert_allclose(found.times("impact")[0], brentq(beyond, 0.1, 0.6), rtol=0.0, atol=1e-8)
 
 
 # A disk that is held at its rim and falls on its flat side, but for a small angle.
